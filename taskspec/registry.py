@@ -12,7 +12,7 @@ from pathlib import Path
 def tasks_root() -> Path:
     """The folder of the shipped suites, one sub-folder of YAML specs per suite.
 
-    A wheel carries the folder inside the package; in a checkout (editable install) it lies beside it.
+    A wheel carries the folder inside the package; an editable install finds it beside the package.
     """
     package = Path(__file__).parent
     inside = package / "tasks"
