@@ -1,0 +1,23 @@
+"""What one entry of the table of codes holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Severity = Literal["error", "warning"]
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """One situation that a user can be in. `explanation` is Markdown; the error guide prints it."""
+
+    code: str
+    slug: str
+    title: str
+    explanation: str
+
+    @property
+    def severity(self) -> Severity:
+        """`warning` for the W codes, `error` for all others."""
+        return "warning" if self.code.startswith("W") else "error"

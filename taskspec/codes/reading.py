@@ -1,0 +1,215 @@
+"""E1xx: reading the file as YAML, and the places where YAML reads something else than was meant."""
+
+from __future__ import annotations
+
+from taskspec.codes.code import Code
+
+TABLE = (
+    Code(
+        "E101",
+        "duplicate-key",
+        "a key that stands twice in one mapping",
+        """
+Most YAML readers silently keep the last of two equal keys. Here both places are an error: one of
+them would be lost.
+
+```yaml
+dynamics:
+  s': s + 1
+  s': s + 2    # wrong: which of the two?
+```
+""",
+    ),
+    Code(
+        "E102",
+        "special-first-character",
+        "a value that starts with a character YAML keeps for itself",
+        """
+`*`, `&`, `!`, `|`, `>`, `%`, `@`, `` ` ``, `,`, `]`, `}` and `- ` have a meaning of their own at
+the start of a value. Put the value in quotes. Specs have no anchors, aliases or tags: a value that
+is needed twice is a definition or a constant.
+
+```yaml
+reward: *s        # wrong: an alias
+reward: "-s"      # right: quotes make it text
+```
+""",
+    ),
+    Code(
+        "E103",
+        "starts-with-brace",
+        "an expression that starts with a brace",
+        """
+A value that starts with `{` is a YAML mapping, so a set or the start of an expression must be in
+quotes. A distribution over values, `{value: probability}`, is a mapping and needs none.
+
+```yaml
+s': {1, 2, 3}          # wrong: a mapping of three keys without values
+s': "{1, 2, 3}"        # right: an expression
+s': {goal: 1/2, trap: 1/2}    # right: a mapping from values to probabilities
+```
+""",
+    ),
+    Code(
+        "E104",
+        "unquoted-colon",
+        "a colon followed by a space inside a value",
+        """
+`: ` ends a key, so a value that has one inside must be in quotes. This happens most often with
+`Categorical` and with text meant for people.
+
+```yaml
+s': Categorical({0: 1/2, 1: 1/2})      # wrong
+s': "Categorical({0: 1/2, 1: 1/2})"    # right
+```
+""",
+    ),
+    Code(
+        "E105",
+        "tab",
+        "a tab where YAML wants spaces",
+        """
+YAML is indented with spaces only. Tell your editor to insert spaces in YAML files.
+""",
+    ),
+    Code(
+        "E106",
+        "split-by-comma",
+        "an expression cut in two by a comma or a bracket",
+        """
+Between `{` and `}`, or `[` and `]`, a comma ends an entry, whatever round brackets stand around it,
+and `[`, `{` begin a new list or mapping. YAML reads `{x: clip(a, 0, 1)}` as three entries. Put the
+expression in quotes, or give it a line of its own.
+
+```yaml
+dynamics: {x': clip(a, 0, 1)}      # wrong: three entries
+dynamics: {x': "clip(a, 0, 1)"}    # right
+dynamics:
+  x': clip(a, 0, 1)                # right
+```
+""",
+    ),
+    Code(
+        "E107",
+        "key-without-value",
+        "a key without a value between braces",
+        """
+Between `{` and `}` every entry is `key: value`, with a space after the colon.
+
+```yaml
+parameters: {L: {type: int, default:10}}     # wrong: one key, named `default:10`
+parameters: {L: {type: int, default: 10}}    # right
+```
+""",
+    ),
+    Code(
+        "E108",
+        "key-not-text",
+        "a key that is not a word, number or expression",
+        """
+A key is a single piece of text: the name of a section or component, a label, a number, or an
+expression. It cannot be empty, a list or a mapping. A vector used as a key is written with round
+brackets, in quotes.
+
+```yaml
+rows: {[0, 1]: goal}      # wrong
+rows: {"(0, 1)": goal}    # right
+```
+""",
+    ),
+    Code(
+        "E109",
+        "text-after-value",
+        "text after the end of a value",
+        """
+A value that starts with a quote ends with the matching quote, and one that starts with `[` ends
+with the matching bracket. Nothing may follow it. Put the whole expression in one pair of quotes.
+
+```yaml
+reward: [1, 2][a]      # wrong: the list ends before [a]
+reward: "[1, 2][a]"    # right
+```
+""",
+    ),
+    Code(
+        "E110",
+        "indentation",
+        "a line that does not line up",
+        """
+The keys of one mapping, and the dashes of one list, start in the same column. A line that belongs
+to the value above it is indented further than that value's key.
+
+```yaml
+state:
+  s: {type: bool}
+   u: {type: bool}    # wrong: one space too many
+```
+""",
+    ),
+    Code(
+        "E111",
+        "not-closed",
+        "a bracket or quote that is never closed",
+        """
+The file, or the block, ends before the bracket or quote that was opened here is closed. In text
+with single quotes, a quote is written twice.
+
+```yaml
+title: 'Newton's method'      # wrong
+title: "Newton's method"      # right
+```
+""",
+    ),
+    Code(
+        "E112",
+        "not-yaml",
+        "text that YAML cannot read",
+        """
+The text is not YAML, in a way that no other code describes. The place is where the reader gave up;
+the mistake is there or just above. A line without a colon among `key: value` lines is the usual
+reason.
+
+```yaml
+horizon 10     # wrong
+horizon: 10    # right
+```
+""",
+    ),
+    Code(
+        "E113",
+        "not-text",
+        "bytes or characters that are not text",
+        """
+A spec is a text file in UTF-8, without control characters. Save the file again as UTF-8, or remove
+the character that the message names.
+""",
+    ),
+    Code(
+        "E114",
+        "too-large",
+        "a file that is too large, too deep, or has too large a number",
+        """
+Limits keep a damaged or hostile file from using up the machine: the size of the file, the number of
+its values, the depth of nested values, the digits of a number. They are far above what a readable
+spec needs.
+""",
+    ),
+    Code(
+        "E115",
+        "empty",
+        "a file with nothing in it",
+        """
+The file has no content, or comments only. The smallest spec has `taskspec: 1`, a name, a state, an
+action, initial values, dynamics and a reward.
+""",
+    ),
+    Code(
+        "E116",
+        "several-documents",
+        "more than one YAML document in a file",
+        """
+A line of three dashes begins a new document. One file holds one task; write related tasks as
+`variants`, or as files of their own.
+""",
+    ),
+)

@@ -1,0 +1,246 @@
+"""E2xx: the shape of a spec: its sections, their keys, and what kind of value each takes."""
+
+from __future__ import annotations
+
+from taskspec.codes.code import Code
+
+TABLE = (
+    Code(
+        "E201",
+        "not-a-mapping",
+        "a list or a single value where named entries belong",
+        """
+The file as a whole, and each section that holds named things, is a mapping: `name: value` lines.
+
+```yaml
+state: [s]                               # wrong
+state: {s: {type: int, low: 0, high: 9}}    # right
+```
+""",
+    ),
+    Code(
+        "E202",
+        "unknown-key",
+        "a key that means nothing here",
+        """
+Every key is checked, so that a typing mistake never silently changes a task. The message lists the
+keys that can stand here when no one of them is near.
+
+```yaml
+s: {type: int, lo: 0}     # wrong
+s: {type: int, low: 0}    # right
+```
+""",
+    ),
+    Code(
+        "E203",
+        "missing-key",
+        "a key that is needed and absent",
+        """
+An entry lacks something it cannot do without, such as the `type` of a component or the `default` of
+a parameter.
+
+```yaml
+L: {type: int}                 # wrong: a parameter needs a default
+L: {type: int, default: 10}    # right
+```
+""",
+    ),
+    Code(
+        "E204",
+        "wrong-kind",
+        "a value of the wrong kind",
+        """
+Each key takes one kind of value: a number, a text, a yes or no (`true`, `false`), a list, named
+entries, or an expression. YAML reads `no`, `on` and `yes` as words; only `true` and `false` are
+truth values.
+
+```yaml
+version: one    # wrong
+version: 1      # right
+```
+""",
+    ),
+    Code(
+        "E205",
+        "bad-name",
+        "a name that cannot be used in expressions",
+        """
+Names start with a letter and go on with letters, digits and underscores, so that expressions can
+use them; Python's own words (`if`, `in`, `lambda`, ...) are not names. A function is named with its
+arguments in quotes: `"p(x)"`. How a name looks in print is set with `symbol`.
+
+```yaml
+state: {max-speed: {type: real}}    # wrong: reads as max minus speed
+state: {max_speed: {type: real}}    # right
+```
+""",
+    ),
+    Code(
+        "E206",
+        "not-an-option",
+        "a value that is not one of the options",
+        """
+The key takes one of a few words, which the message lists.
+
+```yaml
+s: {type: integer}    # wrong
+s: {type: int}        # right
+```
+""",
+    ),
+    Code(
+        "E207",
+        "format-version",
+        "a format that this version does not know",
+        """
+`taskspec: 1` says in which format the file is written. This version of the program reads format 1.
+""",
+    ),
+    Code(
+        "E208",
+        "bad-table",
+        "a decision table that is not complete",
+        """
+A table has `by`, the list of what it looks at, and `rows`, whose keys are the values of the first
+of them. A row holds one cell for everything deeper, or the rows of the next. It is never nested
+deeper than `by` is long.
+
+```yaml
+reward: {by: s, rows: {goal: 1, else: 0}}      # wrong: by is a list
+reward: {by: [s], rows: {goal: 1, else: 0}}    # right
+```
+""",
+    ),
+    Code(
+        "E209",
+        "bad-pieces",
+        "a value by cases that is not complete",
+        """
+A value by cases is a list of entries `if` and `then`, tried from above, with one last entry `else`,
+so that a value exists whatever happens.
+
+```yaml
+reward:
+  - {if: s == goal, then: 1}
+  - {else: 0}                   # without it: wrong
+```
+""",
+    ),
+    Code(
+        "E210",
+        "missing-section",
+        "a section that a task cannot do without",
+        """
+A task has a `name`, a `state`, an `action`, `initial` values for the state, `dynamics`, a `reward`
+and a `horizon` or `terminal` condition. A spec may leave some of them to its variants, as long as
+each variant then has them all.
+""",
+    ),
+    Code(
+        "E211",
+        "unknown-variant",
+        "a variant that does not exist",
+        """
+`base` inside a variant, and the entries of `roles`, name variants of the same file.
+
+```yaml
+variants:
+  easy: {parameters: {L: {default: 5}}}
+  hard: {base: esay}    # wrong
+```
+""",
+    ),
+    Code(
+        "E212",
+        "variant-cycle",
+        "variants that are based on each other",
+        """
+Following `base` from variant to variant must end at one without a base, which starts from the spec
+itself.
+""",
+    ),
+    Code(
+        "E213",
+        "bad-default",
+        "a default that the parameter does not allow",
+        """
+The default of a parameter obeys its own type, bounds and values, as every other value of it must.
+
+```yaml
+L: {type: int, default: 0, low: 1}    # wrong
+L: {type: int, default: 1, low: 1}    # right
+```
+""",
+    ),
+    Code(
+        "E214",
+        "keys-conflict",
+        "keys that do not go together",
+        """
+Bounds belong to numbers, `values` and `symbols` to a choice, and the low end is not above the high
+end. An entry of a value by cases has `if` and `then`, or `else` alone.
+
+```yaml
+s: {type: bool, low: 0, high: 1}    # wrong: a bool has no bounds
+s: {type: bool}                     # right
+```
+""",
+    ),
+    Code(
+        "E215",
+        "no-prime",
+        "dynamics for a value without its prime",
+        """
+`dynamics` says what the *next* value of a component is, so its keys are primed; in `initial`,
+`state` and `action` the same names stand without a prime.
+
+```yaml
+dynamics: {s: s + 1}     # wrong
+dynamics: {s': s + 1}    # right
+```
+""",
+    ),
+    Code(
+        "E216",
+        "unknown-component",
+        "a component that is not declared",
+        """
+`initial` and `dynamics` are for the components of `state`, and `expert` for those of `action`.
+
+```yaml
+state: {s: {type: int}}
+initial: {x: 0}    # wrong: no such component
+initial: {s: 0}    # right
+```
+""",
+    ),
+    Code(
+        "E217",
+        "missing-initial",
+        "a state component without an initial value",
+        """
+Every component of the state needs a line in `initial`, unless it can take one value only.
+
+```yaml
+state: {s: {type: int}, u: {type: bool}}
+initial: {s: 0}              # wrong: u is missing
+initial: {s: 0, u: false}    # right
+```
+""",
+    ),
+    Code(
+        "E218",
+        "empty-value",
+        "a key with nothing after it",
+        """
+A key without a value would silently mean nothing. Give it a value or remove the line. Inside
+`variants`, an explicit `null` removes what the spec had.
+
+```yaml
+terminal:              # wrong
+terminal: s == goal    # right
+```
+""",
+    ),
+)

@@ -1,0 +1,151 @@
+"""E7xx: using tasks and environments from Python or the command line."""
+
+from __future__ import annotations
+
+from taskspec.codes.code import Code
+
+TABLE = (
+    Code(
+        "E701",
+        "unknown-task",
+        "a task that does not exist",
+        """
+No registered task, and no file, has this name. `taskspec list` shows the tasks that exist.
+
+```python
+taskspec.load("Branchng")     # wrong
+taskspec.load("Branching")    # right
+```
+""",
+    ),
+    Code(
+        "E702",
+        "unknown-parameter",
+        "a parameter that the task does not have",
+        """
+Only parameters that the spec declares can be set; the message lists them.
+
+```python
+taskspec.load("Branching", length=5)    # wrong
+taskspec.load("Branching", L=5)         # right
+```
+""",
+    ),
+    Code(
+        "E703",
+        "parameter-out-of-range",
+        "a parameter value that is not allowed",
+        """
+The value has the wrong type, lies outside the parameter's bounds, or is not one of its values.
+
+```python
+taskspec.load("Branching", L=0)    # wrong when L is at least 1
+taskspec.load("Branching", L=1)    # right
+```
+""",
+    ),
+    Code(
+        "E704",
+        "requirement-violated",
+        "parameters that do not go together",
+        """
+Each value is allowed alone, but a condition under `require` does not hold for all of them together.
+The message is the spec's own.
+""",
+    ),
+    Code(
+        "E705",
+        "missing-extra",
+        "a feature whose packages are not installed",
+        """
+The feature needs packages that are installed with an extra, which the message names.
+
+```console
+pip install "taskspec[numba]"
+```
+""",
+    ),
+    Code(
+        "E706",
+        "invalid-action",
+        "an action outside the action space",
+        """
+`step` takes an element of the action space, of the right shape, and finite.
+
+```python
+env.step(2)    # wrong when the space is Discrete(2): 0 or 1
+```
+""",
+    ),
+    Code(
+        "E707",
+        "step-before-reset",
+        "a step before the first reset",
+        """
+An environment has no state until `reset` was called.
+
+```python
+env = gym.make("derail/Branching-v0")
+env.reset(seed=0)    # without it: wrong
+env.step(0)
+```
+""",
+    ),
+    Code(
+        "E708",
+        "step-after-end",
+        "a step after the end of the episode",
+        """
+After `terminated` or `truncated` the episode is over. Call `reset` before the next step.
+""",
+    ),
+    Code(
+        "E709",
+        "invalid-state",
+        "a state that the task does not have",
+        """
+A state given to `reset`, `set_state` or a command line option lacks a component, has one too many,
+or holds a value outside its domain.
+""",
+    ),
+    Code(
+        "E710",
+        "file-not-found",
+        "a file that does not exist",
+        """
+There is no file at this path. Relative paths start at the current folder.
+""",
+    ),
+    Code(
+        "E711",
+        "file-unreadable",
+        "a file that cannot be read",
+        """
+The path exists, but it is a folder, or it may not be read. The message gives the reason that the
+operating system gives.
+""",
+    ),
+    Code(
+        "E712",
+        "no-exact-model",
+        "a task without an exact model",
+        """
+Exact results need a finite state space, finitely many outcomes per step, and a size that fits in
+memory. The message says which of them fails. Choose smaller parameters, or give the spec an
+`abstraction`.
+""",
+    ),
+    Code(
+        "E713",
+        "invalid-option",
+        "an option that is not one of those allowed",
+        """
+A keyword of `load`, `make` or a command takes one of a few values, which the message lists.
+
+```python
+taskspec.make("Branching", ending="stop")         # wrong
+taskspec.make("Branching", ending="terminate")    # right
+```
+""",
+    ),
+)

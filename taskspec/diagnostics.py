@@ -1,0 +1,289 @@
+"""What every message is made of: a place in a text, a code from a closed table, words for a person.
+
+The bottom layer: it imports nothing of the package but the table of codes. Columns and offsets
+count characters (code points), lines and columns start at 1, and ends are exclusive.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from taskspec.codes import CODES as CODES
+from taskspec.codes import Code as Code
+from taskspec.codes import Severity as Severity
+
+Format = Literal["text", "json", "github"]
+
+_LINE_END = re.compile(r"\r\n|\r|\n")
+_EXCERPT_WIDTH = 100
+_COLORS = {"error": "\x1b[1;31m", "warning": "\x1b[1;33m", "dim": "\x1b[2m", "reset": "\x1b[0m"}
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """A text that diagnostics can point into, under the name its author knows it by."""
+
+    name: str
+    text: str
+
+    def line(self, number: int) -> str:
+        """The line with this number (from 1), without its line end; empty past the last line."""
+        lines = _LINE_END.split(self.text)
+        return lines[number - 1] if 1 <= number <= len(lines) else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A range of characters in a text: 1-based lines and columns, end exclusive."""
+
+    origin: Origin
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+    @property
+    def span(self) -> Span:
+        """Itself, so that a span can stand wherever a placed thing can."""
+        return self
+
+    def __str__(self) -> str:
+        return f"{self.origin.name}:{self.line}:{self.column}"
+
+
+class Placed(Protocol):
+    """Anything that knows where it was written."""
+
+    @property
+    def span(self) -> Span | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnostic:
+    """One problem: which situation, where, what is wrong, and how to put it right."""
+
+    code: str
+    span: Span | None
+    message: str
+    hint: str | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def severity(self) -> Severity:
+        """`error` or `warning`, as the table of codes says."""
+        return CODES[self.code].severity
+
+
+class TaskspecError(Exception):
+    """Base of every error that this package raises deliberately."""
+
+
+class SpecError(TaskspecError, ValueError):
+    """A spec is wrong. `diagnostics` holds every problem found, in order of place."""
+
+    diagnostics: tuple[Diagnostic, ...]
+
+    def __init__(self, diagnostics: Iterable[Diagnostic]) -> None:
+        self.diagnostics = in_order(diagnostics)
+        super().__init__(self.diagnostics)
+
+    def __str__(self) -> str:
+        return render(self.diagnostics)
+
+
+class Collector:
+    """Gathers diagnostics, so that one pass reports every problem and not only the first."""
+
+    def __init__(self) -> None:
+        self._found: list[Diagnostic] = []
+
+    def add(
+        self,
+        code: str,
+        place: Placed | None,
+        message: str,
+        hint: str | None = None,
+        notes: Iterable[str] = (),
+    ) -> None:
+        """Record a problem. `place` is a span, anything that has one, or None for no place."""
+        if code not in CODES:
+            raise KeyError(f"no diagnostic code {code!r} in the table")
+        span = None if place is None else place.span
+        self._found.append(Diagnostic(code, span, message, hint, tuple(notes)))
+
+    def extend(self, diagnostics: Iterable[Diagnostic]) -> None:
+        """Record problems found elsewhere."""
+        self._found.extend(diagnostics)
+
+    @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        """Everything recorded, sorted by place, without duplicates."""
+        return in_order(self._found)
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether anything recorded is an error (warnings do not count)."""
+        return any(each.severity == "error" for each in self._found)
+
+    def raise_if_errors(self) -> None:
+        """Raise SpecError with everything recorded, if any of it is an error."""
+        if self.has_errors:
+            raise SpecError(self._found)
+
+
+def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+    """Sorted by place (those without one first), each only once; the sort is stable."""
+    return tuple(sorted(dict.fromkeys(diagnostics), key=_place_key))
+
+
+def _place_key(diagnostic: Diagnostic) -> tuple[str, int, int]:
+    span = diagnostic.span
+    return ("", 0, 0) if span is None else (span.origin.name, span.line, span.column)
+
+
+def suggest(name: str, candidates: Iterable[str]) -> str | None:
+    """`did you mean 'x'?` for the nearest candidate, or None when none is near."""
+    near = nearest(name, candidates)
+    return None if near is None else f"did you mean {near!r}?"
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str | None:
+    """The candidate nearest to a name that was not found, or None when none is near."""
+    known = list(candidates)
+    by_lower = {each.lower(): each for each in reversed(known)}
+    if name.lower() in by_lower:
+        return by_lower[name.lower()]
+    cutoff = 0.5 if len(name) <= 4 else 0.6
+    found = difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
+    return found[0] if found else None
+
+
+def render(
+    diagnostics: Iterable[Diagnostic],
+    format: Format = "text",  # noqa: A002
+    color: bool = False,
+) -> str:
+    """Write diagnostics out: for a terminal, as a JSON array, or as GitHub workflow commands."""
+    match format:
+        case "text":
+            return "\n".join(_text(each, color) for each in diagnostics)
+        case "json":
+            return _json(diagnostics)
+        case "github":
+            return "\n".join(_github(each) for each in diagnostics)
+    raise ValueError(f"unknown format {format!r}: one of 'text', 'json', 'github'")
+
+
+def _text(diagnostic: Diagnostic, color: bool) -> str:
+    code = CODES[diagnostic.code]
+    paint = _COLORS if color else dict.fromkeys(_COLORS, "")
+    place = "" if diagnostic.span is None else f"{_printable(str(diagnostic.span))}: "
+    title = f"{paint[code.severity]}{code.severity}[{code.code} {code.slug}]{paint['reset']}"
+    lines = [f"{place}{title}: {_clean(diagnostic.message)}"]
+    remarks = [("note", note) for note in diagnostic.notes]
+    hint = diagnostic.hint
+    if diagnostic.span is not None:
+        excerpt, pad = _excerpt(diagnostic.span)
+        marks = paint[code.severity] + pad + paint["reset"]
+        number = str(diagnostic.span.line)
+        margin = " " * max(5, len(number))
+        if hint is not None and "\n" not in hint and len(pad) + len(hint) <= _EXCERPT_WIDTH:
+            marks, hint = f"{marks} {_clean(hint)}", None
+        lines += [f"{number:>5} | {excerpt}".rstrip(), f"{margin} | {marks}"]
+    if hint is not None:
+        remarks.insert(0, ("hint", hint))
+    return "\n".join(lines + [_remark(kind, text, paint) for kind, text in remarks])
+
+
+def _remark(kind: str, text: str, paint: dict[str, str]) -> str:
+    first, *rest = _clean(text).split("\n")
+    lead = f"      {paint['dim']}={paint['reset']} {kind}: "
+    under = " " * len(f"      = {kind}: ")
+    return "\n".join([lead + first] + [under + line for line in rest])
+
+
+def _excerpt(span: Span) -> tuple[str, str]:
+    """The line a span starts on (a window of it when long) and the carets that go under it."""
+    line = span.origin.line(span.line)
+    start = min(span.column - 1, len(line))
+    end = min(span.end_column - 1, len(line)) if span.end_line == span.line else len(line)
+    first = 0 if len(line) <= _EXCERPT_WIDTH else max(0, start - _EXCERPT_WIDTH // 2)
+    last = min(len(line), first + _EXCERPT_WIDTH)
+    before, marked = _printable(line[first:start]), _printable(line[start : min(end, last)])
+    head, tail = ("…" if first else ""), ("…" if last < len(line) else "")
+    excerpt = head + _printable(line[first:last]) + tail
+    return excerpt, " " * _width(head + before) + "^" * max(1, _width(marked))
+
+
+def _printable(text: str) -> str:
+    """One column per tab, and nothing that a terminal would obey."""
+    return "".join(
+        " " if char == "\t" else "\N{REPLACEMENT CHARACTER}" if _is_control(char) else char
+        for char in text
+    )
+
+
+def _clean(text: str) -> str:
+    return "\n".join(_printable(line) for line in text.split("\n"))
+
+
+def _is_control(char: str) -> bool:
+    return unicodedata.category(char) in {"Cc", "Cf", "Cs", "Zl", "Zp"}
+
+
+def _width(text: str) -> int:
+    """Columns that a terminal gives to a text: wide characters take two, combining ones none."""
+    return sum(
+        0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in "WF")
+        for char in text
+    )
+
+
+def _json(diagnostics: Iterable[Diagnostic]) -> str:
+    import json
+
+    return json.dumps([_record(each) for each in diagnostics], indent=2, ensure_ascii=False)
+
+
+def _record(diagnostic: Diagnostic) -> dict[str, object]:
+    span = diagnostic.span
+    return {
+        "code": diagnostic.code,
+        "slug": CODES[diagnostic.code].slug,
+        "severity": diagnostic.severity,
+        "message": diagnostic.message,
+        "hint": diagnostic.hint,
+        "notes": list(diagnostic.notes),
+        "file": span and span.origin.name,
+        "line": span and span.line,
+        "column": span and span.column,
+        "end_line": span and span.end_line,
+        "end_column": span and span.end_column,
+    }
+
+
+def _github(diagnostic: Diagnostic) -> str:
+    """One workflow command, `::error file=...,line=...::message`, escaped as GitHub asks."""
+    code, span = CODES[diagnostic.code], diagnostic.span
+    fields: dict[str, object] = {}
+    if span is not None:
+        fields = {"file": span.origin.name, "line": span.line, "endLine": span.end_line}
+        if span.line == span.end_line:  # GitHub refuses columns on a range of several lines
+            fields |= {"col": span.column, "endColumn": span.end_column}
+    fields["title"] = f"{code.code} {code.slug}"
+    head = ",".join(f"{key}={_escape_property(str(value))}" for key, value in fields.items())
+    parts = [diagnostic.message, *([diagnostic.hint] if diagnostic.hint else []), *diagnostic.notes]
+    return f"::{code.severity} {head}::{_escape_data(chr(10).join(parts))}"
+
+
+def _escape_data(text: str) -> str:
+    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def _escape_property(text: str) -> str:
+    return _escape_data(text).replace(":", "%3A").replace(",", "%2C")
