@@ -11,6 +11,7 @@ import re
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, Protocol
 
 from taskspec.codes import CODES as CODES
@@ -33,8 +34,13 @@ class Origin:
 
     def line(self, number: int) -> str:
         """The line with this number (from 1), without its line end; empty past the last line."""
-        lines = _LINE_END.split(self.text)
+        lines = _lines(self.text)
         return lines[number - 1] if 1 <= number <= len(lines) else ""
+
+
+@lru_cache(maxsize=8)
+def _lines(text: str) -> list[str]:
+    return _LINE_END.split(text)
 
 
 @dataclass(frozen=True, slots=True)

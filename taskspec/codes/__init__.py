@@ -5,18 +5,24 @@ A new code is one new entry in the file of its class. The error guide is generat
 
 from __future__ import annotations
 
-from taskspec.codes import claims, expressions, reading, sense, shape, soundness, use
+from taskspec.codes.claims import TABLE as CLAIMS
 from taskspec.codes.code import Code as Code
 from taskspec.codes.code import Severity as Severity
+from taskspec.codes.expressions import TABLE as EXPRESSIONS
+from taskspec.codes.reading import TABLE as READING
+from taskspec.codes.sense import TABLE as SENSE
+from taskspec.codes.shape import TABLE as SHAPE
+from taskspec.codes.soundness import TABLE as SOUNDNESS
+from taskspec.codes.use import TABLE as USE
 
 _TABLES = (
-    reading.TABLE,
-    shape.TABLE,
-    expressions.TABLE,
-    soundness.TABLE,
-    sense.TABLE,
-    claims.TABLE,
-    use.TABLE,
+    READING,
+    SHAPE,
+    EXPRESSIONS,
+    SOUNDNESS,
+    SENSE,
+    CLAIMS,
+    USE,
 )
 
 CODES: dict[str, Code] = {entry.code: entry for table in _TABLES for entry in table}
