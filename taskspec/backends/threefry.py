@@ -1,0 +1,269 @@
+"""Random words: Threefry-2x32 with 20 rounds, in plain Python and in NumPy.
+
+A word is a pure function of (seed, phase, n, number of the word), so nothing is stored and nothing
+advances. The key is the seed; the counter is ``(n, slot)``. In phase ``STEP``, n counts the steps
+since ``reset(seed)``; in phase ``RESET`` it counts the episodes, and the slot's top bit is set, so
+the two phases never share a block. Word w of a phase is half ``w & 1`` of slot ``w >> 1``.
+
+Source: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011; the
+rotations, the parity constant and the known answers are those of Random123.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+from collections.abc import Iterator
+from functools import lru_cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Words = NDArray[np.uint32]
+Pair = tuple[ArrayLike, ArrayLike]
+
+STEP = 0
+RESET = 1 << 31
+MASK = 0xFFFFFFFF
+PARITY = 0x1BD11BDA
+ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
+
+# Up to here packed integers beat NumPy, whose hundred-odd calls cost the same for 1 block and 100.
+PACKED_BLOCKS = 192
+# Blocks at once: three arrays of 64 KiB, which a second-level cache holds.
+CHUNK = 16384
+
+_CONSTANTS = [np.array(i, np.uint32) for i in range(33)]
+_scratch = threading.local()
+
+
+# ------------------------------------------------------------------------------ plain Python
+
+
+def threefry(key: tuple[int, int], counter: tuple[int, int], lanes: int = 1) -> tuple[int, int]:
+    """Threefry-2x32-20 of one block, or of many packed side by side in Python's long integers.
+
+    Block i occupies bits 64i to 64i + 63 of all four arguments and of both results, each of which
+    holds 32 bits. The upper half of a field gives the shifts and carries room: one long operation
+    then does the work of ``lanes`` short ones at little more than the price of one.
+    """
+    ones = _ones(lanes)
+    mask = MASK * ones
+    k0, k1 = key
+    k2 = k0 ^ k1 ^ PARITY * ones
+    x0 = counter[0] + k0
+    x1 = (counter[1] + k1) & mask
+    keys = (k0, k1, k2)
+    for i in range(1, 6):
+        a, b, c, d = ROTATIONS[~i & 1]
+        # x0 only ever grows by sums, a bit or so a round, so it is masked once, at the end.
+        x0 += x1
+        x1 = ((x1 << a | x1 >> 32 - a) ^ x0) & mask
+        x0 += x1
+        x1 = ((x1 << b | x1 >> 32 - b) ^ x0) & mask
+        x0 += x1
+        x1 = ((x1 << c | x1 >> 32 - c) ^ x0) & mask
+        x0 += x1
+        x1 = ((x1 << d | x1 >> 32 - d) ^ x0) & mask
+        x0 += keys[i % 3]
+        x1 = (x1 + keys[(i + 1) % 3] + i * ones) & mask
+    return x0 & mask, x1
+
+
+def words(seed: int, phase: int, n: int, count: int) -> tuple[int, ...]:
+    """The first ``count`` words of one step or reset, as Python integers below 2**32."""
+    data = _packed_block(seed, phase, n, 1, _slots(count))
+    return struct.unpack_from(f"<{count}I", data)
+
+
+def rows(seed: int, phase: int, first_n: int, how_many: int, count: int) -> list[tuple[int, ...]]:
+    """The words of ``how_many`` consecutive n at once: row i is that of ``first_n + i``."""
+    if not count:
+        return [()] * how_many
+    data = _packed_block(seed, phase, first_n, how_many, _slots(count))
+    return list(struct.iter_unpack(f"<{count}I{4 * (count & 1)}x", data))
+
+
+def _slots(count: int) -> int:
+    return (count + 1) >> 1
+
+
+def _packed_block(seed: int, phase: int, first_n: int, how_many: int, slots: int) -> bytes:
+    """The words of consecutive n, two for each slot, as little-endian bytes."""
+    lanes = how_many * slots
+    ones = _ones(lanes)
+    ramp, slot = _ramps(how_many, slots)
+    key = (seed & MASK) * ones, (seed >> 32 & MASK) * ones
+    counter = (first_n & MASK) * ones + ramp, phase * ones + slot
+    return _interleave(threefry(key, counter, lanes), lanes)
+
+
+def _interleave(halves: tuple[int, int], lanes: int) -> bytes:
+    return (halves[0] | halves[1] << 32).to_bytes(8 * lanes, "little")
+
+
+@lru_cache(maxsize=1024)
+def _ones(lanes: int) -> int:
+    return _pack(1 for _ in range(lanes))
+
+
+@lru_cache(maxsize=1024)
+def _ramps(how_many: int, slots: int) -> tuple[int, int]:
+    pairs = list(product(range(how_many), range(slots)))
+    return _pack(i for i, _ in pairs), _pack(slot for _, slot in pairs)
+
+
+def _pack(fields: Iterator[int]) -> int:
+    return int.from_bytes(b"".join(struct.pack("<Q", field) for field in fields), "little")
+
+
+# ------------------------------------------------------------------------------ NumPy
+
+
+def threefry_arrays(key: Pair, counter: Pair) -> tuple[Words, Words]:
+    """Threefry-2x32-20 of arrays of keys and counters that broadcast together."""
+    shape = np.broadcast_shapes(*(np.shape(a) for a in (*key, *counter)))
+    k0, k1, c0, c1 = (np.broadcast_to(_uint32(a), shape).ravel() for a in (*key, *counter))
+    y0, y1 = np.empty((2, 1, k0.size), np.uint32)
+    _fill(_schedule(k0, k1), c0, c1, y0, y1)
+    return y0.reshape(shape), y1.reshape(shape)
+
+
+def block(seed: int, phase: int, first_n: int, how_many: int, count: int) -> Words:
+    """Words of consecutive n for one environment: uint32 ``(how_many, count)``.
+
+    Row i equals ``words(seed, phase, first_n + i, count)``.
+    """
+    slots = _slots(count)
+    if how_many * slots <= PACKED_BLOCKS:
+        data = _packed_block(seed, phase, first_n, how_many, slots)
+        return np.frombuffer(data, "<u4").reshape(how_many, 2 * slots)[:, :count].astype(np.uint32)
+    out = np.empty((how_many, count), np.uint32)
+    n = (np.arange(how_many, dtype=np.uint64) + np.uint64(first_n & MASK)).astype(np.uint32)
+    slot = np.arange(slots, dtype=np.uint32) + np.uint32(phase)
+    schedule = _schedule(_uint32(seed & MASK), _uint32(seed >> 32 & MASK))
+    _fill(schedule, n[:, None], slot, out[:, 0::2], out[:, 1::2])
+    return out
+
+
+def lane_seeds(seed: int, lanes: int, first: int = 0) -> NDArray[np.uint64]:
+    """The seeds of the lanes from ``first`` on of a vector environment: uint64 (lanes,).
+
+    The low word is that of ``seed`` plus the lane, modulo 2**32; the high word is the seed's own.
+    """
+    low = (np.arange(lanes, dtype=np.uint64) + np.uint64(first + seed & MASK)) & np.uint64(MASK)
+    return low | np.uint64((seed >> 32 & MASK) << 32)
+
+
+def lanes_block(
+    seeds: NDArray[np.uint64], phase: int, n: ArrayLike, count: int, out: Words | None = None
+) -> Words:
+    """Words of many environments: uint32 ``(count, lanes)``, written to ``out`` if it is given.
+
+    ``seeds``: uint64 (lanes,), see `lane_seeds`. ``n``: an integer, or integers (lanes,), modulo
+    2**32. Column i equals ``words(int(seeds[i]), phase, n[i], count)``.
+    """
+    lanes, slots = len(seeds), _slots(count)
+    result = np.empty((count, lanes), np.uint32) if out is None else out
+    k0, k1 = seeds.astype(np.uint32), (seeds >> np.uint64(32)).astype(np.uint32)
+    n, slot = _uint32(n), np.arange(slots, dtype=np.uint32)[:, None] + np.uint32(phase)
+    if lanes * slots <= PACKED_BLOCKS:
+        return _packed_lanes((k0, k1), (n, slot), (slots, lanes), result)
+    _fill(_schedule(k0, k1), n, slot, result[0::2], result[1::2])
+    return result
+
+
+def _packed_lanes(
+    key: tuple[Words, Words], counter: tuple[Words, Words], shape: tuple[int, int], out: Words
+) -> Words:
+    fields = np.empty((4, *shape), "<u8")
+    for field, values in zip(fields, (*key, *counter), strict=True):
+        field[...] = values
+    k0, k1, c0, c1 = (int.from_bytes(field.tobytes(), "little") for field in fields)
+    size = shape[0] * shape[1]
+    data = _interleave(threefry((k0, k1), (c0, c1), size), size)
+    both = np.frombuffer(data, "<u4").reshape(*shape, 2)
+    out[0::2] = both[..., 0]
+    out[1::2] = both[: len(out) >> 1, :, 1]
+    return out
+
+
+Schedule = list[tuple[Words, Words]]
+
+
+def _uint32(values: ArrayLike) -> Words:
+    if isinstance(values, np.ndarray):
+        return values.astype(np.uint32, copy=False)
+    # Through int64, since NumPy refuses to narrow a Python integer that does not fit.
+    return np.asarray(values, np.int64).astype(np.uint32)
+
+
+def _schedule(k0: Words, k1: Words) -> Schedule:
+    """What is added to the two halves before the first round and after every fourth."""
+    keys = (k0, k1, k0 ^ k1 ^ np.uint32(PARITY))
+    return [(keys[i % 3], np.add(keys[(i + 1) % 3], _CONSTANTS[i])) for i in range(6)]
+
+
+def _fill(schedule: Schedule, c0: Words, c1: Words, y0: Words, y1: Words) -> None:
+    """Fill ``y0`` (rows, columns) and ``y1`` (no larger) with the two halves of every block.
+
+    Keys are scalars or (columns,); counters are (rows, 1) or (columns,). Work goes in chunks that
+    stay in cache.
+    """
+    for place in _chunks(*y0.shape):
+        keys = [(_part(p, place), _part(q, place)) for p, q in schedule]
+        x0, x1 = _rounds(keys, _part(c0, place), _part(c1, place), y0[place].shape)
+        np.add(x0, keys[5][0], y0[place])
+        second = y1[place]
+        np.add(x1, keys[5][1], x1)
+        second[...] = x1[: second.shape[0], : second.shape[1]]
+
+
+def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...]) -> tuple[Words, Words]:
+    """All but the last addition of the key, in place in this thread's scratch arrays."""
+    add, left, right = np.add, np.left_shift, np.right_shift
+    xor, merge = np.bitwise_xor, np.bitwise_or
+    x0, x1, shifted = _buffers(shape)
+    add(c0, keys[0][0], x0)
+    add(c1, keys[0][1], x1)
+    for i in range(5):
+        for r in ROTATIONS[i & 1]:
+            add(x0, x1, x0)
+            left(x1, _CONSTANTS[r], shifted)
+            right(x1, _CONSTANTS[32 - r], x1)
+            merge(x1, shifted, x1)
+            xor(x1, x0, x1)
+        if i < 4:
+            add(x0, keys[i + 1][0], x0)
+            add(x1, keys[i + 1][1], x1)
+    return x0, x1
+
+
+def _buffers(shape: tuple[int, ...]) -> list[Words]:
+    """Three scratch arrays of this thread, at most CHUNK elements each."""
+    store: Any = getattr(_scratch, "arrays", None)
+    if store is None:
+        store = _scratch.arrays = np.empty((3, CHUNK), np.uint32)
+    size = shape[0] * shape[1]
+    return [array[:size].reshape(shape) for array in store]
+
+
+def _chunks(height: int, width: int) -> Iterator[tuple[slice, slice]]:
+    across = max(1, min(width, CHUNK))
+    down = CHUNK // across
+    for row in range(0, height, down):
+        for column in range(0, width, across):
+            yield slice(row, row + down), slice(column, column + across)
+
+
+def _part(values: Words, place: tuple[slice, slice]) -> Words:
+    """The part of a scalar, a (columns,) or a (rows, 1) array that belongs to a chunk."""
+    match values.ndim:
+        case 0:
+            return values
+        case 1:
+            return values[place[1]]
+        case _:
+            return values[place[0]]
