@@ -1,0 +1,386 @@
+"""The `seals` variants against the package they reproduce, seals 0.2.1, state by state and action by action.
+
+Deterministic parts must be equal (reals to float32 rounding, since seals stores its states in float32). Random parts
+are compared as distributions, by chi-square tests at level `ALPHA` on fixed seeds: were the seeds drawn anew, a right
+spec would fail a given comparison once in 1/`ALPHA` runs.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import yaml
+
+import taskspec
+
+pytest.importorskip("seals")
+stats = pytest.importorskip("scipy.stats")
+
+ALPHA = 1e-5
+SPECS = Path(__file__).parent / "specs"
+State = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A registered environment, the spec that reproduces it, and how its states are named in the spec."""
+
+    seals: str
+    ours: str
+    state: Callable[[Any], State]
+
+    def pair(self) -> tuple[Any, Any]:
+        return gym.make(f"seals/{self.seals}-v0").unwrapped, taskspec.load(f"derail/{self.ours}").make()
+
+
+def _single(state: Any) -> State:
+    return {"s": int(state)}
+
+
+def _cell(state: Any) -> State:
+    return {"x": int(state[0]), "y": int(state[1])}
+
+
+def _curve(state: Any) -> State:
+    return {name: float(value) for name, value in zip(("x", "y", "c2", "c1", "c0"), state, strict=True)}
+
+
+def _list(state: Any) -> State:
+    return {"s": np.asarray(state, dtype=np.float64)}
+
+
+def _goal(state: Any) -> State:
+    return {"p": np.asarray(state[:2], dtype=np.int64), "g": np.asarray(state[2:], dtype=np.int64)}
+
+
+TABULAR = (
+    Case("RiskyPath", "RiskyPathSeals", _single),
+    Case("EarlyTermPos", "EarlyTermPosSeals", _single),
+    Case("EarlyTermNeg", "EarlyTermNegSeals", _single),
+    Case("Branching", "BranchingSeals", _single),
+    Case("InitShiftTrain", "InitShiftExpertSeals", _single),
+    Case("InitShiftTest", "InitShiftLearnerSeals", _single),
+)
+OTHERS = (
+    Case("NoisyObs", "NoisyObsSeals", _cell),
+    Case("Parabola", "ParabolaSeals", _curve),
+    Case("LargestSum", "LargestSumSeals", _list),
+    Case("ProcGoal", "ProcGoalSeals", _goal),
+    Case("Sort", "SortSeals", _list),
+)
+
+
+def _name(case: Case) -> str:
+    return case.ours
+
+
+each = pytest.mark.parametrize("case", TABULAR + OTHERS, ids=_name)
+tabular = pytest.mark.parametrize("case", TABULAR, ids=_name)
+other = pytest.mark.parametrize("case", OTHERS, ids=_name)
+
+
+def put(env: Any, state: State) -> Any:
+    """Start an episode of ours in the given state."""
+    return env.reset(options={"state": state})[0]
+
+
+def homogeneous(first: Any, second: Any) -> bool:
+    """Whether two samples of hashable outcomes may come from one distribution."""
+    one, two = Counter(first), Counter(second)
+    outcomes = sorted(one.keys() | two.keys())
+    if len(outcomes) == 1:
+        return True
+    table = [[counts[outcome] for outcome in outcomes] for counts in (one, two)]
+    return bool(stats.chi2_contingency(table).pvalue > ALPHA)
+
+
+def fits(sample: Any, probabilities: Any) -> bool:
+    """Whether a sample of indices may come from the distribution; an outcome of probability 0 never may."""
+    p = np.asarray(probabilities, dtype=np.float64)
+    counts = np.bincount(sample, minlength=len(p))
+    if counts[p == 0].any():
+        return False
+    counts, p = counts[p > 0], p[p > 0]
+    return len(p) == 1 or bool(stats.chisquare(counts, p / p.sum() * len(sample)).pvalue > ALPHA)
+
+
+@each
+def test_spaces_are_equal(case: Case) -> None:
+    theirs, ours = case.pair()
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+
+
+@each
+def test_episodes_have_the_registered_length(case: Case) -> None:
+    theirs = gym.make(f"seals/{case.seals}-v0", disable_env_checker=True)
+    ours = taskspec.load(f"derail/{case.ours}").make()
+    theirs.reset(seed=0)
+    ours.reset(seed=0)
+    action = 0 if isinstance(ours.action_space, gym.spaces.Discrete) else np.zeros_like(ours.action_space.sample())
+    while True:  # the first action never leaves through the exit of EarlyTerm
+        *_, terminated, truncated, _ = theirs.step(action)
+        assert ours.step(action)[2:4] == (terminated, truncated)
+        if terminated or truncated:
+            return
+
+
+@tabular
+def test_every_transition_of_a_tabular_task(case: Case) -> None:
+    theirs, ours = case.pair()
+    theirs.reset(seed=0)
+    ours.reset(seed=0)
+    for state, action in np.ndindex(theirs.state_dim, theirs.action_dim):
+        row = theirs.transition_matrix[state, action]
+        reached = [_step_in_table(case, theirs, ours, state, action) for _ in range(400 if max(row) < 1 else 1)]
+        assert fits(reached, row), (state, action)
+
+
+def _step_in_table(case: Case, theirs: Any, ours: Any, state: int, action: int) -> int:
+    """One step of ours, checked against what seals says of it; the state reached."""
+    assert put(ours, case.state(state)) == state
+    reached, reward, terminated, truncated, _ = ours.step(action)
+    assert reward == theirs.reward(np.int64(state), np.int64(action), np.int64(reached))
+    assert terminated == theirs.terminal(np.int64(reached), 1)
+    assert not truncated
+    return int(reached)
+
+
+def _states(case: Case, theirs: Any) -> Iterator[Any]:
+    """Starts, states that random walks reach from them, and the corners of the space where it has any."""
+    for seed in range(60):
+        theirs.action_space.seed(seed)
+        theirs.reset(seed=seed)
+        yield theirs.state
+        for _ in range(seed % 10):
+            theirs.step(theirs.action_space.sample())
+        yield theirs.state
+    space = theirs.state_space
+    if isinstance(space, gym.spaces.MultiDiscrete):
+        yield from (np.array(cell) for cell in np.ndindex(*space.nvec))
+    elif space.is_bounded():
+        space.seed(0)
+        yield from (space.low, space.high, space.high / 2)
+        yield from (space.sample() for _ in range(60))
+        yield from (np.round(space.sample()).astype(np.float32) for _ in range(60))  # ties in Sort
+
+
+@other
+def test_steps_from_equal_states(case: Case) -> None:
+    theirs, ours = case.pair()
+    ours.reset(seed=0)
+    for state in list(_states(case, theirs)):
+        for action in _actions(theirs.action_space):
+            _compare_step(case, theirs, ours, state, action)
+
+
+def _actions(space: gym.Space[Any]) -> list[Any]:
+    if isinstance(space, gym.spaces.Discrete):
+        return list(range(int(space.n)))
+    if isinstance(space, gym.spaces.MultiDiscrete):
+        return [np.array(pair) for pair in np.ndindex(*space.nvec)]
+    assert isinstance(space, gym.spaces.Box)
+    inner = [np.array(a, dtype=np.float32) for a in (-3.5, -0.25, 0, 0.1, 7)]
+    return [space.low, space.high, *inner]
+
+
+def _compare_step(case: Case, theirs: Any, ours: Any, state: Any, action: Any) -> None:
+    theirs.reset(seed=0)
+    theirs.state = state
+    their_obs, their_reward, their_terminated, _, _ = theirs.step(action)
+    put(ours, case.state(state))
+    obs, reward, terminated, _, _ = ours.step(action)
+    seen = 2 if case.seals == "NoisyObs" else len(their_obs)
+    np.testing.assert_allclose(obs[:seen], their_obs[:seen], rtol=1e-6, atol=1e-6)
+    assert reward == pytest.approx(float(their_reward), rel=1e-4, abs=1e-5)
+    assert terminated == their_terminated
+    for name, value in case.state(theirs.state).items():
+        np.testing.assert_allclose(ours.state[name], value, rtol=1e-6, atol=1e-6)
+
+
+# What is compared of a start: a few discrete outcomes that together pin the distribution down.
+def _tenths(*indices: int) -> Callable[[Any], tuple[int, ...]]:
+    return lambda obs: tuple(min(int(np.floor(obs[i] * 10)), 9) for i in indices)
+
+
+STARTS: dict[str, tuple[Callable[[Any], Any], ...]] = {
+    "NoisyObs": (lambda o: (int(o[0]), int(o[1])), lambda o: int(np.clip(np.floor(2 * o[2]), -5, 4))),
+    "Parabola": (
+        lambda o: (int(np.floor(o[2] * 4)), int(np.floor(o[3] * 4))),
+        lambda o: (int(np.floor(o[3] * 4)), int(np.floor(o[4] * 4))),
+        lambda o: (float(o[0]), bool(o[1] == o[4])),
+    ),
+    "LargestSum": (_tenths(0, 1), _tenths(0, -1), _tenths(24, 25)),
+    "ProcGoal": (
+        lambda o: (int(o[2] - o[0]), int(o[3] - o[1])),
+        lambda o: (int(o[0]) // 25, int(o[1]) // 25),
+        lambda o: (int(o[0]) // 50, int(o[2] - o[0]) // 5, int(o[3] - o[1]) // 5),
+    ),
+    "Sort": (_tenths(0, 1), _tenths(2, 3), _tenths(0, 3)),
+}
+
+
+@other
+def test_starts_have_one_distribution(case: Case) -> None:
+    theirs, ours = case.pair()
+    theirs.reset(seed=1)
+    ours.reset(seed=1)
+    first = [np.asarray(theirs.reset()[0]) for _ in range(4000)]
+    second = [np.asarray(ours.reset()[0]) for _ in range(4000)]
+    for outcome in STARTS[case.seals]:
+        assert homogeneous(map(outcome, first), map(outcome, second))
+
+
+@tabular
+def test_tabular_starts(case: Case) -> None:
+    theirs, ours = case.pair()
+    theirs.reset(seed=0)
+    assert {int(ours.reset(seed=seed)[0]) for seed in range(20)} == {int(theirs.initial_state())}
+
+
+def test_bounds_of_the_proc_goal_start() -> None:
+    ours = taskspec.load("derail/ProcGoalSeals", B=2, D=1).make()
+    ours.reset(seed=0)
+    seen = {tuple(int(v) for v in ours.reset()[0]) for _ in range(1500)}
+    assert {(x, y) for x, y, *_ in seen} == {(x, y) for x in range(-2, 2) for y in range(-2, 2)}
+    assert {(u - x, v - y) for x, y, u, v in seen} == {(0, 1), (0, -1)}
+
+
+def test_noise_is_fresh_and_standard_normal() -> None:
+    ours = taskspec.load("derail/NoisyObsSeals").make()
+    noise = [ours.reset(seed=0)[0][2:]]
+    for _ in range(400):
+        noise.extend(ours.step(4)[0][2:] for _ in range(5))
+        noise.append(ours.reset()[0][2:])
+    values = np.array(noise, dtype=np.float64)
+    assert len(np.unique(values[:, 0])) == len(values)
+    assert stats.kstest(values.ravel(), "norm").pvalue > ALPHA
+    assert abs(np.corrcoef(values.T) - np.eye(20)).max() < 0.12
+    assert abs(np.corrcoef(values[1:, 0], values[:-1, 0])[0, 1]) < 0.1
+
+
+def _length_of_largest_sum(length: int) -> None:
+    from seals.diagnostics.largest_sum import LargestSumEnv
+
+    theirs, ours = LargestSumEnv(length=length), taskspec.load("derail/LargestSumSeals", length=length).make()
+    assert ours.observation_space == theirs.observation_space
+    case = Case("LargestSum", "LargestSumSeals", _list)
+    ours.reset(seed=0)
+    for seed in range(40):
+        theirs.reset(seed=seed)
+        for action in (0, 1):
+            _compare_step(case, theirs, ours, theirs.state, action)
+
+
+@pytest.mark.parametrize("length", [2, 3, 7, 50])
+def test_largest_sum_takes_the_whole_length(length: int) -> None:
+    _length_of_largest_sum(length)
+
+
+@pytest.mark.parametrize(("branching", "length"), [(2, 1), (3, 4), (5, 2)])
+def test_branching_at_other_sizes(branching: int, length: int) -> None:
+    from seals.diagnostics.branching import BranchingEnv
+
+    theirs = BranchingEnv(branch_factor=branching, length=length)
+    ours = taskspec.load("derail/BranchingSeals", B=branching, L=length).make()
+    assert (ours.observation_space, ours.action_space) == (theirs.observation_space, theirs.action_space)
+    case = Case("Branching", "BranchingSeals", _single)
+    ours.reset(seed=0)
+    for state, action in np.ndindex(theirs.state_dim, theirs.action_dim):
+        reached = _step_in_table(case, theirs, ours, state, action)
+        assert theirs.transition_matrix[state, action, reached] == 1
+
+
+# The second suite: these are specs of the tests, and their observations have the bounds of their values where
+# seals declares none.
+CLIFFS = [(7, 4, 9, False), (7, 4, 9, True), (15, 6, 18, True)]
+
+
+@pytest.mark.parametrize(("width", "height", "steps", "xy"), CLIFFS)
+def test_cliff_world(width: int, height: int, steps: int, xy: bool) -> None:
+    theirs = gym.make(f"seals/CliffWorld{width}x{height}{'XY' if xy else ''}-v0").unwrapped
+    variant = "xy" if xy else None
+    task = taskspec.load(str(SPECS / "cliff_world.yaml"), variant, width=width, height=height, steps=steps)
+    ours = task.make()
+    assert ours.action_space == theirs.action_space
+    assert ours.observation_space.shape == theirs.observation_space.shape
+    assert ours.observation_space.dtype == theirs.observation_space.dtype
+    ours.reset(seed=0)
+    for state, action in np.ndindex(theirs.state_dim, theirs.action_dim):
+        reached = [_step_on_cliff(theirs, ours, width, state, action) for _ in range(100)]
+        assert fits(reached, theirs.transition_matrix[state, action]), (state, action)
+
+
+def _step_on_cliff(theirs: Any, ours: Any, width: int, state: int, action: int) -> int:
+    seen = put(ours, {"row": state // width, "col": state % width})
+    np.testing.assert_allclose(seen, theirs.observation_matrix[state], rtol=1e-6)
+    obs, reward, terminated, truncated, _ = ours.step(action)
+    assert reward == theirs.reward_matrix[state]
+    assert not terminated
+    assert not truncated
+    reached = int(ours.state["row"]) * width + int(ours.state["col"])
+    np.testing.assert_allclose(obs, theirs.observation_matrix[reached], rtol=1e-6)
+    return reached
+
+
+def test_cliff_world_terminates_at_its_last_step() -> None:
+    ours = taskspec.load(str(SPECS / "cliff_world.yaml")).make()
+    ours.reset(seed=0)
+    assert [ours.step(3)[2] for _ in range(9)] == [False] * 8 + [True]
+
+
+def test_random_mdp_with_the_numbers_that_seals_draws(tmp_path: Path) -> None:
+    """The spec draws its own numbers; with those of seals in their place it is the environment of seals."""
+    theirs: Any = gym.make("seals/Random-v0").unwrapped
+    spec = yaml.safe_load((SPECS / "random_mdp.yaml").read_text())
+    shape = theirs.transition_matrix.shape
+    spec["constants"] = {
+        "features": theirs.observation_matrix.astype(float).tolist(),
+        "rank": np.zeros(shape, dtype=int).tolist(),
+        "successors": np.ones(shape[:2], dtype=int).tolist(),
+        "weight": theirs.transition_matrix.astype(float).tolist(),
+        "start_rank": [0] * shape[0],
+        "start_weight": theirs.initial_state_dist.tolist(),
+        "coefficients": theirs.reward_weights.tolist(),
+    }
+    del spec["parameters"]["instance_seed"]
+    path = tmp_path / "random_mdp.yaml"
+    path.write_text(yaml.safe_dump(spec))
+    _compare_random_mdp(theirs, taskspec.load(str(path)).make())
+
+
+def _compare_random_mdp(theirs: Any, ours: Any) -> None:
+    ours.reset(seed=0)
+    starts = []
+    for _ in range(2000):
+        ours.reset()
+        starts.append(int(ours.state["s"]))
+    assert fits(starts, theirs.initial_state_dist)
+    for state, action in np.ndindex(theirs.state_dim, theirs.action_dim):
+        reached = []
+        for _ in range(300):
+            np.testing.assert_allclose(put(ours, {"s": state}), theirs.observation_matrix[state], rtol=1e-6)
+            reward = ours.step(action)[1]
+            assert reward == pytest.approx(theirs.reward_matrix[state], rel=1e-5)
+            reached.append(int(ours.state["s"]))
+        assert fits(reached, theirs.transition_matrix[state, action]), (state, action)
+
+
+@pytest.mark.parametrize("instance_seed", [0, 1, 42])
+def test_random_mdp_has_the_declared_number_of_successors(instance_seed: int) -> None:
+    ours = taskspec.load(str(SPECS / "random_mdp.yaml"), S=6, A=2, K=3, instance_seed=instance_seed).make()
+    ours.reset(seed=0)
+    for state, action in np.ndindex(6, 2):
+        reached = set()
+        for _ in range(200):
+            put(ours, {"s": state})
+            ours.step(action)
+            reached.add(int(ours.state["s"]))
+        assert 1 <= len(reached) <= 3
