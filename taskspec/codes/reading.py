@@ -151,12 +151,11 @@ state:
         "not-closed",
         "a bracket or quote that is never closed",
         """
-The file, or the block, ends before the bracket or quote that was opened here is closed. In text
-with single quotes, a quote is written twice.
+The file, or the block, ends before the bracket or quote that was opened here is closed.
 
 ```yaml
-title: 'Newton's method'      # wrong
-title: "Newton's method"      # right
+s: {type: int, low: 0      # wrong
+s: {type: int, low: 0}     # right
 ```
 """,
     ),
@@ -210,6 +209,20 @@ action, initial values, dynamics and a reward.
         """
 A line of three dashes begins a new document. One file holds one task; write related tasks as
 `variants`, or as files of their own.
+""",
+    ),
+    Code(
+        "E117",
+        "backslash",
+        "a backslash between double quotes",
+        """
+Between double quotes a backslash begins an escape: `"\\beta"` is a backspace followed by `eta`.
+Write mathematics between single quotes, where a backslash is a backslash.
+
+```yaml
+symbol: "\\beta"    # wrong
+symbol: '\\beta'    # right
+```
 """,
     ),
 )

@@ -1,0 +1,9 @@
+"""YAML text -> plain data, with a map from every value (and every character of it) to its place."""
+
+from __future__ import annotations
+
+from taskspec.source.document import Document as Document
+from taskspec.source.document import Path as Path
+from taskspec.source.document import read as read
+from taskspec.source.document import read_file as read_file
+from taskspec.source.document import read_text as read_text
