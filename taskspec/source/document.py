@@ -131,11 +131,11 @@ def read_file(path: str | os.PathLike[str], name: str | None = None) -> Document
 
 def read_text(text: str, name: str = "<string>") -> Document:
     """Read a spec from its text. Raises SpecError with every problem found."""
+    text = text.removeprefix("\ufeff")  # a byte-order mark: editors do not count it either
     origin = Origin(name, text)
-    body = "\ufeff" if text.startswith("\ufeff") else ""
     lines = [0, *(found.end() for found in _BREAKS.finditer(text))]
-    early = list(_before_reading(text, len(body)))
-    root, findings = (None, early) if early else _compose(text, len(body))
+    early = list(_before_reading(text))
+    root, findings = (None, early) if early else _compose(text)
     collector = Collector()
     for each in islice(findings, _MAX_FINDINGS):
         span = _span(origin, lines, each.start, each.end)
@@ -145,30 +145,30 @@ def read_text(text: str, name: str = "<string>") -> Document:
     return Document(origin, _data(root), root, lines)
 
 
-def _compose(text: str, skip: int) -> tuple[Node | None, list[Finding]]:
+def _compose(text: str) -> tuple[Node | None, list[Finding]]:
     # PyYAML is imported when the first spec is read, not when the package is.
     from taskspec.source.compose import compose
     from taskspec.source.syntax import explain
     from taskspec.source.traps import find
 
-    # A byte-order mark becomes a space, which keeps every offset in the file as it is.
-    composed = compose(" " * skip + text[skip:] if skip else text)
-    findings: list[Finding] = []
-    if composed.root is not None:
-        findings += find(text, composed.root, composed.bad_keys)
-    if composed.stop:
-        findings.append(composed.stop)
-    elif composed.syntax:
-        findings.append(explain(text, composed.syntax))
-    elif composed.root is None:
-        findings.append(Finding("E115", 0, 0, "the file holds nothing but blanks and comments"))
-    return composed.root, findings
+    composed = compose(text)
+    root, stop = composed.root, composed.stop
+    if stop and stop.code == "E114":
+        return root, [stop]  # a text past the bounds is not looked at any further
+    findings = [] if root is None else list(find(text, root, composed.bad_keys))
+    if composed.syntax:
+        stop = explain(text, composed.syntax)
+    elif root is None and stop is None:
+        stop = Finding("E115", 0, 0, "the file holds nothing but blanks and comments")
+    if stop and all(each.start != stop.start for each in findings):
+        findings.append(stop)
+    return root, findings
 
 
-def _before_reading(text: str, skip: int) -> Iterable[Finding]:
+def _before_reading(text: str) -> Iterable[Finding]:
     if len(text) > MAX_BYTES:
         yield Finding("E114", 0, 0, f"the file is larger than {MAX_BYTES:,} bytes")
-    elif found := _NOT_TEXT.search(text, skip):
+    elif found := _NOT_TEXT.search(text):
         code_point = f"U+{ord(found.group()):04X}"
         message = f"the character {code_point} cannot stand in a spec"
         yield Finding("E113", found.start(), found.end(), message, "remove it")

@@ -72,9 +72,7 @@ def _colon_missing(text: str, start: int) -> Finding:
 
 
 def _special(text: str, syntax: Syntax) -> Finding | None:
-    if any(
-        word in syntax.context for word in ("anchor", "alias", "tag", "block scalar", "directive")
-    ):
+    if any(word in syntax.context for word in _SPECIAL_CONTEXTS):
         at = syntax.at if syntax.since is None else syntax.since
     elif any(word in syntax.problem for word in _SPECIAL_PROBLEMS):
         at = syntax.at
@@ -87,6 +85,7 @@ def _special(text: str, syntax: Syntax) -> Finding | None:
     return special_start(text, at, in_flow) if char in SPECIAL else None
 
 
+_SPECIAL_CONTEXTS = ("anchor", "alias", "tag", "block scalar", "directive")
 _SPECIAL_PROBLEMS = (
     "tag",
     "cannot start any token",
