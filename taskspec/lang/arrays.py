@@ -1,0 +1,174 @@
+"""Array forms that are more than one expression: what `rt.` means in the array templates of the operator table.
+
+Arrays carry the batch axis last, so that a scalar of every lane, shape (N,), broadcasts against a vector of every
+lane, shape (n, N). `xp` is NumPy or a namespace like it (`jax.numpy`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from taskspec.lang.types import INT_MAX
+
+Array = Any
+
+
+class Runtime:
+    """Helpers over an array namespace, with the integer and real types that the backend computes in."""
+
+    def __init__(self, xp: Any, int_dtype: Any, real_dtype: Any) -> None:
+        self.xp, self.int, self.real = xp, int_dtype, real_dtype
+
+    # -- conversions ----------------------------------------------------------------------------------------------
+
+    def as_int(self, x: Array) -> Array:
+        return self.xp.asarray(x).astype(self.int)
+
+    def as_real(self, x: Array) -> Array:
+        return self.xp.asarray(x).astype(self.real)
+
+    def to_int(self, x: Array) -> Array:
+        """A whole-numbered real as an int: saturating, nan as 0. The clamp is a hair wider, for float32."""
+        xp = self.xp
+        inside = xp.clip(xp.where(xp.isnan(x), 0, x), -INT_MAX, INT_MAX)
+        if self.real != xp.float32:
+            return inside.astype(self.int)
+        whole = xp.where(xp.abs(inside) < INT_MAX, inside, 0).astype(self.int)
+        return xp.where(x >= INT_MAX, INT_MAX, xp.where(x <= -INT_MAX, -INT_MAX, whole))
+
+    # -- arithmetic at the awkward points -------------------------------------------------------------------------
+
+    def div(self, a: Array, b: Array) -> Array:
+        xp = self.xp
+        zero = b == 0
+        at_zero = xp.where((a == 0) | (a != a), xp.nan, xp.copysign(xp.inf, a) * xp.copysign(1.0, b))
+        return xp.where(zero, at_zero, a / xp.where(zero, 1, b))
+
+    def _is_int(self, a: Array, b: Array) -> bool:
+        return all(self.xp.asarray(v).dtype.kind in "iub" for v in (a, b))
+
+    def floordiv(self, a: Array, b: Array) -> Array:
+        xp = self.xp
+        zero = b == 0
+        if self._is_int(a, b):
+            return xp.where(zero, 0, a // xp.where(zero, 1, b))
+        finite = xp.isfinite(a) & xp.isfinite(b)
+        quotient = xp.where(finite, a, 0) // xp.where(finite & ~zero, b, 1)
+        return xp.where(zero, self.div(a, b), xp.where(finite, quotient, xp.nan))
+
+    def mod(self, a: Array, b: Array) -> Array:
+        xp = self.xp
+        zero = b == 0
+        if self._is_int(a, b):
+            return xp.where(zero, 0, a % xp.where(zero, 1, b))
+        usable = xp.isfinite(a) & ~zero
+        return xp.where(usable, xp.where(usable, a, 0) % xp.where(usable, b, 1), xp.nan)
+
+    def pow(self, a: Array, b: Array) -> Array:
+        return self.xp.power(self.as_real(a), self.as_real(b))
+
+    def sign(self, x: Array) -> Array:
+        x = self.xp.asarray(x)
+        return (x > 0).astype(x.dtype) - (x < 0).astype(x.dtype)
+
+    # -- reductions over all elements of each lane ----------------------------------------------------------------
+
+    def _rows(self, x: Array) -> Array:
+        return x.reshape(-1, x.shape[-1])
+
+    def sum(self, x: Array) -> Array:
+        """Left to right, as the reference adds."""
+        rows = self._rows(x)
+        total = rows[0]
+        for row in rows[1:]:
+            total = total + row
+        return total
+
+    def prod(self, x: Array) -> Array:
+        rows = self._rows(x)
+        total = rows[0]
+        for row in rows[1:]:
+            total = total * row
+        return total
+
+    def count(self, x: Array) -> Array:
+        return self._rows(x).astype(self.int).sum(axis=0)
+
+    def any(self, x: Array) -> Array:
+        return self._rows(x).any(axis=0)
+
+    def all(self, x: Array) -> Array:
+        return self._rows(x).all(axis=0)
+
+    def _without_nan(self, rows: Array, worst: float) -> Array:
+        if rows.dtype.kind in "iub":
+            return rows
+        return self.xp.where(rows != rows, worst, rows)
+
+    def argmin(self, x: Array) -> Array:
+        """Nan counts as +inf, which ties with a real +inf only where nothing smaller exists."""
+        return self._best(self._rows(x), 1)
+
+    def argmax(self, x: Array) -> Array:
+        return self._best(self._rows(x), -1)
+
+    def _best(self, rows: Array, direction: int) -> Array:
+        """Index of the first best number; of the first element where every element is nan."""
+        xp = self.xp
+        keys = self._without_nan(rows, direction * xp.inf)
+        found = xp.argmin(keys, axis=0) if direction > 0 else xp.argmax(keys, axis=0)
+        if rows.dtype.kind in "iub":
+            return found.astype(self.int)
+        first_number = xp.argmax(rows == rows, axis=0)
+        hidden = xp.take_along_axis(rows, found[None], axis=0)[0]
+        return xp.where(hidden != hidden, first_number, found).astype(self.int)
+
+    def min(self, x: Array) -> Array:
+        rows = self._rows(x)
+        return self.xp.take_along_axis(rows, self.argmin(x)[None], axis=0)[0]
+
+    def max(self, x: Array) -> Array:
+        rows = self._rows(x)
+        return self.xp.take_along_axis(rows, self.argmax(x)[None], axis=0)[0]
+
+    # -- vectors --------------------------------------------------------------------------------------------------
+
+    def sort(self, x: Array) -> Array:
+        return self.xp.sort(x, axis=0)
+
+    def argsort(self, x: Array) -> Array:
+        return self.xp.argsort(x, axis=0, stable=True).astype(self.int)
+
+    def cumsum(self, x: Array) -> Array:
+        return self.xp.cumsum(x, axis=0)
+
+    # -- structure ------------------------------------------------------------------------------------------------
+
+    def stack(self, *parts: Array) -> Array:
+        return self.xp.stack(self.xp.broadcast_arrays(*parts))
+
+    def concat(self, *parts: Array) -> Array:
+        lanes = max(p.shape[-1] for p in parts)
+        return self.xp.concatenate([self.xp.broadcast_to(p, (*p.shape[:-1], lanes)) for p in parts])
+
+    def position(self, i: Array, n: int) -> Array:
+        return self.xp.clip(self.xp.where(i < 0, i + n, i), 0, n - 1)
+
+    def index(self, x: Array, i: Array) -> Array:
+        """Rows of x (n, ..., N) at the indices i (..., N) of each lane."""
+        xp = self.xp
+        if x.shape[-1] == 1:
+            picked = xp.take(x[..., 0], i, axis=0)  # (*i.shape, *row)
+            return xp.moveaxis(picked, i.ndim - 1, -1)
+        lanes = xp.arange(x.shape[-1])
+        picked = x[(i, *(slice(None),) * (x.ndim - 2), lanes)]
+        return picked if x.ndim == 2 else xp.moveaxis(picked, i.ndim - 1, -1)
+
+    def put(self, x: Array, i: Array, value: Array) -> Array:
+        xp = self.xp
+        here = xp.arange(x.shape[0]).reshape(-1, *(1,) * (x.ndim - 1)) == i
+        return xp.where(here, value, x)
+
+    def swap(self, x: Array, i: Array, j: Array) -> Array:
+        at_i, at_j = self.index(x, i), self.index(x, j)
+        return self.put(self.put(x, i, at_j), j, at_i)

@@ -1,0 +1,261 @@
+"""Makes core nodes: interning, promotion of kinds, constant folding and a few identities, in one place.
+
+Folding uses the references of the operator table, so a constant means what it means at run time. Cost is bounded
+here: sizes of vectors, bits of integers and the number of nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+from taskspec.lang import dists, interval
+from taskspec.lang.evaluate import apply_flat
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact
+from taskspec.lang.ops import OPS
+from taskspec.lang.structure import STRUCTURES
+from taskspec.lang.types import BOOL, INT, REAL, Kind, Shape, Type, join
+
+MAX_ELEMENTS = 2_000_000
+MAX_NODES = 200_000
+MAX_BITS = 256
+
+
+class Refused(Exception):
+    """An operation that cannot be built: a sentence for the author, a code, maybe a hint. The checker adds the place."""
+
+    def __init__(self, message: str, code: str = "E306", hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message, self.code, self.hint = message, code, hint
+
+
+class Builder:
+    """Interning factory of nodes; one for each task."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[Any, Node] = {}
+        self._bounds: dict[int, interval.Interval] = {}
+        self._sites = 0
+
+    # -- leaves ---------------------------------------------------------------------------------------------------
+
+    def const(self, value: Any, type: Type) -> Const:
+        """A constant; `value` is a scalar, or a flat row-major sequence for a vector."""
+        flat = (value,) if type.is_scalar else value
+        self._check_size(type.shape)
+        items = tuple(exact(v, type.kind) for v in flat)
+        for item in items:
+            if type.kind is Kind.INT and item.bit_length() > MAX_BITS:
+                raise Refused(f"this integer has more than {MAX_BITS} bits", "E314")
+        key = (Const, type, tuple(map(repr, items)) if type.kind is Kind.REAL else items)
+        return self._intern(key, lambda: Const(items[0] if type.is_scalar else items, type))  # type: ignore[return-value]
+
+    def scalar(self, value: Any) -> Const:
+        """A Python number as a constant of its own kind."""
+        kind = Kind.BOOL if isinstance(value, bool) else Kind.INT if isinstance(value, int) else Kind.REAL
+        return self.const(value, Type(kind))
+
+    def read(self, role: Role, name: str, type: Type, low: float = -interval.INF, high: float = interval.INF) -> Node:
+        return self._intern((Read, role, name, type, low, high), lambda: Read(role, name, type, low, high))
+
+    def draw(self, base: str, args: Sequence[Node], type: Type) -> Node:
+        """A new draw: never shared with another."""
+        self._check_size(type.shape)
+        self._sites += 1
+        return Draw(base, tuple(args), type, self._sites)
+
+    # -- operators ------------------------------------------------------------------------------------------------
+
+    def apply(self, name: str, *args: Node) -> Node:
+        """An operator of the table on arguments of any kind that promotes."""
+        op = OPS[name]
+        result = op.rule(tuple(a.type for a in args))
+        if isinstance(result, str):
+            raise Refused(result, "E307" if "shape" in result else "E306")
+        self._check_size(result.shape)
+        args = self._promote(name, args, result)
+        if all(isinstance(a, Const) for a in args):
+            return self._fold(name, args, result, ())
+        simpler = self._identity(name, args, result)
+        return simpler if simpler is not None else self._apply(name, args, result, ())
+
+    def structure(self, name: str, args: Sequence[Node], static: tuple[int, ...] = ()) -> Node:
+        """An operator of `lang.structure`; elements of mixed kinds are promoted."""
+        if name in ("vector", "concat"):
+            kind = join(*(a.type.kind for a in args))
+            args = [self.cast(a, kind) for a in args]
+        result = STRUCTURES[name].rule(tuple(a.type for a in args), static)
+        self._check_size(result.shape)
+        if all(isinstance(a, Const) for a in args):
+            return self._fold(name, tuple(args), result, static)
+        simpler = self._rearranged(name, args, static)
+        return simpler if simpler is not None else self._apply(name, tuple(args), result, static)
+
+    def cast(self, node: Node, kind: Kind) -> Node:
+        """The node promoted to a kind (never demoted)."""
+        if node.type.kind >= kind:
+            return node
+        if isinstance(node, Const):
+            value = node.flat if node.type.shape else node.value
+            return self.const(value, Type(kind, node.type.shape))
+        if kind is Kind.INT:
+            return self._apply("to_int", (node,), Type(kind, node.type.shape), ())
+        return self._apply("to_real", (node,), Type(kind, node.type.shape), ())
+
+    def stretch(self, node: Node, shape: Shape) -> Node:
+        """A scalar filled to a shape; anything else as it is."""
+        if node.type.shape == shape or not node.type.is_scalar:
+            return node
+        return self.structure("fill", [node], shape)
+
+    def position(self, index: Node, length: int) -> Node:
+        """An index (int) brought into range(length)."""
+        low, high = self.bounds(index)
+        if low >= 0 and high <= length - 1:
+            return index
+        return self.structure("position", [index], (length,))
+
+    def power(self, base: Node, exponent: Node) -> Node:
+        """`base ** exponent`: exact for ints with a constant exponent >= 0, products for small ones, else C's pow."""
+        if isinstance(base, Const) and isinstance(exponent, Const) and base.type.is_scalar and exponent.type.is_scalar:
+            folded = self._fold_power(base, exponent)
+            if folded is not None:
+                return folded
+        if isinstance(exponent, Const) and exponent.type == INT and 0 <= exponent.value <= 16:
+            return self._repeated(base, exponent.value)
+        if isinstance(exponent, Const) and exponent.type == INT and -16 <= exponent.value < 0:
+            return self.apply("div", self.scalar(1), self._repeated(base, -exponent.value))
+        return self.apply("pow", base, exponent)
+
+    def bounds(self, node: Node) -> interval.Interval:
+        """An interval that holds every element of the node's value."""
+        return interval.bounds(node, self._bounds)
+
+    def remake(self, node: Node, args: tuple[Node, ...]) -> Node:
+        """The same node over other arguments (`ir.rewrite`)."""
+        match node:
+            case Apply(op=op, static=static):
+                return self.apply(op, *args) if op in OPS else self.structure(op, args, static)
+            case Draw(base=base, type=type, site=site):
+                return self._intern((Draw, base, site, *map(id, args)), lambda: Draw(base, args, type, site))
+            case _:
+                return node
+
+    # -- how ------------------------------------------------------------------------------------------------------
+
+    def _intern(self, key: Any, make: Any) -> Any:
+        node = self._nodes.get(key)
+        if node is None:
+            if len(self._nodes) >= MAX_NODES:
+                raise Refused(f"the task expands to more than {MAX_NODES} operations", "E314")
+            node = self._nodes[key] = make()
+        return node
+
+    def _apply(self, name: str, args: tuple[Node, ...], type: Type, static: tuple[int, ...]) -> Node:
+        key = (name, static, type, *map(id, args))
+        return self._intern(key, lambda: Apply(name, args, type, static))  # type: ignore[no-any-return]
+
+    def _check_size(self, shape: Shape) -> None:
+        size = Type(Kind.INT, shape).size
+        if size > MAX_ELEMENTS:
+            raise Refused(f"a vector of {size:,} elements is too large; the limit is {MAX_ELEMENTS:,}", "E314")
+
+    def _promote(self, name: str, args: tuple[Node, ...], result: Type) -> tuple[Node, ...]:
+        """Arguments cast to what the operator works on."""
+        if name in ("to_int", "to_real", "not", "and", "or", "any", "all", "count", "sort", "argsort"):
+            return args
+        if name in ("eq", "ne", "lt", "le"):
+            kind = join(*(a.type.kind for a in args))
+            kind = kind if name in ("eq", "ne") else join(kind, Kind.INT)
+            return tuple(self.cast(a, kind) for a in args)
+        if name == "where":
+            return (args[0], *(self.cast(a, result.kind) for a in args[1:]))
+        if name in ("floor", "ceil", "round"):
+            return tuple(self.cast(a, Kind.REAL) for a in args)
+        if name in ("argmin", "argmax"):
+            return tuple(self.cast(a, Kind.INT) for a in args)
+        return tuple(self.cast(a, result.kind) for a in args)
+
+    def _fold(self, name: str, args: tuple[Node, ...], type: Type, static: tuple[int, ...]) -> Const:
+        constants = [a for a in args if isinstance(a, Const)]
+        flat = apply_flat(name, [c.flat for c in constants], tuple(c.type for c in constants), static, type)
+        return self.const(flat[0] if type.is_scalar else flat, type)
+
+    def _fold_power(self, base: Const, exponent: Const) -> Const | None:
+        b, e = base.value, exponent.value
+        if exponent.type.kind is Kind.REAL or base.type.kind is Kind.REAL and not isinstance(b, Fraction):
+            return None
+        if b == 0 and e < 0:
+            return self.const(float("inf"), REAL)
+        if max(abs(Fraction(b).numerator), Fraction(b).denominator).bit_length() * abs(e) > MAX_BITS * 4:
+            raise Refused("this power is too large to write out", "E314")
+        value = Fraction(b) ** int(e)
+        integral = base.type.kind is not Kind.REAL and e >= 0
+        return self.const(int(value), INT) if integral else self.const(value, REAL)
+
+    def _repeated(self, base: Node, count: int) -> Node:
+        if count == 0:
+            one = self.const(1, Type(join(Kind.INT, base.type.kind)))
+            return self.stretch(one, base.type.shape)
+        half = self._repeated(base, count // 2) if count > 1 else None
+        if half is None:
+            return self.cast(base, Kind.INT)
+        square = self.apply("mul", half, half)
+        return self.apply("mul", square, base) if count % 2 else square
+
+    def _identity(self, name: str, args: tuple[Node, ...], type: Type) -> Node | None:
+        """A simpler node of the same value, where one is plain to see."""
+        match name, args:
+            case "where", (Const(value=bool(c)), a, b):
+                return self.stretch(a if c else b, type.shape)
+            case "where", (_, a, b) if a is b and a.type == type:
+                return a
+            case ("add", (a, Const(value=0))) | ("add", (Const(value=0), a)) | ("sub", (a, Const(value=0))):
+                return a if a.type == type else None
+            case ("mul", (a, Const(value=1))) | ("mul", (Const(value=1), a)) | ("div", (a, Const(value=1))):
+                return a if a.type == type else None
+            case ("and", (Const(value=True), a)) | ("and", (a, Const(value=True))):
+                return a if a.type == type else None
+            case ("or", (Const(value=False), a)) | ("or", (a, Const(value=False))):
+                return a if a.type == type else None
+            case ("and", (Const(value=False), _)) | ("and", (_, Const(value=False))) if type == BOOL:
+                return self.scalar(False)
+            case ("or", (Const(value=True), _)) | ("or", (_, Const(value=True))) if type == BOOL:
+                return self.scalar(True)
+            case "floor" | "ceil" | "round", (Apply(op="to_real", args=(inner,)),):
+                return inner if inner.type == type else self.cast(inner, Kind.INT)
+            case _:
+                return self._decided(name, args) if type == BOOL else None
+
+    def _decided(self, name: str, args: tuple[Node, ...]) -> Node | None:
+        """A comparison that the bounds of its sides already settle."""
+        if name not in ("lt", "le") or any(a.type.kind is Kind.REAL for a in args):
+            return None
+        (a_low, a_high), (b_low, b_high) = self.bounds(args[0]), self.bounds(args[1])
+        if (a_high < b_low) if name == "lt" else (a_high <= b_low):
+            return self.scalar(True)
+        if (a_low >= b_high) if name == "lt" else (a_low > b_high):
+            return self.scalar(False)
+        return None
+
+    def _rearranged(self, name: str, args: Sequence[Node], static: tuple[int, ...]) -> Node | None:
+        first = args[0]
+        match name, first:
+            case "element", Apply(op="vector"):
+                return first.args[static[0]]
+            case "element", Apply(op="fill") if len(first.type.shape) == 1:
+                return first.args[0]
+            case "slice", _ if static == (0, first.type.shape[0], 1):
+                return first
+            case "reshape", _ if static == first.type.shape:
+                return first
+            case "concat", _ if len(args) == 1:
+                return first
+            case "index", _ if isinstance(args[1], Const) and args[1].type.is_scalar:
+                return self.structure("element", [first], (args[1].value,))
+            case _:
+                return None
+
+
+__all__ = ["Builder", "Refused", "dists"]

@@ -1,0 +1,259 @@
+"""Calls and subscripts: functions of the table, distributions, an author's own definitions, indexing and slicing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from taskspec.diagnostics import suggest
+from taskspec.lang import dists, sets, tables
+from taskspec.lang import syntax as s
+from taskspec.lang.builder import Refused
+from taskspec.lang.functions import FUNCTIONS
+from taskspec.lang.ir import Const, Node
+from taskspec.lang.scope import FunctionDef, Scope, Value
+from taskspec.lang.types import Domain, Kind, Shape
+
+if TYPE_CHECKING:
+    from taskspec.lang.check import Checker
+
+SET_FUNCTIONS = ("box", "range")
+
+
+def is_function(name: str) -> bool:
+    """Whether the language itself has a function or distribution of this name."""
+    return name in FUNCTIONS or name in dists.DIST_NAMES or name in SET_FUNCTIONS
+
+
+def call(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
+    """The value of a call."""
+    binding = scope.lookup(expr.function)
+    if isinstance(binding, FunctionDef):
+        return _own(checker, binding, expr, scope, want)
+    if binding is not None:
+        checker.collector.add("E303", expr.name_place, f"'{expr.function}' is a value, not a function")
+        return _poison(checker, expr, scope)
+    if expr.function in FUNCTIONS:
+        return Value(_built_in(checker, expr, scope))
+    if expr.function in dists.DIST_NAMES:
+        return _distribution(checker, expr, scope, want)
+    if expr.function in SET_FUNCTIONS:
+        checker.fail("E306", expr, f"`{expr.function}(...)` is a set, not a value",
+                     f"use it in a comprehension: `{{x for x in {expr.function}(...)}}`")  # fmt: skip
+    known = (*FUNCTIONS, *dists.DIST_NAMES, *(n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef)))
+    checker.collector.add(
+        "E303", expr.name_place, f"there is no function '{expr.function}'", suggest(expr.function, known)
+    )
+    return _poison(checker, expr, scope)
+
+
+def _poison(checker: Checker, expr: s.Call, scope: Scope) -> Value:
+    """Give up on a call after looking for mistakes in its arguments too."""
+    from taskspec.lang.check import Poisoned
+
+    checker.numerics([e for e in expr.args if not isinstance(e, s.Weights | s.SetOf | s.Comprehension)], scope)
+    raise Poisoned
+
+
+def _no_keywords(checker: Checker, expr: s.Call) -> None:
+    for name, value in expr.keywords:
+        checker.fail("E305", value, f"'{expr.function}' takes no keyword arguments", f"write it without `{name}=`")
+
+
+def _built_in(checker: Checker, expr: s.Call, scope: Scope) -> Node:
+    function = FUNCTIONS[expr.function]
+    _no_keywords(checker, expr)
+    nodes = checker.numerics(expr.args, scope)
+    if not function.accepts(len(nodes)):
+        checker.fail("E304", expr, f"{function.signature} was given {_count(len(nodes))}")
+    for index in function.static:
+        if not isinstance(nodes[index], Const):
+            checker.fail("E312", expr.args[index], f"'{function.arguments[index]}' of {expr.function} must be a constant")
+    return function.build(checker.builder, nodes)
+
+
+def _count(n: int) -> str:
+    return f"{n} argument{'' if n == 1 else 's'}"
+
+
+def _own(checker: Checker, function: FunctionDef, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
+    _no_keywords(checker, expr)
+    values = checker.each([(lambda e=e: checker.value(e, scope)) for e in expr.args])  # type: ignore[misc]
+    if len(values) != len(function.arguments):
+        signature = f"{function.name}({', '.join(function.arguments)})"
+        checker.fail("E304", expr, f"{signature} was given {_count(len(values))}")
+    leave = function.enter(expr)
+    try:
+        inner = function.scope.child(dict(zip(function.arguments, values, strict=True)))
+        return checker.value(function.body, inner, want)
+    finally:
+        leave()
+
+
+# -- distributions ------------------------------------------------------------------------------------------------
+
+
+def _distribution(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
+    if scope.draws is not None:
+        checker.fail("E311", expr, f"{expr.function} is a random draw; {scope.draws}")
+    first = expr.args[0] if len(expr.args) == 1 and not expr.keywords else None
+    if expr.function == "Uniform" and isinstance(first, s.SetOf | s.Comprehension):
+        return sets.uniform(checker, first, expr, scope, want)
+    if expr.function == "Categorical" and isinstance(first, s.Weights):
+        return tables.weighted(checker, first, scope, want)
+    if expr.function == "Categorical":
+        return Value(_categorical(checker, expr, scope))
+    dist = dists.DISTS[expr.function]
+    nodes, shape = _bind(checker, dist, expr, scope)
+    _check_parameters(checker, dist, nodes, expr)
+    return Value(dist.build(checker.builder, nodes, shape))
+
+
+def _categorical(checker: Checker, expr: s.Call, scope: Scope) -> Node:
+    nodes, shape = _bind(checker, dists.CATEGORICAL, expr, scope)
+    p = nodes["p"]
+    if len(p.type.shape) != 1:
+        checker.fail("E306", expr, "Categorical needs a vector of probabilities, or `{value: probability, ...}`")
+    p = checker.builder.cast(p, Kind.REAL)
+    tables.check_row(checker, p, expr)
+    return dists.CATEGORICAL.build(checker.builder, {"p": p}, shape)
+
+
+def _bind(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, Node], Shape]:
+    """Arguments by name, defaults filled in, all of one shape or scalar; and the shape of the draw."""
+    given, shape = _given(checker, dist, expr, scope)
+    names = [a.name for a in dist.arguments]
+    nodes = dict(zip(given, checker.numerics(given.values(), scope), strict=True))
+    for argument in dist.arguments:
+        if argument.name not in nodes:
+            if argument.default is None:
+                checker.fail("E304", expr, f"{dist.name} needs '{argument.name}'", f"{dist.name}({', '.join(names)})")
+            nodes[argument.name] = checker.builder.scalar(argument.default)
+        node, place = nodes[argument.name], given.get(argument.name, expr)
+        if argument.static and not (isinstance(node, Const) and node.type.is_scalar and node.type.kind is not Kind.REAL):
+            checker.fail("E312", place, f"'{argument.name}' of {dist.name} must be a constant int")
+        if argument.vector and len(node.type.shape) != 1:
+            checker.fail("E306", place, f"'{argument.name}' of {dist.name} must be a vector")
+    return nodes, _draw_shape(checker, dist, nodes, shape, expr)
+
+
+def _given(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, s.Expr], Shape | None]:
+    names = [a.name for a in dist.arguments]
+    if len(expr.args) > len(names):
+        checker.fail("E304", expr, f"{dist.name}({', '.join(names)}) was given {_count(len(expr.args))}")
+    given, shape = dict(zip(names, expr.args, strict=False)), None
+    for name, value in expr.keywords:
+        if name == "shape" and dist.shaped:
+            shape = static_shape(checker, value, scope)
+        elif name not in names:
+            known = [*names, *(["shape"] if dist.shaped else [])]
+            checker.fail("E305", value, f"{dist.name} has no argument '{name}'",
+                         suggest(name, known) or f"it takes {', '.join(known)}")  # fmt: skip
+        elif name in given:
+            checker.fail("E304", value, f"'{name}' of {dist.name} is given twice")
+        else:
+            given[name] = value
+    return given, shape
+
+
+def static_shape(checker: Checker, expr: s.Expr, scope: Scope) -> Shape:
+    """A shape: a constant int or a short vector of them."""
+    node = checker.constant(expr, scope, "a shape")
+    if node.type.kind is Kind.REAL or len(node.type.shape) > 1 or node.type.size > 4:
+        checker.fail("E306", expr, "a shape is an int or a list of a few ints")
+    shape = tuple(int(n) for n in node.flat)
+    if any(n < 1 for n in shape):
+        checker.fail("E307", expr, f"a shape needs sizes of at least 1, not {list(shape)}")
+    return shape
+
+
+def _draw_shape(
+    checker: Checker, dist: dists.Dist, nodes: dict[str, Node], shape: Shape | None, expr: s.Call
+) -> Shape:
+    if dist is dists.CATEGORICAL or not dist.shaped:
+        return shape or ()
+    shapes = {n.type.shape for n in nodes.values() if n.type.shape}
+    found = shapes | ({shape} if shape is not None else set())
+    if len(found) > 1:
+        checker.fail("E307", expr, f"the shapes {' and '.join(str(list(x)) for x in sorted(found))} do not match")
+    return found.pop() if found else ()
+
+
+def _check_parameters(checker: Checker, dist: dists.Dist, nodes: dict[str, Node], expr: s.Call) -> None:
+    """Refuse impossible constants at once; values that depend on the state are checked by enumeration."""
+    low = {"std": 0.0, "rate": 0.0, "p": 0.0, "alpha": 0.0, "n": 1.0}
+    for name, node in nodes.items():
+        if not isinstance(node, Const):
+            continue
+        worst = min(node.flat)
+        strict = name == "alpha" or (name == "rate" and dist.name == "Exponential")
+        if name in low and (worst < low[name] or (strict and worst == 0) or worst != worst):
+            checker.fail("E408", expr, f"'{name}' of {dist.name} is {float(worst):g}; it must be "
+                         f"{'above' if strict else 'at least'} {low[name]:g}")  # fmt: skip
+        if name == "p" and max(node.flat) > 1:
+            checker.fail("E402", expr, f"a probability of {float(max(node.flat)):g} is above 1")
+    if dist.name.startswith("Uniform") and all(isinstance(n, Const) and n.type.is_scalar for n in nodes.values()):
+        bottom, top = nodes["low"].value, nodes["high"].value  # type: ignore[union-attr]
+        if bottom > top:
+            checker.fail("E408", expr, f"'low' of {dist.name} is {float(bottom):g}, above 'high' {float(top):g}")
+    if dist.name == "UniformInt" and any(n.type.kind is Kind.REAL for n in nodes.values()):
+        checker.fail("E306", expr, "UniformInt needs ints", "`floor(x)` gives an int; `Uniform(low, high)` draws a real")
+
+
+# -- subscripts ---------------------------------------------------------------------------------------------------
+
+
+def subscript(checker: Checker, expr: s.Subscript, scope: Scope) -> Node:
+    """`x[i]`, `x[i, j]`, `x[a:b]`: constant indices are checked, others are brought into range."""
+    node = checker.numeric(expr.value, scope)
+    if len(expr.indices) > len(node.type.shape):
+        what = "a single value" if node.type.is_scalar else f"a vector of {len(node.type.shape)} axis"
+        checker.fail("E307", expr, f"{what} cannot take {len(expr.indices)} indices")
+    if len(expr.indices) == 2 and not any(isinstance(i, s.Slice) for i in expr.indices):
+        return _cell(checker, node, expr, scope)
+    if len(expr.indices) == 1:
+        return _row(checker, node, expr.indices[0], scope)
+    checker.fail("E307", expr, "a slice cannot be mixed with other indices", "index twice: `x[a:b]`, then `[i]`")
+
+
+def _row(checker: Checker, node: Node, index: s.Expr | s.Slice, scope: Scope) -> Node:
+    b, n = checker.builder, node.type.shape[0]
+    if isinstance(index, s.Slice):
+        start, count, step = _slice_bounds(checker, index, n, scope)
+        return b.structure("slice", [node], (start, count, step))
+    i = _index(checker, index, n, scope)
+    if len(i.type.shape) > 1:
+        checker.fail("E307", index, "an index is an int or a vector of ints")
+    return b.structure("index", [node, i])
+
+
+def _cell(checker: Checker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
+    """One element of a matrix, through its rows laid end to end."""
+    b, (rows, columns) = checker.builder, node.type.shape[:2]
+    i, j = (_index(checker, x, n, scope) for x, n in zip(expr.indices, (rows, columns), strict=True))  # type: ignore[arg-type]
+    flat = b.structure("reshape", [node], (rows * columns, *node.type.shape[2:]))
+    return b.structure("index", [flat, b.apply("add", b.apply("mul", i, b.scalar(columns)), j)])
+
+
+def _index(checker: Checker, expr: s.Expr, length: int, scope: Scope) -> Node:
+    node = checker.numeric(expr, scope)
+    if node.type.kind is Kind.REAL:
+        checker.fail("E306", expr, "an index must be an int, not a real", "`floor(x)` gives an int")
+    node = checker.builder.cast(node, Kind.INT)
+    if isinstance(node, Const):
+        for i in node.flat:
+            if not -length <= i < length:
+                checker.fail("E315", expr, f"index {i} is outside a vector of {length}", f"indices go from 0 to {length - 1}")
+    return checker.builder.position(node, length)
+
+
+def _slice_bounds(checker: Checker, index: s.Slice, length: int, scope: Scope) -> tuple[int, int, int]:
+    parts = [
+        None if part is None else checker.integer(part, scope, "the bounds of a slice")
+        for part in (index.start, index.stop, index.step)
+    ]
+    if parts[2] == 0:
+        checker.fail("E315", index, "the step of a slice cannot be 0")
+    chosen = range(length)[slice(*parts)]
+    if not chosen:
+        raise Refused("this slice is empty", "E315")
+    return chosen.start, len(chosen), chosen.step

@@ -1,0 +1,141 @@
+"""Distributions: what an author may draw from, and the base variates that draws are made of.
+
+A distribution is arithmetic over a *base variate* whose random words do not depend on the state: `Normal(m, s)` is
+`m + s * normal`. Backends implement the few bases; everything else is ordinary operators. One entry per
+distribution and per base; the language reference, the printers and the statistical tests follow from the tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from taskspec.lang.ir import Const, Node
+from taskspec.lang.types import Kind, Shape, Type
+
+if TYPE_CHECKING:
+    from taskspec.lang.builder import Builder
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """A base variate. `finite` ones have finitely many outcomes, which exact analysis enumerates."""
+
+    name: str
+    kind: Kind
+    finite: bool
+    doc: str
+
+
+BASES: dict[str, Base] = {
+    b.name: b
+    for b in (
+        Base("uniform", Kind.REAL, False, "A multiple of 2**-24 in [0, 1); one word."),
+        Base("normal", Kind.REAL, False, "Standard normal, Box-Muller in float32; one word each, in pairs."),
+        Base("exponential", Kind.REAL, False, "Standard exponential; one word."),
+        Base("gamma", Kind.REAL, False, "Gamma with the given shape and unit scale, Marsaglia-Tsang."),
+        Base("poisson", Kind.INT, False, "Poisson with the given rate, by inversion of one word."),
+        Base("index", Kind.INT, True, "Uniform on range(n); one word."),
+        Base("categorical", Kind.INT, True, "Index drawn with the given probabilities; one word against thresholds."),
+        Base("bernoulli", Kind.BOOL, True, "True with the given probability; one word against a threshold."),
+        Base("permutation", Kind.INT, True, "A uniform permutation: the stable order of n words."),
+    )
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """A named argument of a distribution; one without a default must be given."""
+
+    name: str
+    default: int | None = None
+    static: bool = False  # a constant once parameters are bound
+    vector: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Dist:
+    """A distribution as authors write it."""
+
+    name: str
+    arguments: tuple[Argument, ...]
+    build: Callable[[Builder, Mapping[str, Node], Shape], Node]
+    doc: str
+    latex: str
+    shaped: bool = True  # takes `shape=`
+    scipy: str | None = None  # the scipy.stats reference, with arguments as below
+    samples: tuple[Mapping[str, float], ...] = ()
+
+
+def _uniform(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    unit = b.draw("uniform", (), Type(Kind.REAL, shape))
+    width = b.apply("sub", a["high"], a["low"])
+    return b.apply("add", a["low"], b.apply("mul", width, unit))
+
+
+def _uniform_int(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    count = b.apply("add", b.apply("sub", a["high"], a["low"]), b.scalar(1))
+    return b.apply("add", a["low"], b.draw("index", (count,), Type(Kind.INT, shape)))
+
+
+def _normal(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    standard = b.draw("normal", (), Type(Kind.REAL, shape))
+    return b.apply("add", a["mean"], b.apply("mul", a["std"], standard))
+
+
+def _bernoulli(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    return b.draw("bernoulli", (b.cast(a["p"], Kind.REAL),), Type(Kind.BOOL, shape))
+
+
+def _exponential(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    return b.apply("div", b.draw("exponential", (), Type(Kind.REAL, shape)), a["rate"])
+
+
+def _poisson(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    return b.draw("poisson", (b.cast(a["rate"], Kind.REAL),), Type(Kind.INT, shape))
+
+
+def _dirichlet(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    alpha = b.cast(a["alpha"], Kind.REAL)
+    gammas = b.draw("gamma", (alpha,), Type(Kind.REAL, alpha.type.shape))
+    return b.apply("div", gammas, b.apply("sum", gammas))
+
+
+def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    n = a["n"]
+    assert isinstance(n, Const)
+    return b.draw("permutation", (), Type(Kind.INT, (int(n.value),)))
+
+
+DISTS: dict[str, Dist] = {
+    d.name: d
+    for d in (
+        Dist("Uniform", (Argument("low"), Argument("high")), _uniform,
+             "Uniform real between `low` and `high`; `Uniform({a, b, ...})` is uniform over a finite set.",
+             r"\operatorname{Unif}({low}, {high})", scipy="uniform", samples=({"low": -1, "high": 3},)),
+        Dist("UniformInt", (Argument("low"), Argument("high")), _uniform_int,
+             "Uniform integer from `low` to `high`, both included.",
+             r"\operatorname{Unif}\{{low}, \ldots, {high}\}", samples=({"low": -2, "high": 5},)),
+        Dist("Normal", (Argument("mean", 0), Argument("std", 1)), _normal, "Normal (Gaussian) real.",
+             r"\mathcal{N}({mean}, {std}^2)", scipy="norm", samples=({"mean": 1, "std": 2},)),
+        Dist("Bernoulli", (Argument("p"),), _bernoulli, "A condition that holds with probability `p`.",
+             r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3},)),
+        Dist("Exponential", (Argument("rate", 1),), _exponential, "Exponential real with mean 1/`rate`.",
+             r"\operatorname{Exp}({rate})", scipy="expon", samples=({"rate": 2},)),
+        Dist("Poisson", (Argument("rate"),), _poisson, "Number of events at a mean of `rate`.",
+             r"\operatorname{Poisson}({rate})", scipy="poisson", samples=({"rate": 4},)),
+        Dist("Dirichlet", (Argument("alpha", vector=True),), _dirichlet,
+             "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
+             shaped=False),
+        Dist("Permutation", (Argument("n", static=True),), _permutation, "A uniform permutation of 0, ..., n - 1.",
+             r"\operatorname{Perm}({n})", shaped=False),
+    )
+}  # fmt: skip
+
+CATEGORICAL = Dist(
+    "Categorical", (Argument("p"),), lambda b, a, shape: b.draw("categorical", (a["p"],), Type(Kind.INT, shape)),
+    "`Categorical({value: p, ...})` draws a value; `Categorical(p)` with a vector of probabilities draws an index.",
+    r"\operatorname{Categorical}({p})",
+)  # fmt: skip
+DIST_NAMES = (*DISTS, CATEGORICAL.name)

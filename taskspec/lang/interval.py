@@ -1,0 +1,183 @@
+"""Interval reasoning over core nodes: bounds that hold for every element of a value, whatever is read and drawn.
+
+Used to drop index clamps and zero guards that cannot matter, and to prove that next states stay in their domain
+where the state space cannot be enumerated. Sound, not tight: an operator without a rule gives (-inf, inf).
+Nan is outside every interval's promise: bounds speak of the numbers only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, children, walk
+from taskspec.lang.types import Kind
+
+INF = math.inf
+Interval = tuple[float, float]
+EVERYTHING: Interval = (-INF, INF)
+
+
+def bounds(root: Node, known: dict[int, Interval]) -> Interval:
+    """Bounds of a node; `known` (by node id) carries results from call to call."""
+    if id(root) in known:
+        return known[id(root)]
+    for node in walk([root]):
+        if id(node) not in known:
+            known[id(node)] = _bounds(node, [known[id(c)] for c in children(node)])
+    return known[id(root)]
+
+
+def _bounds(node: Node, args: list[Interval]) -> Interval:
+    match node:
+        case Const():
+            numbers = [v for v in node.flat if v == v]
+            return (min(numbers), max(numbers)) if numbers else EVERYTHING
+        case Read(low=low, high=high):
+            return (0, 1) if node.type.kind is Kind.BOOL else (low, high)
+        case Draw(base=base):
+            return _draw_bounds(base, node, args)
+        case Apply(op=op):
+            if node.type.kind is Kind.BOOL:
+                return (0, 1)
+            rule = _RULES.get(op)
+            return EVERYTHING if rule is None else _safe(rule(args, node))
+
+
+def _safe(value: Interval) -> Interval:
+    low, high = value
+    return (-INF if low != low else low, INF if high != high else high)
+
+
+def _draw_bounds(base: str, node: Draw, args: list[Interval]) -> Interval:
+    match base:
+        case "uniform" | "bernoulli":
+            return (0, 1)
+        case "index":
+            return (0, max(0, args[0][1] - 1))
+        case "categorical":
+            return (0, node.args[0].type.shape[-1] - 1)
+        case "permutation":
+            return (0, max(0, node.type.shape[0] - 1))
+        case "poisson" | "exponential" | "gamma":
+            return (0, INF)
+        case _:
+            return EVERYTHING
+
+
+def _mul(a: float, b: float) -> float:
+    return 0.0 if a == 0 or b == 0 else a * b
+
+
+def _product(args: list[Interval], node: Any) -> Interval:
+    (a, b), (c, d) = args
+    corners = [_mul(a, c), _mul(a, d), _mul(b, c), _mul(b, d)]
+    return min(corners), max(corners)
+
+
+def _quotient(args: list[Interval], node: Any) -> Interval:
+    (a, b), (c, d) = args
+    if c <= 0 <= d or math.isinf(c) or math.isinf(d):
+        return EVERYTHING
+    corners = [a / c, a / d, b / c, b / d]
+    return min(corners), max(corners)
+
+
+def _floor_quotient(args: list[Interval], node: Any) -> Interval:
+    low, high = _quotient(args, node)
+    return (math.floor(low) if math.isfinite(low) else low), (math.floor(high) if math.isfinite(high) else high)
+
+
+def _remainder(args: list[Interval], node: Any) -> Interval:
+    (a, b), (c, d) = args
+    integral = node.type.kind is Kind.INT
+    if c > 0:
+        return (a, b) if integral and a >= 0 and b < c else (0, d - 1 if integral else d)
+    if d < 0:
+        return (c + 1 if integral else c, 0)
+    return EVERYTHING if not integral else (min(0, c + 1), max(0, d - 1))
+
+
+def _union(args: list[Interval], node: Any) -> Interval:
+    return min(a for a, _ in args), max(b for _, b in args)
+
+
+def _extreme(pick: Callable[[float, float], float], args: list[Interval], node: Any) -> Interval:
+    """Of two ints, or of two reals one of which may be nan and then gives way to the other."""
+    (a, b), (c, d) = args
+    found = [(pick(a, c), pick(b, d))]
+    if node.type.kind is Kind.REAL:
+        found += [other for own, other in ((0, (c, d)), (1, (a, b))) if not isinstance(node.args[own], Const)]
+    return min(low for low, _ in found), max(high for _, high in found)
+
+
+def _chosen(args: list[Interval], node: Any) -> Interval:
+    return _union(args[1:], node)
+
+
+def _magnitude(args: list[Interval], node: Any) -> Interval:
+    ((a, b),) = args
+    return (0 if a <= 0 <= b else min(abs(a), abs(b))), max(abs(a), abs(b))
+
+
+def _total(args: list[Interval], node: Any) -> Interval:
+    n = node.args[0].type.size
+    return _mul(args[0][0], n), _mul(args[0][1], n)
+
+
+def _monotone(function: Callable[[float], float]) -> Callable[[list[Interval], Any], Interval]:
+    def rule(args: list[Interval], node: Any) -> Interval:
+        ((a, b),) = args
+        return (function(a) if math.isfinite(a) else a), (function(b) if math.isfinite(b) else b)
+
+    return rule
+
+
+def _same(args: list[Interval], node: Any) -> Interval:
+    return args[0]
+
+
+_RULES: dict[str, Callable[[list[Interval], Any], Interval]] = {
+    "add": lambda a, n: (a[0][0] + a[1][0], a[0][1] + a[1][1]),
+    "sub": lambda a, n: (a[0][0] - a[1][1], a[0][1] - a[1][0]),
+    "neg": lambda a, n: (-a[0][1], -a[0][0]),
+    "mul": _product,
+    "div": _quotient,
+    "floordiv": _floor_quotient,
+    "mod": _remainder,
+    "abs": _magnitude,
+    "sign": lambda a, n: (-1 if a[0][0] < 0 else 0 if a[0][0] == 0 else 1, 1 if a[0][1] > 0 else min(0, a[0][1])),
+    "min2": lambda a, n: _extreme(min, a, n),
+    "max2": lambda a, n: _extreme(max, a, n),
+    "where": _chosen,
+    "floor": _monotone(math.floor),
+    "ceil": _monotone(math.ceil),
+    "round": _monotone(round),
+    "to_int": _same,
+    "to_real": _same,
+    "sqrt": lambda a, n: (math.sqrt(max(0.0, a[0][0])), math.sqrt(max(0.0, a[0][1])) if a[0][1] < INF else INF),
+    "exp": lambda a, n: (0, INF),
+    "sin": lambda a, n: (-1, 1),
+    "cos": lambda a, n: (-1, 1),
+    "tanh": lambda a, n: (-1, 1),
+    "atan2": lambda a, n: (-math.pi, math.pi),
+    "sum": _total,
+    "count": lambda a, n: (0, n.args[0].type.size),
+    "min": _same,
+    "max": _same,
+    "argmin": lambda a, n: (0, n.args[0].type.size - 1),
+    "argmax": lambda a, n: (0, n.args[0].type.size - 1),
+    "sort": _same,
+    "argsort": lambda a, n: (0, max(0, n.args[0].type.size - 1)),
+    "vector": _union,
+    "concat": _union,
+    "slice": _same,
+    "element": _same,
+    "reshape": _same,
+    "fill": _same,
+    "index": _same,
+    "position": lambda a, n: (0, n.static[0] - 1),
+    "put": lambda a, n: _union([a[0], a[2]], n),
+    "swap": _same,
+}

@@ -1,0 +1,134 @@
+"""The typed core of the language: what is left of an expression once names, parameters and labels are resolved.
+
+Four node classes, closed. Nodes are interned by the `Builder` that makes them, so equal expressions are one
+object, sharing is explicit, and identity is equality. Everything downstream (interpreter, code generators,
+exact enumeration) walks these nodes; nothing downstream sees names of parameters or labels of choices.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from taskspec.lang.types import Kind, Type
+
+
+class Role(enum.Enum):
+    """What a `Read` reads."""
+
+    STATE = "state"
+    ACTION = "action"
+    NEXT = "next"
+    TIME = "time"
+    VARIABLE = "variable"  # of a comprehension or a function, while it is being expanded
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Const:
+    """A literal: a Python scalar (bool, int, float, Fraction), or a flat row-major tuple of them."""
+
+    value: Any
+    type: Type
+
+    @property
+    def flat(self) -> tuple[Any, ...]:
+        return (self.value,) if self.type.is_scalar else self.value
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Read:
+    """The present value of a state or action component, of the time, or of a bound variable."""
+
+    role: Role
+    name: str
+    type: Type
+    low: float = float("-inf")
+    high: float = float("inf")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Apply:
+    """An operator of `lang.ops` applied to arguments; `static` holds what is fixed at compile time (slice bounds)."""
+
+    op: str
+    args: tuple[Node, ...]
+    type: Type
+    static: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draw:
+    """A base variate of `lang.dists`; `site` tells two written occurrences apart."""
+
+    base: str
+    args: tuple[Node, ...]
+    type: Type
+    site: int
+
+
+Node = Const | Read | Apply | Draw
+
+
+def children(node: Node) -> tuple[Node, ...]:
+    match node:
+        case Const() | Read():
+            return ()
+        case Apply(args=args) | Draw(args=args):
+            return args
+
+
+def walk(roots: Iterable[Node]) -> Iterator[Node]:
+    """Every node below the roots once, arguments before users, in a stable order."""
+    seen: set[int] = set()
+    for root in roots:
+        stack: list[tuple[Node, bool]] = [(root, False)]
+        while stack:
+            node, done = stack.pop()
+            if done:
+                yield node
+            elif id(node) not in seen:
+                seen.add(id(node))
+                stack.append((node, True))
+                stack.extend((child, False) for child in reversed(children(node)))
+
+
+def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:
+    """The draws below the roots, by site: the order in which random words are handed out."""
+    found = {n.site: n for n in walk(roots) if isinstance(n, Draw)}
+    return tuple(found[site] for site in sorted(found))
+
+
+def reads(roots: Iterable[Node]) -> frozenset[tuple[Role, str]]:
+    return frozenset((n.role, n.name) for n in walk(roots) if isinstance(n, Read))
+
+
+def rewrite(
+    roots: Iterable[Node], leaf: Callable[[Node], Node | None], remake: Callable[[Node, tuple[Node, ...]], Node]
+) -> tuple[Node, ...]:
+    """Roots with every node for which `leaf` gives a replacement replaced, rebuilt bottom-up by `remake`."""
+    roots = tuple(roots)
+    done: dict[int, Node] = {}
+    for node in walk(roots):
+        replaced = leaf(node)
+        if replaced is None:
+            args = tuple(done[id(child)] for child in children(node))
+            replaced = node if all(a is b for a, b in zip(args, children(node), strict=True)) else remake(node, args)
+        done[id(node)] = replaced
+    return tuple(done[id(root)] for root in roots)
+
+
+def exact(value: Any, kind: Kind) -> Any:
+    """A scalar as the Python number of its kind; Fractions stay exact."""
+    if kind is Kind.BOOL:
+        return bool(value)
+    if kind is Kind.INT:
+        return int(value)
+    return value if isinstance(value, Fraction) else float(value)
+
+
+def plain(value: Any) -> Any:
+    """A constant's scalar as a bool, int or float: what leaves the compiler."""
+    return float(value) if isinstance(value, Fraction) else value

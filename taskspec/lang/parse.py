@@ -1,0 +1,319 @@
+"""Text -> surface syntax, through Python's own parser and a closed subset of its grammar. Nothing is evaluated.
+
+The prime of `x'` is replaced by the letter U+02B9, one character for one, so that Python can read it and
+every column stays right. Size and nesting are bounded before Python's parser sees the text.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import warnings
+from typing import NoReturn
+
+from taskspec.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.lang import syntax as s
+
+PRIME = "\u02b9"
+MAX_LENGTH = 20_000
+MAX_DEPTH = 100
+MAX_TREE = 150  # levels of operators: `a + b + c` has two
+_OPENERS, _CLOSERS = "([{", ")]}"
+
+_BINARY: dict[type[ast.operator], str] = {
+    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "//", ast.Mod: "%", ast.Pow: "**",
+}  # fmt: skip
+_COMPARE: dict[type[ast.cmpop], str] = {
+    ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=",
+    ast.In: "in", ast.NotIn: "not in",
+}  # fmt: skip
+_UNARY: dict[type[ast.unaryop], str] = {ast.USub: "-", ast.UAdd: "+", ast.Not: "not"}
+
+_CONFUSIONS = (
+    (r"&&", "write `and`"),
+    (r"\|\|", "write `or`"),
+    (r"(?<![=!<>])=(?!=)", "`==` compares; `=` is only for keyword arguments"),
+    (r"!(?!=)", "write `not x`"),
+    (r"\?", "write `x if condition else y`"),
+)
+
+
+class _Failure(Exception):
+    """One syntax error; a text gives at most one, since what follows it is guesswork."""
+
+    def __init__(self, start: int, end: int, message: str, hint: str | None = None, code: str = "E301") -> None:
+        self.start, self.end, self.message, self.hint, self.code = start, end, message, hint, code
+
+
+def parse(text: s.Text) -> s.Expr:
+    """Parse one expression.
+
+    Raises:
+        SpecError: with one diagnostic at the place of the error.
+    """
+    try:
+        return _parse(text)
+    except _Failure as failure:
+        place = s.Place(text, failure.start, failure.end)
+        diagnostic = Diagnostic(failure.code, place.span, failure.message, failure.hint)
+    raise SpecError((diagnostic,))
+
+
+def parse_into(text: s.Text, collector: Collector) -> s.Expr | None:
+    """Parse one expression; a syntax error goes to the collector, and None comes back."""
+    try:
+        return parse(text)
+    except SpecError as error:
+        for d in error.diagnostics:
+            collector.add(d.code, d.span, d.message, d.hint)
+        return None
+
+
+def _parse(text: s.Text) -> s.Expr:
+    source = _prepare(text.value)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)
+            tree = ast.parse("(" + source + "\n)", mode="eval")
+    except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
+        _explain(text.value, error)
+    _bound_tree(text.value, tree.body)
+    return _Reader(text, source).expr(tree.body)
+
+
+def _bound_tree(value: str, root: ast.AST) -> None:
+    """Refuse trees too deep for the recursive passes that follow."""
+    level: list[ast.AST] = [root]
+    for _ in range(MAX_TREE):
+        level = [child for node in level for child in ast.iter_child_nodes(node)]
+        if not level:
+            return
+    raise _Failure(0, len(value), f"operators are nested more than {MAX_TREE} deep", code="E314")
+
+
+def _prepare(value: str) -> str:
+    """The text with primes replaced, after checking its length, brackets and quotes."""
+    if len(value) > MAX_LENGTH:
+        raise _Failure(0, 1, f"this expression has {len(value)} characters; the limit is {MAX_LENGTH}", code="E314")
+    if not value.strip():
+        raise _Failure(0, max(1, len(value)), "an expression is missing here")
+    out: list[str] = []
+    brackets: list[int] = []
+    position = 0
+    while position < len(value):
+        position = _scan(value, position, out, brackets)
+    if brackets:
+        raise _Failure(brackets[-1], brackets[-1] + 1, f"this '{value[brackets[-1]]}' is never closed")
+    return "".join(out)
+
+
+def _scan(value: str, at: int, out: list[str], brackets: list[int]) -> int:
+    """Copy one character (or one quoted word) from `value` to `out`; return the next position."""
+    char = value[at]
+    if char == "'" and at > 0 and (value[at - 1].isalnum() or value[at - 1] in "_'"):
+        if value[at - 1] == "'":
+            raise _Failure(at, at + 1, "only one prime: the next value is `x'`")
+        out.append(PRIME)
+        return at + 1
+    if char in "'\"":
+        end = value.find(char, at + 1)
+        if end < 0:
+            raise _Failure(at, at + 1, "this quote is never closed")
+        out.append(value[at : end + 1])
+        return end + 1
+    if char == "#":
+        end = value.find("\n", at)
+        end = len(value) if end < 0 else end
+        out.append(" " * (end - at))
+        return end
+    if char == PRIME or char == "\\":
+        raise _Failure(at, at + 1, f"'{char}' does not belong in an expression")
+    _balance(value, at, brackets)
+    out.append(char)
+    return at + 1
+
+
+def _balance(value: str, at: int, brackets: list[int]) -> None:
+    char = value[at]
+    if char in _OPENERS:
+        brackets.append(at)
+        if len(brackets) > MAX_DEPTH:
+            raise _Failure(at, at + 1, f"brackets are nested more than {MAX_DEPTH} deep", code="E314")
+    elif char in _CLOSERS:
+        if not brackets:
+            raise _Failure(at, at + 1, f"this '{char}' closes nothing")
+        opener = brackets.pop()
+        if _OPENERS.index(value[opener]) != _CLOSERS.index(char):
+            raise _Failure(at, at + 1, f"this '{char}' does not match the '{value[opener]}' before it")
+
+
+def _explain(value: str, error: Exception) -> NoReturn:
+    """Say what Python's parser stumbled over, in the terms of this language."""
+    for pattern, hint in _CONFUSIONS:
+        found = re.search(pattern, value)
+        if found:
+            raise _Failure(found.start(), found.end(), f"'{found[0]}' is not an operator here", hint)
+    if not isinstance(error, SyntaxError):
+        raise _Failure(0, len(value), "this expression is nested too deeply", code="E314")
+    start = _offset(value, error.lineno or 1, error.offset or 1)
+    end = _offset(value, error.end_lineno or error.lineno or 1, error.end_offset or error.offset or 1)
+    if start >= len(value):
+        raise _Failure(max(0, len(value.rstrip()) - 1), len(value.rstrip()), "the expression ends too early here")
+    message = (error.msg or "invalid syntax").split(". Perhaps")[0]
+    if message.startswith("invalid syntax"):
+        message = "this cannot be read as an expression"
+    raise _Failure(start, max(end, start + 1), message)
+
+
+def _offset(value: str, line: int, column: int) -> int:
+    """Character offset of a 1-based line and column of the text wrapped in one bracket."""
+    lines = value.split("\n")
+    before = sum(len(text) + 1 for text in lines[: line - 1])
+    return max(0, before + column - 1 - (1 if line == 1 else 0))
+
+
+class _Reader:
+    """Python's syntax tree -> surface syntax, refusing whatever lies outside the subset."""
+
+    def __init__(self, text: s.Text, source: str) -> None:
+        self.text = text
+        self.lines = ("(" + source + "\n)").split("\n")
+        self.starts = [0]
+        for line in self.lines:
+            self.starts.append(self.starts[-1] + len(line) + 1)
+
+    def offset(self, line: int, byte_column: int) -> int:
+        """Characters before a place that Python gives as line and UTF-8 byte column."""
+        text = self.lines[line - 1]
+        column = byte_column if text.isascii() else len(text.encode()[:byte_column].decode())
+        return self.starts[line - 1] + column - 1
+
+    def place(self, node: ast.expr | ast.keyword | ast.Slice) -> s.Place:
+        start = self.offset(node.lineno, node.col_offset)
+        end = self.offset(node.end_lineno or node.lineno, node.end_col_offset or node.col_offset + 1)
+        return s.Place(self.text, max(0, start), min(end, len(self.text.value)))
+
+    def fail(self, node: ast.expr | ast.keyword, message: str, hint: str | None = None) -> NoReturn:
+        place = self.place(node)
+        raise _Failure(place.start, place.end, message, hint, "E316")
+
+    def expr(self, node: ast.expr) -> s.Expr:
+        place = self.place(node)
+        match node:
+            case ast.Constant():
+                return self.constant(node, place)
+            case ast.Name(id=name):
+                return s.Name(name.rstrip(PRIME), name.endswith(PRIME), place)
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
+                return s.Unary(_UNARY[type(op)], self.expr(operand), place)
+            case ast.BinOp(left=left, op=op2, right=right) if type(op2) in _BINARY:
+                return s.Binary(_BINARY[type(op2)], self.expr(left), self.expr(right), place)
+            case ast.BoolOp(op=op3, values=values):
+                word = "and" if isinstance(op3, ast.And) else "or"
+                return s.Logical(word, self.exprs(values), place)
+            case ast.Compare(left=left, ops=ops, comparators=others) if all(type(o) in _COMPARE for o in ops):
+                rest = tuple((_COMPARE[type(o)], self.expr(x)) for o, x in zip(ops, others, strict=True))
+                return s.Compare(self.expr(left), rest, place)
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                return s.IfElse(self.expr(test), self.expr(body), self.expr(orelse), place)
+            case ast.Call():
+                return self.call(node, place)
+            case ast.Subscript(value=value, slice=index):
+                items = index.elts if isinstance(index, ast.Tuple) else [index]
+                return s.Subscript(self.expr(value), tuple(self.index(i) for i in items), place)
+            case ast.Tuple(elts=items) | ast.List(elts=items):
+                return s.Vector(self.exprs(items), place)
+            case ast.Set(elts=items):
+                return s.SetOf(self.exprs(items), place)
+            case ast.Dict(keys=keys, values=values):
+                return self.weights(node, keys, values, place)
+            case ast.SetComp() | ast.ListComp() | ast.GeneratorExp():
+                return self.comprehension(node, place)
+            case _:
+                return self.refuse(node)
+
+    def exprs(self, nodes: list[ast.expr]) -> tuple[s.Expr, ...]:
+        return tuple(self.expr(node) for node in nodes)
+
+    def constant(self, node: ast.Constant, place: s.Place) -> s.Expr:
+        match node.value:
+            case bool(value):
+                return s.Boolean(value, place)
+            case int(value) | float(value):
+                return s.Number(value, self.text.value[place.start : place.end], place)
+            case str(value):
+                return s.Quoted(value, place)
+            case _:
+                self.fail(node, f"'{ast.unparse(node)}' is not a value of this language")
+
+    def call(self, node: ast.Call, place: s.Place) -> s.Call:
+        if not isinstance(node.func, ast.Name):
+            self.fail(node.func, "only a function's name can be called", "methods and nested calls are not part of it")
+        if node.func.id.endswith(PRIME):
+            self.fail(node.func, "a function has no next value")
+        keywords = []
+        for keyword in node.keywords:
+            if keyword.arg is None:
+                self.fail(keyword.value, "`**` cannot unpack arguments here")
+            keywords.append((keyword.arg, self.expr(keyword.value)))
+        return s.Call(node.func.id, self.exprs(node.args), tuple(keywords), place, self.place(node.func))
+
+    def index(self, node: ast.expr) -> s.Expr | s.Slice:
+        if not isinstance(node, ast.Slice):
+            return self.expr(node)
+        start, stop, step = (None if x is None else self.expr(x) for x in (node.lower, node.upper, node.step))
+        return s.Slice(start, stop, step, self.place(node))
+
+    def weights(
+        self, node: ast.Dict, keys: list[ast.expr | None], values: list[ast.expr], place: s.Place
+    ) -> s.Weights:
+        pairs = []
+        for key, value in zip(keys, values, strict=True):
+            if key is None:
+                self.fail(value, "`**` cannot unpack a mapping here")
+            pairs.append((self.expr(key), self.expr(value)))
+        if not pairs:
+            self.fail(node, "a distribution needs at least one `value: probability`")
+        return s.Weights(tuple(pairs), place)
+
+    def comprehension(self, node: ast.SetComp | ast.ListComp | ast.GeneratorExp, place: s.Place) -> s.Comprehension:
+        clauses = tuple(self.clause(generator) for generator in node.generators)
+        return s.Comprehension(self.expr(node.elt), clauses, isinstance(node, ast.SetComp), place)
+
+    def clause(self, node: ast.comprehension) -> s.Clause:
+        target = node.target
+        targets = target.elts if isinstance(target, ast.Tuple) else [target]
+        for item in targets:
+            if not isinstance(item, ast.Name) or item.id.endswith(PRIME):
+                self.fail(item, "a comprehension binds plain names")
+        names = tuple(item.id for item in targets if isinstance(item, ast.Name))
+        return s.Clause(names, self.expr(node.iter), self.exprs(node.ifs))
+
+    def refuse(self, node: ast.expr) -> NoReturn:
+        match node:
+            case ast.Attribute():
+                self.fail(node, "attributes (`a.b`) are not part of the language")
+            case ast.Lambda():
+                self.fail(node, "`lambda` is not part of the language", "write a definition with arguments: `f(x): ...`")
+            case ast.BinOp(op=ast.BitXor()):
+                self.fail(node, "`^` is not an operator here", "a power is written `x**2`")
+            case ast.BinOp(op=ast.BitAnd() | ast.BitOr()) | ast.UnaryOp(op=ast.Invert()):
+                self.fail(node, "bit operators are not part of the language", "write `and`, `or`, `not`")
+            case ast.BinOp(op=ast.MatMult()):
+                self.fail(node, "`@` is not an operator here", "write `dot(a, b)`")
+            case ast.Compare():
+                self.fail(node, "`is` is not part of the language", "write `==`")
+            case ast.JoinedStr() | ast.FormattedValue():
+                self.fail(node, "formatted strings are not part of the language")
+            case _:
+                self.fail(node, f"this form ({type(node).__name__}) is not part of the language")
+
+
+def literal(value: bool | int | float, text: s.Text) -> s.Expr:
+    """A YAML number or boolean as the expression it stands for."""
+    place = s.Place(text, 0, len(text.value))
+    if isinstance(value, bool):
+        return s.Boolean(value, place)
+    if value < 0:
+        return s.Unary("-", s.Number(-value, text.value.lstrip("-"), place), place)
+    return s.Number(value, text.value, place)

@@ -1,0 +1,236 @@
+"""Finite sets: comprehensions over lattices and ranges, enumerated at compile time; membership; uniform draws.
+
+Sets are enumerated as arrays, all candidates at once, so that a set of a million points costs milliseconds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taskspec.lang import batch
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Const, Node, Role, draws, reads
+from taskspec.lang.scope import Scope, Value
+from taskspec.lang.types import Domain, Kind, Type
+
+if TYPE_CHECKING:
+    from taskspec.lang.check import Checker
+
+MAX_CANDIDATES = 2_000_000
+MAX_UNROLLED = 10_000
+Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class _Points:
+    """Candidates of a clause: an array with one row for each, and the domain of labels if they are labels."""
+
+    rows: Array  # (count, *shape)
+    domain: Domain | None = None
+
+
+def uniform(checker: Checker, expr: s.SetOf | s.Comprehension, call: s.Expr, scope: Scope, want: Domain | None) -> Value:
+    """A uniform draw from a finite set."""
+    b = checker.builder
+    table, domain = _table(checker, expr, scope, want)
+    count = table.type.shape[0]
+    index = b.draw("index", (b.scalar(count),), Type(Kind.INT))
+    return Value(b.structure("index", [table, b.position(index, count)]), domain)
+
+
+def _table(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) -> tuple[Node, Domain | None]:
+    """The elements of a set as the rows of a vector; equal constants count once, as in mathematics."""
+    b = checker.builder
+    if isinstance(expr, s.Comprehension):
+        points = _enumerate(checker, expr, scope)
+        return _constant(checker, points.rows), points.domain
+    assert isinstance(expr, s.SetOf)
+    values = checker.each([(lambda e=e: checker.value(e, scope, want)) for e in expr.items])  # type: ignore[misc]
+    nodes, domain = checker.unify(values, expr.items)
+    if len({n.type.shape for n in nodes}) > 1:
+        checker.fail("E307", expr, "the elements of this set have different shapes")
+    kind = max(n.type.kind for n in nodes)
+    return b.structure("vector", list(dict.fromkeys(b.cast(n, kind) for n in nodes))), domain
+
+
+def member(checker: Checker, left: s.Expr, right: s.Expr, scope: Scope) -> Node:
+    """`x in {a, b}`, `x in (a, b)` or `x in {y for y in ...}`."""
+    b = checker.builder
+    value = checker.value(left, scope)
+    if isinstance(right, s.Vector):
+        right = s.SetOf(right.items, right.place)
+    if isinstance(right, s.Call) and right.function in ("range", "box"):
+        x = s.Name("x", False, right.place)
+        right = s.Comprehension(x, (s.Clause(("x",), right, ()),), True, right.place)
+    if not isinstance(right, s.SetOf | s.Comprehension) or (isinstance(right, s.Comprehension) and not right.is_set):
+        checker.fail("E306", right, "`in` needs a set written out: `x in {a, b}`")
+    table, domain = _table(checker, right, scope, value.domain)
+    same = domain is not None and domain == value.domain
+    node = value.node if same else checker.number_of(value, left)
+    if node.type.shape != table.type.shape[1:]:
+        checker.fail("E307", left, f"{node.type} cannot be an element of this set")
+    if node.type.is_scalar:
+        return b.apply("any", b.apply("eq", table, node))
+    found: Node = b.scalar(False)
+    for row in range(table.type.shape[0]):
+        here = b.apply("all", b.apply("eq", b.structure("element", [table], (row,)), node))
+        found = b.apply("or", found, here)
+    return found
+
+
+def unroll(checker: Checker, expr: s.Comprehension, scope: Scope) -> list[Node]:
+    """Elements of `[e for x in range(n)]`, one node each; the element may depend on the state."""
+    if len(expr.clauses) != 1:
+        checker.fail("E306", expr, "a vector takes one `for`", "nest them: `[[... for j in ...] for i in ...]`")
+    clause = expr.clauses[0]
+    points = _candidates(checker, clause, scope)
+    if len(points.rows) > MAX_UNROLLED:
+        checker.fail("E314", expr, f"{len(points.rows):,} elements are too many to write out; the limit is {MAX_UNROLLED:,}")
+    nodes = []
+    for row in points.rows:
+        inner = scope.child(_bind(checker, clause, row, points.domain, expr))
+        if all(_holds(checker, c, inner) for c in clause.conditions):
+            nodes.append(checker.numeric(expr.element, inner))
+    return nodes
+
+
+def _holds(checker: Checker, condition: s.Expr, scope: Scope) -> bool:
+    node = checker.condition(condition, scope)
+    if not isinstance(node, Const):
+        checker.fail("E312", condition, "the condition of a vector's comprehension must be a constant")
+    return bool(node.value)
+
+
+def _bind(checker: Checker, clause: s.Clause, row: Array, domain: Domain | None, expr: s.Expr) -> dict[str, Any]:
+    b = checker.builder
+    whole = _constant(checker, row)
+    if len(clause.targets) == 1:
+        return {clause.targets[0]: Value(whole, domain)}
+    if whole.type.shape[:1] != (len(clause.targets),):
+        checker.fail("E307", expr, f"cannot unpack this into {len(clause.targets)} names")
+    return {name: Value(b.structure("element", [whole], (i,))) for i, name in enumerate(clause.targets)}
+
+
+# -- enumeration --------------------------------------------------------------------------------------------------
+
+
+def _enumerate(checker: Checker, expr: s.Comprehension, scope: Scope) -> _Points:
+    """The elements of a set comprehension, without repetitions, in the order of enumeration."""
+    columns: dict[str, Array] = {}
+    bindings: dict[str, Any] = {}
+    count = 1
+    inner = scope
+    for clause in expr.clauses:
+        points = _candidates(checker, clause, inner)
+        count *= len(points.rows)
+        if count > MAX_CANDIDATES:
+            checker.fail("E314", expr, f"this set has {count:,} candidates; the limit is {MAX_CANDIDATES:,}")
+        columns = {name: np.repeat(rows, len(points.rows), axis=0) for name, rows in columns.items()}
+        repeated = np.tile(points.rows, (count // max(1, len(points.rows)), *(1 for _ in points.rows.shape[1:])))
+        _add_columns(checker, clause, repeated, points.domain, columns, bindings, expr)
+        inner = scope.child(dict(bindings))
+        keep = np.ones(count, dtype=bool)
+        for condition in clause.conditions:
+            keep &= _over(checker, checker.condition(condition, inner), columns, condition)
+        columns = {name: rows[keep] for name, rows in columns.items()}
+        count = int(keep.sum())
+    if count == 0:
+        checker.fail("E407", expr, "this set is empty")
+    value = checker.value(expr.element, inner)
+    rows = _over(checker, value.node, columns, expr.element)
+    _, first = np.unique(rows, axis=0, return_index=True)
+    return _Points(rows[np.sort(first)], value.domain)
+
+
+def _add_columns(
+    checker: Checker,
+    clause: s.Clause,
+    rows: Array,
+    domain: Domain | None,
+    columns: dict[str, Array],
+    bindings: dict[str, Any],
+    expr: s.Expr,
+) -> None:
+    """Bind the targets of a clause to columns of candidates."""
+    if len(clause.targets) > 1:
+        if rows.ndim < 2 or rows.shape[1] != len(clause.targets):
+            checker.fail("E307", expr, f"cannot unpack this into {len(clause.targets)} names")
+        parts = [(name, rows[:, i]) for i, name in enumerate(clause.targets)]
+    else:
+        parts = [(clause.targets[0], rows)]
+    for name, column in parts:
+        low, high = (float(column.min()), float(column.max())) if column.size else (0.0, 0.0)
+        type_ = Type(_kind(column), column.shape[1:])
+        columns[name] = column
+        bindings[name] = Value(checker.builder.read(Role.VARIABLE, name, type_, low, high), domain)
+
+
+def _over(checker: Checker, node: Node, columns: dict[str, Array], expr: s.Expr) -> Array:
+    """A node evaluated for every candidate: (count, *shape)."""
+    outside = {name for role, name in reads([node]) if role is not Role.VARIABLE} | {
+        name for role, name in reads([node]) if role is Role.VARIABLE and name not in columns
+    }
+    if outside or draws([node]):
+        checker.fail("E312", expr, "a set is enumerated before the task runs; it may use parameters and constants only",
+                     "draw an offset from a constant set and add it to the state" if outside else None)  # fmt: skip
+    count = len(next(iter(columns.values())))
+    values = {(Role.VARIABLE, name): np.moveaxis(rows, 0, -1) for name, rows in columns.items()}
+    (result,) = batch.evaluate([node], values)
+    return np.moveaxis(np.broadcast_to(result, (*result.shape[:-1], count)), -1, 0)
+
+
+def _candidates(checker: Checker, clause: s.Clause, scope: Scope) -> _Points:
+    expr = clause.domain
+    match expr:
+        case s.Call(function="box", args=(low, high, n)):
+            return _box(checker, low, high, n, expr, scope)
+        case s.Call(function="box"):
+            checker.fail("E304", expr, "box(low, high, n) was given other arguments",
+                         "`box(-1, 1, 2)` is the square of integer points from -1 to 1")  # fmt: skip
+        case s.Call(function="range"):
+            return _range(checker, expr, scope)
+        case s.SetOf() | s.Comprehension(is_set=True):
+            table, domain = _table(checker, expr, scope, None)
+        case _:
+            table, domain = checker.numeric(expr, scope), None
+    if not isinstance(table, Const) or table.type.is_scalar:
+        checker.fail("E312", expr, "a comprehension goes over a constant: `range(n)`, `box(low, high, n)`, a set or a vector")
+    return _Points(batch.array(table)[..., 0], domain)
+
+
+def _box(checker: Checker, low: s.Expr, high: s.Expr, n: s.Expr, expr: s.Expr, scope: Scope) -> _Points:
+    a, b, axes = (checker.integer(e, scope, "an argument of `box`") for e in (low, high, n))
+    if axes < 1 or b < a:
+        checker.fail("E407", expr, f"box({a}, {b}, {axes}) has no points")
+    count = (b - a + 1) ** min(axes, 64)
+    if count > MAX_CANDIDATES:
+        checker.fail("E314", expr, f"box({a}, {b}, {axes}) has {count:,} points; the limit is {MAX_CANDIDATES:,}")
+    axis = np.arange(a, b + 1)
+    grid = np.meshgrid(*[axis] * axes, indexing="ij")
+    rows = np.stack([g.ravel() for g in grid], axis=1)
+    return _Points(rows)
+
+
+def _range(checker: Checker, expr: s.Call, scope: Scope) -> _Points:
+    if not 1 <= len(expr.args) <= 3:
+        checker.fail("E304", expr, "range takes one to three arguments")
+    bounds = [checker.integer(e, scope, "an argument of `range`") for e in expr.args]
+    if len(bounds) == 3 and bounds[2] == 0:
+        checker.fail("E315", expr, "the step of `range` cannot be 0")
+    chosen = range(*bounds)
+    if len(chosen) > MAX_CANDIDATES:
+        checker.fail("E314", expr, f"this range has {len(chosen):,} values; the limit is {MAX_CANDIDATES:,}")
+    return _Points(np.array(chosen, dtype=np.int64))
+
+
+def _kind(array: Array) -> Kind:
+    return {"b": Kind.BOOL, "i": Kind.INT}.get(array.dtype.kind, Kind.REAL)
+
+
+def _constant(checker: Checker, array: Array) -> Const:
+    kind = _kind(array)
+    flat = array.ravel().tolist()
+    return checker.builder.const(flat[0] if array.ndim == 0 else flat, Type(kind, array.shape))

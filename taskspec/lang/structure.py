@@ -1,0 +1,114 @@
+"""Operators that only move elements about: building, slicing and indexing vectors. Part of the operator table.
+
+Their result type follows from static arguments as well, so they have a reference on tuples here, and each backend
+arranges elements in its own way. `index`, `put` and `swap` take indices already brought into range by `position`.
+Vectors are nested by rows; flat tuples are row-major.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.lang.reference import position
+from taskspec.lang.types import Kind, Type, join
+
+Flat = tuple[Any, ...]
+
+
+def strided(shape: tuple[int, ...]) -> int:
+    """Elements a step along the first axis."""
+    size = 1
+    for n in shape[1:]:
+        size *= n
+    return size
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """One operator: result type from argument types and static values; reference on flat row-major tuples."""
+
+    name: str
+    rule: Callable[[tuple[Type, ...], tuple[int, ...]], Type]
+    reference: Callable[[Sequence[Flat], tuple[Type, ...], tuple[int, ...]], Flat]
+    doc: str
+
+
+def _rows(flat: Flat, shape: tuple[int, ...]) -> list[Flat]:
+    step = strided(shape)
+    return [flat[i * step : (i + 1) * step] for i in range(shape[0])]
+
+
+def _join(rows: Sequence[Flat]) -> Flat:
+    return tuple(value for row in rows for value in row)
+
+
+def _vector_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
+    return Type(join(*(t.kind for t in types)), (len(types), *types[0].shape))
+
+
+def _concat_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
+    return Type(join(*(t.kind for t in types)), (sum(t.shape[0] for t in types), *types[0].shape[1:]))
+
+
+def _slice(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
+    start, count, step = static
+    rows = _rows(args[0], types[0].shape)
+    return _join([rows[start + k * step] for k in range(count)])
+
+
+def _index(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
+    rows = _rows(args[0], types[0].shape)
+    return _join([rows[i] for i in args[1]])
+
+
+def _index_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
+    return Type(types[0].kind, types[1].shape + types[0].shape[1:])
+
+
+def _put(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
+    rows = _rows(args[0], types[0].shape)
+    rows[args[1][0]] = args[2]
+    return _join(rows)
+
+
+def _put_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
+    return Type(join(types[0].kind, types[2].kind), types[0].shape)
+
+
+def _swap(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
+    rows = _rows(args[0], types[0].shape)
+    i, j = args[1][0], args[2][0]
+    rows[i], rows[j] = rows[j], rows[i]
+    return _join(rows)
+
+
+STRUCTURES: dict[str, Structure] = {
+    entry.name: entry
+    for entry in (
+        Structure("vector", _vector_type, lambda a, t, s: _join(a), "Arguments of one shape, stacked."),
+        Structure("concat", _concat_type, lambda a, t, s: _join(a), "Arguments laid end to end."),
+        Structure(
+            "slice", lambda t, s: Type(t[0].kind, (s[1], *t[0].shape[1:])), _slice,
+            "Static (start, count, step) along the first axis.",
+        ),
+        Structure(
+            "element", lambda t, s: Type(t[0].kind, t[0].shape[1:]),
+            lambda a, t, s: _rows(a[0], t[0].shape)[s[0]], "Static (index,) along the first axis.",
+        ),
+        Structure("reshape", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0], "The same elements, in shape `static`."),
+        Structure(
+            "fill", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0] * Type(Kind.INT, s).size,
+            "A scalar repeated in shape `static`.",
+        ),
+        Structure(
+            "position", lambda t, s: Type(Kind.INT, t[0].shape),
+            lambda a, t, s: tuple(position(i, s[0]) for i in a[0]),
+            "An index brought into range(static[0]): from the end when negative, then clamped.",
+        ),
+        Structure("index", _index_type, _index, "Rows of the first argument at the indices of the second."),
+        Structure("put", _put_type, _put, "The vector with the element at an index replaced."),
+        Structure("swap", lambda t, s: t[0], _swap, "The vector with two elements exchanged."),
+    )
+}  # fmt: skip

@@ -1,0 +1,226 @@
+"""Surface syntax: expressions as the author wrote them, every node with its place in the file.
+
+A closed set of nodes, in the notation of the language (parameters by name, primes, labels, piecewise values). The
+checker turns them into the typed core of `lang.ir`; the printers turn them back into text and mathematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from typing import Any
+
+from taskspec.diagnostics import Span
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """The text of one expression, and how to find a range of its characters in the file it came from."""
+
+    value: str
+    locate: Callable[[int, int], Span]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A range of characters of a text; its span in the file is looked up only when a message needs it."""
+
+    text: Text
+    start: int
+    end: int
+
+    @property
+    def span(self) -> Span:
+        return self.text.locate(self.start, self.end)
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """A number as written: an int or a float (`text` keeps the spelling, for printing)."""
+
+    value: int | float
+    text: str
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Boolean:
+    value: bool
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Quoted:
+    """A quoted word: a label that is not an identifier."""
+
+    value: str
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    id: str
+    primed: bool
+    place: Place
+
+    @property
+    def written(self) -> str:
+        return self.id + "'" * self.primed
+
+
+@dataclass(frozen=True, slots=True)
+class Unary:
+    """`-x`, `+x`, `not x`."""
+
+    op: str
+    operand: Expr
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    """Arithmetic: `+ - * / // % **`."""
+
+    op: str
+    left: Expr
+    right: Expr
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Logical:
+    """`and`, `or` over two or more operands."""
+
+    op: str
+    operands: tuple[Expr, ...]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Compare:
+    """A chain `first op1 x1 op2 x2 ...` with `== != < <= > >= in not in`."""
+
+    first: Expr
+    rest: tuple[tuple[str, Expr], ...]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class IfElse:
+    condition: Expr
+    then: Expr
+    otherwise: Expr
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    function: str
+    args: tuple[Expr, ...]
+    keywords: tuple[tuple[str, Expr], ...]
+    place: Place
+    name_place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Slice:
+    start: Expr | None
+    stop: Expr | None
+    step: Expr | None
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Subscript:
+    """`x[i]`, `x[i, j]`, `x[a:b]`."""
+
+    value: Expr
+    indices: tuple[Expr | Slice, ...]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Vector:
+    items: tuple[Expr, ...]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class SetOf:
+    """A finite set written out: `{a, b, c}`."""
+
+    items: tuple[Expr, ...]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """Values with probabilities: `{value: p, ...}`."""
+
+    pairs: tuple[tuple[Expr, Expr], ...]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """`for targets in domain if conditions` of a comprehension."""
+
+    targets: tuple[str, ...]
+    domain: Expr
+    conditions: tuple[Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Comprehension:
+    """`{e for x in d if c}` (a set), or `[e for x in d]` (a vector)."""
+
+    element: Expr
+    clauses: tuple[Clause, ...]
+    is_set: bool
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Piecewise:
+    """The YAML list of `if:`/`then:` entries with a last `else:`."""
+
+    branches: tuple[tuple[Expr, Expr], ...]
+    otherwise: Expr
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of a decision table: its key (None for `else`), and a cell or the rows of the next column."""
+
+    key: Expr | None
+    body: Expr | tuple[Row, ...]
+    place: Place
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The YAML mapping with `by:` and `rows:`."""
+
+    by: tuple[Expr, ...]
+    rows: tuple[Row, ...]
+    place: Place
+
+
+Expr = (
+    Number | Boolean | Quoted | Name | Unary | Binary | Logical | Compare | IfElse | Call | Subscript | Vector
+    | SetOf | Weights | Comprehension | Piecewise | Table
+)  # fmt: skip
+
+
+def names(root: Any) -> Iterator[Name | Call]:
+    """Every name read and every function called anywhere below a node, in written order."""
+    stack = [root]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, tuple):
+            stack.extend(reversed(node))
+        elif hasattr(node, "__dataclass_fields__") and not isinstance(node, Place):
+            if isinstance(node, Name | Call):
+                yield node
+            stack.extend(reversed([getattr(node, f.name) for f in fields(node)]))

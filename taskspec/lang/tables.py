@@ -1,0 +1,309 @@
+"""Probability rows (`{value: p, ...}`) and decision tables (`by:`/`rows:`) as core nodes.
+
+A table whose cells are constants becomes one look-up in a constant array; a table of probability rows becomes one
+draw whose probabilities are looked up; anything else becomes a chain of selects, first row first.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Const, Node, draws
+from taskspec.lang.scope import Scope, Value
+from taskspec.lang.types import BOOLEAN_LABELS, Domain, Kind, Type
+
+if TYPE_CHECKING:
+    from taskspec.lang.check import Checker
+
+MAX_CELLS = 65_536
+TOLERANCE = 1e-9
+"""How far a row of floating-point probabilities may be from 1; rows of fractions must sum to 1 exactly."""
+
+
+def check_row(checker: Checker, p: Node, expr: s.Expr) -> None:
+    """Refuse a constant row of probabilities that is not a distribution."""
+    if not isinstance(p, Const):
+        return
+    problem = row_problem(p.flat)
+    if problem is not None:
+        checker.fail(*problem[:1], expr, *problem[1:])
+
+
+def row_problem(row: Sequence[Fraction | float]) -> tuple[str, str] | None:
+    """Code and message for a row that is not a distribution, or None."""
+    for value in row:
+        if not 0 <= value <= 1:
+            return "E402", f"{_shown(value)} is not a probability; it must be between 0 and 1"
+    total = sum(row)
+    exact = all(isinstance(v, Fraction) or v in (0, 1) for v in row)
+    if (exact and total != 1) or not abs(total - 1) <= TOLERANCE:
+        return "E401", f"these probabilities sum to {_shown(total)}, not 1"
+    return None
+
+
+def _shown(value: Fraction | float) -> str:
+    return f"{float(value):.10g}" + (f" ({value})" if isinstance(value, Fraction) and value.denominator != 1 else "")
+
+
+@dataclass(frozen=True, slots=True)
+class _Outcomes:
+    """A cell: its values and their probabilities (one value with probability 1 when nothing is drawn)."""
+
+    values: list[Value]
+    exprs: list[s.Expr]
+    p: list[Node]
+
+
+def weighted(checker: Checker, expr: s.Weights, scope: Scope, want: Domain | None) -> Value:
+    """A value drawn with the probabilities written beside each."""
+    outcomes = _outcomes(checker, expr, scope, want)
+    nodes, domain = checker.unify(outcomes.values, outcomes.exprs)
+    _same_shape(checker, nodes, expr)
+    b = checker.builder
+    index = b.draw("categorical", (b.structure("vector", outcomes.p),), Type(Kind.INT))
+    return Value(b.structure("index", [b.structure("vector", nodes), index]), domain)
+
+
+def _outcomes(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) -> _Outcomes:
+    if not isinstance(expr, s.Weights):
+        return _Outcomes([checker.value(expr, scope, want)], [expr], [checker.builder.const(1, Type(Kind.REAL))])
+    if scope.draws is not None:
+        checker.fail("E311", expr, f"values with probabilities are a random draw; {scope.draws}")
+    exprs = [value for value, _ in expr.pairs]
+    values = checker.each([(lambda e=e: checker.value(e, scope, want)) for e in exprs])  # type: ignore[misc]
+    p = [checker.builder.cast(n, Kind.REAL) for n in checker.numerics([q for _, q in expr.pairs], scope)]
+    for node, (_, q) in zip(p, expr.pairs, strict=True):
+        if not node.type.is_scalar:
+            checker.fail("E307", q, "a probability is a single number")
+    check_row(checker, checker.builder.structure("vector", p), expr)
+    return _Outcomes(values, exprs, p)
+
+
+def _same_shape(checker: Checker, nodes: Sequence[Node], expr: s.Expr) -> None:
+    shapes = sorted({n.type.shape for n in nodes})
+    if len(shapes) > 1:
+        checker.fail("E307", expr, f"these values have different shapes: {' and '.join(str(list(x)) for x in shapes)}")
+
+
+# -- decision tables ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """A `by:` entry: its node, its domain if it is a choice, and the finite range of its values (None if endless)."""
+
+    expr: s.Expr
+    node: Node
+    domain: Domain | None
+    values: range | None
+
+    def shown(self, value: int) -> str:
+        if self.domain is not None:
+            return self.domain.labels[value]
+        return BOOLEAN_LABELS[value] if self.node.type.kind is Kind.BOOL else str(value)
+
+
+_Leaf = tuple[tuple["_Key", ...], s.Expr]
+_Key = int | None  # the value of one column, None for `else` or a cell that spans it
+
+
+def table(checker: Checker, expr: s.Table, scope: Scope, want: Domain | None) -> Value:
+    """The value of the first row that matches."""
+    columns = checker.each([(lambda e=e: _column(checker, e, scope)) for e in expr.by])  # type: ignore[misc]
+    leaves = _leaves(checker, expr.rows, columns, scope)
+    cells = checker.each([(lambda e=e: _outcomes(checker, e, scope, want)) for _, e in leaves])  # type: ignore[misc]
+    values = [v for cell in cells for v in cell.values]
+    exprs = [e for cell in cells for e in cell.exprs]
+    nodes, domain = checker.unify(values, exprs)
+    _same_shape(checker, nodes, expr)
+    taken = iter(nodes)
+    outcomes = [([next(taken) for _ in cell.values], cell.p) for cell in cells]
+    keys = [key for key, _ in leaves]
+    grid = _grid(checker, expr, columns, keys)
+    return Value(_node(checker, columns, keys, outcomes, grid), domain)
+
+
+def _column(checker: Checker, expr: s.Expr, scope: Scope) -> _Column:
+    value = checker.value(expr, scope)
+    node = value.node
+    if not node.type.is_scalar or node.type.kind is Kind.REAL:
+        checker.fail("E306", expr, f"a table can only be looked up by choices, ints and conditions, not by {node.type}",
+                     "write cases: a list of `if:`/`then:`")  # fmt: skip
+    low, high = checker.builder.bounds(node)
+    if value.domain is not None:
+        low, high = 0, len(value.domain.labels) - 1
+    finite = high - low < MAX_CELLS
+    return _Column(expr, node, value.domain, range(int(low), int(high) + 1) if finite else None)
+
+
+def _leaves(checker: Checker, rows: Sequence[s.Row], columns: Sequence[_Column], scope: Scope) -> list[_Leaf]:
+    """Cells with their keys, in written order; a cell that stops early spans the columns left."""
+    if not columns:
+        checker.fail("E307", rows[0].body if not isinstance(rows[0].body, tuple) else _some(rows[0]),
+                     "this table has more levels of rows than names in `by`")  # fmt: skip
+    column, rest = columns[0], columns[1:]
+    leaves: list[_Leaf] = []
+    seen: dict[_Key, s.Row] = {}
+    for row in rows:
+        key = None if row.key is None else _key(checker, row.key, column, scope)
+        if key in seen and row.key is not None:
+            checker.fail("E309", row.key, f"the row '{column.shown(key or 0)}' is given twice")
+        seen[key] = row
+        if isinstance(row.body, tuple):
+            leaves += [((key, *deeper), cell) for deeper, cell in _leaves(checker, row.body, rest, scope)]
+        else:
+            leaves.append(((key, *(None for _ in rest)), row.body))
+    return leaves
+
+
+def _some(row: s.Row) -> s.Expr:
+    body = row.body
+    while isinstance(body, tuple):
+        body = body[0].body
+    return body
+
+
+def _key(checker: Checker, expr: s.Expr, column: _Column, scope: Scope) -> int:
+    value = checker.value(expr, scope, column.domain)
+    node = checker.number_of(value, expr) if value.domain is not None and value.domain != column.domain else value.node
+    if not isinstance(node, Const) or not node.type.is_scalar:
+        checker.fail("E312", expr, "a row of a table must be a constant")
+    if node.type.kind is Kind.REAL or (column.domain is not None and value.domain is None):
+        checker.fail("E313", expr, f"'{node.value}' is not a value of this column", _known(column))
+    if column.values is not None and int(node.value) not in column.values:
+        checker.fail("E313", expr, f"'{node.value}' is not a value of this column", _known(column))
+    return int(node.value)
+
+
+def _known(column: _Column) -> str | None:
+    if column.values is None:
+        return None
+    shown = [column.shown(v) for v in column.values[:6]]
+    return "its values are " + ", ".join(shown) + (", ..." if len(column.values) > 6 else "")
+
+
+def _grid(
+    checker: Checker, expr: s.Table, columns: Sequence[_Column], keys: Sequence[tuple[_Key, ...]]
+) -> list[int] | None:
+    """For every combination of column values the number of its cell; None where the combinations are endless or many.
+
+    A combination without a cell is reported.
+    """
+    size = 1
+    for column in columns:
+        size *= MAX_CELLS + 1 if column.values is None else len(column.values)
+    if size > MAX_CELLS:
+        if keys[-1] != tuple(None for _ in columns):
+            checker.fail("E410", expr, "this table needs a last row `else:`, since its columns have endlessly many values")
+        return None
+    order = _by_precision(keys)
+    exact = {keys[n]: n for n in order if None not in keys[n]}
+    general = [(keys[n], n) for n in order if None in keys[n]]
+    grid = []
+    for values in itertools.product(*(c.values or () for c in columns)):
+        cell = exact.get(values)
+        if cell is None:
+            cell = next((n for key, n in general if _matches(key, values)), None)
+        if cell is None:
+            missing = ", ".join(
+                f"{_name(c)} = {c.shown(v)}" for c, v in zip(columns, values, strict=True)
+            )
+            checker.fail("E410", expr, f"this table has no row for {missing}", "add the row, or `else:`")
+        grid.append(cell)
+    return grid
+
+
+def _by_precision(keys: Sequence[tuple[_Key, ...]]) -> list[int]:
+    """Rows in the order in which they are tried: a named value goes before `else`, the leftmost column first."""
+    return sorted(range(len(keys)), key=lambda n: tuple(k is None for k in keys[n]))
+
+
+def _name(column: _Column) -> str:
+    return column.expr.written if isinstance(column.expr, s.Name) else "the column"
+
+
+def _matches(key: tuple[_Key, ...], values: tuple[int, ...]) -> bool:
+    return all(k is None or k == v for k, v in zip(key, values, strict=True))
+
+
+_Cell = tuple[list[Node], list[Node]]
+
+
+def _node(
+    checker: Checker,
+    columns: Sequence[_Column],
+    keys: Sequence[tuple[_Key, ...]],
+    outcomes: Sequence[_Cell],
+    grid: list[int] | None,
+) -> Node:
+    b = checker.builder
+    plain = not any(draws(values) for values, _ in outcomes)
+    most = max(len(values) for values, _ in outcomes)
+    if most == 1:
+        return _look_up(checker, columns, keys, [values[0] for values, _ in outcomes], grid)
+    if not plain:
+        cells = [_drawn(checker, cell) for cell in outcomes]
+        return _look_up(checker, columns, keys, cells, grid)
+    zero = b.const(0, Type(Kind.REAL))
+    padded = [(v + [v[-1]] * (most - len(v)), p + [zero] * (most - len(p))) for v, p in outcomes]
+    values = _look_up(checker, columns, keys, [b.structure("vector", v) for v, _ in padded], grid)
+    p = _look_up(checker, columns, keys, [b.structure("vector", p) for _, p in padded], grid)
+    return b.structure("index", [values, b.draw("categorical", (p,), Type(Kind.INT))])
+
+
+def _drawn(checker: Checker, cell: _Cell) -> Node:
+    values, p = cell
+    if len(values) == 1:
+        return values[0]
+    b = checker.builder
+    index = b.draw("categorical", (b.structure("vector", p),), Type(Kind.INT))
+    return b.structure("index", [b.structure("vector", values), index])
+
+
+def _look_up(
+    checker: Checker,
+    columns: Sequence[_Column],
+    keys: Sequence[tuple[_Key, ...]],
+    cells: Sequence[Node],
+    grid: list[int] | None,
+) -> Node:
+    """The cell of the present row: a look-up in a constant array where possible, else a chain of selects."""
+    b = checker.builder
+    if all(c is cells[0] for c in cells) and grid is not None:
+        return cells[0]
+    if grid is not None and all(isinstance(c, Const) for c in cells):
+        kind = max(c.type.kind for c in cells)
+        rows = b.structure("vector", [b.cast(cells[n], kind) for n in grid])
+        return b.structure("index", [rows, _code(checker, columns)])
+    order = _by_precision(keys)
+    result = cells[order[-1]]
+    for number in reversed(order[:-1]):
+        condition = _condition(checker, columns, keys[number])
+        result = b.apply("where", condition, cells[number], result)
+    return result
+
+
+def _code(checker: Checker, columns: Sequence[_Column]) -> Node:
+    """The number of the present combination of column values, row-major."""
+    b = checker.builder
+    code: Node = b.scalar(0)
+    for column in columns:
+        assert column.values is not None
+        digit = b.apply("sub", b.cast(column.node, Kind.INT), b.scalar(column.values.start))
+        code = b.apply("add", b.apply("mul", code, b.scalar(len(column.values))), digit)
+    return code
+
+
+def _condition(checker: Checker, columns: Sequence[_Column], key: tuple[_Key, ...]) -> Node:
+    b = checker.builder
+    result: Node = b.scalar(True)
+    for column, value in zip(columns, key, strict=True):
+        if value is not None:
+            here = b.apply("eq", b.cast(column.node, Kind.INT), b.scalar(value))
+            result = b.apply("and", result, here)
+    return result

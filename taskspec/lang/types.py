@@ -1,0 +1,75 @@
+"""Static types of the expression language: a kind and a shape, both known before anything runs."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+
+
+class Kind(enum.IntEnum):
+    """Kinds in order of promotion: a bool counts as 0/1 among ints, an int as a real among reals."""
+
+    BOOL = 0
+    INT = 1
+    REAL = 2
+
+    def __str__(self) -> str:
+        return self.name.lower()
+
+
+Shape = tuple[int, ...]
+Scalar = bool | int | float  # and Fraction, which never leaves constants
+INT_MAX = 2**31 - 1
+"""Largest integer that every backend holds; conversions from reals saturate at it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Type:
+    """A kind with a static shape: ``()``, ``(n,)`` or ``(n, m)``."""
+
+    kind: Kind
+    shape: Shape = ()
+
+    @property
+    def size(self) -> int:
+        return math.prod(self.shape)
+
+    @property
+    def is_scalar(self) -> bool:
+        return self.shape == ()
+
+    def __str__(self) -> str:
+        if self.is_scalar:
+            return str(self.kind)
+        return f"{self.kind} vector {list(self.shape)}"
+
+
+BOOL = Type(Kind.BOOL)
+INT = Type(Kind.INT)
+REAL = Type(Kind.REAL)
+
+
+@dataclass(frozen=True, slots=True)
+class Domain:
+    """The values of a `choice`: labels, and for a mapped choice the value that each label stands for.
+
+    A choice is carried as the index of its label. `values` has one entry a label: a scalar or a
+    flat tuple, all of type `value_type`; `symbols` are what mathematics prints for the labels.
+    """
+
+    labels: tuple[str, ...]
+    values: tuple[object, ...] | None = None
+    value_type: Type | None = None
+    symbols: tuple[str, ...] | None = None
+
+    def index(self, label: str) -> int | None:
+        return self.labels.index(label) if label in self.labels else None
+
+
+BOOLEAN_LABELS = ("false", "true")
+
+
+def join(*kinds: Kind) -> Kind:
+    """The kind that all the given kinds promote to."""
+    return max(kinds)
