@@ -1,4 +1,4 @@
-"""Logarithm, exponential, sine and cosine in float32, from + - * /, casts and integer bit tricks.
+"""The float32 functions behind real draws, from + - * / sqrt, casts and integer bit tricks alone.
 
 A library's functions differ in their last digits from machine to machine; these do not, as long as
 every operation rounds once to float32 in the order written here. Integers are 32 bits wide. Each
@@ -63,6 +63,11 @@ def exp(x: Reals) -> Reals:
     power = ((k.astype(np.int32) + np.int32(127)) << np.int32(23)).view(np.float32)
     result: Reals = np.where(x < F(-87), F(0), ((f * f) * p + f + F(1)) * power)
     return result
+
+
+def uniform(words: Words) -> Reals:
+    """(w >> 8) 2^-24, in [0, 1): exact."""
+    return (words >> np.uint32(8)).view(np.int32).astype(np.float32) * F(2**-24)
 
 
 def exponential(words: Words) -> Reals:

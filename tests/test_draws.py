@@ -1,0 +1,451 @@
+"""Random words and variates: known answers, one result in Python and in NumPy, and distributions.
+
+Every statistical test looks at fixed words, so it passes or fails for good. ALPHA is the chance
+that one of them, picked blindly, would have failed with ideal randomness: some 80 of them at 1e-4
+each make under 1 % together. A wrong distribution gives p-values far below it.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
+from itertools import pairwise, permutations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import stats
+
+from taskspec.backends import draws, polynomials, threefry
+
+ALPHA = 1e-4
+TOP = 2**32 - 1
+EDGES = (0, 1, 255, 256, 2**31 - 1, 2**31, 2**31 + 1, TOP - 1, TOP)
+
+KNOWN_ANSWERS = [  # Random123, kat_vectors: key, counter, result
+    ((0, 0), (0, 0), (0x6B200159, 0x99BA4EFE)),
+    ((TOP, TOP), (TOP, TOP), (0x1CB996FC, 0xBB002BE7)),
+    ((0x13198A2E, 0x03707344), (0x243F6A88, 0x85A308D3), (0xC4923A9C, 0x483DF7A0)),
+]
+
+word = st.integers(0, TOP) | st.sampled_from(EDGES)
+seeds = st.integers(0, 2**64 - 1) | st.sampled_from([0, TOP, 2**32, 2**63, 2**64 - 1])
+phases = st.sampled_from([draws.STEP, draws.RESET])
+counters = st.integers(0, TOP) | st.sampled_from([0, TOP - 1, TOP])
+probabilities = st.lists(st.integers(0, 5), min_size=1, max_size=15).filter(any)
+positive = st.floats(2**-20, 1e4, width=32)
+
+
+def stream(count: int, lanes: int, seed: int = 20_240_229) -> draws.Words:
+    """uint32 (count, lanes): the words of one step of many lanes."""
+    return draws.lanes_block(draws.lane_seeds(seed, lanes), draws.STEP, 0, count)
+
+
+def lists_of(size: int) -> st.SearchStrategy[list[int]]:
+    return st.lists(word, min_size=size, max_size=size)
+
+
+def column(words: list[int]) -> draws.Words:
+    return np.array(words, np.uint32)[:, None]
+
+
+# ------------------------------------------------------------------------------ words
+
+
+@pytest.mark.parametrize(("key", "counter", "result"), KNOWN_ANSWERS)
+def test_known_answers(
+    key: tuple[int, int], counter: tuple[int, int], result: tuple[int, int]
+) -> None:
+    assert threefry.threefry(key, counter) == result
+    arrays = threefry.threefry_arrays(key, counter)
+    assert tuple(int(half) for half in arrays) == result
+
+
+def test_known_answers_side_by_side() -> None:
+    key, counter, result = (
+        tuple(sum(v[half] << 64 * i for i, v in enumerate(values)) for half in (0, 1))
+        for values in zip(*KNOWN_ANSWERS, strict=True)
+    )
+    assert threefry.threefry(key, counter, lanes=3) == result
+
+
+def test_a_word_is_a_half_of_a_slot() -> None:
+    seed, n = 7 << 32 | 5, 11
+    for phase, top in ((draws.STEP, 0), (draws.RESET, 1 << 31)):
+        halves = [threefry.threefry((5, 7), (n, top | slot)) for slot in range(3)]
+        assert draws.words(seed, phase, n, 5) == sum(halves, ())[:5]
+
+
+@given(seeds, phases, counters, st.integers(0, 5), st.integers(0, 5))
+def test_blocks_agree(seed: int, phase: int, first_n: int, how_many: int, count: int) -> None:
+    expected = [draws.words(seed, phase, first_n + i, count) for i in range(how_many)]
+    assert draws.rows(seed, phase, first_n, how_many, count) == expected
+    for limit in (0, 192):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(threefry, "PACKED_BLOCKS", limit)
+            block = draws.block(seed, phase, first_n, how_many, count)
+        assert block.dtype == np.uint32
+        assert block.shape == (how_many, count)
+        assert list(map(tuple, block.tolist())) == expected
+
+
+@given(seeds, phases, st.lists(counters, max_size=5), st.integers(0, 5))
+def test_lanes_agree(seed: int, phase: int, n: list[int], count: int) -> None:
+    lane_seeds = draws.lane_seeds(seed, len(n))
+    expected = [draws.words(int(s), phase, m, count) for s, m in zip(lane_seeds, n, strict=True)]
+    for limit in (0, 192):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(threefry, "PACKED_BLOCKS", limit)
+            block = draws.lanes_block(lane_seeds, phase, np.array(n, np.int64), count)
+        assert block.shape == (count, len(n))
+        assert list(map(tuple, block.T.tolist())) == expected
+
+
+@pytest.mark.parametrize(("lanes", "count"), [(40_000, 3), (1000, 41), (3, 70_001)])
+def test_chunks_meet_without_seams(lanes: int, count: int) -> None:
+    seed, n = 2**40 + TOP - 2, np.arange(lanes)
+    lane_seeds = draws.lane_seeds(seed, lanes)
+    out = np.empty((count, lanes), np.uint32)
+    assert draws.lanes_block(lane_seeds, draws.STEP, n, count, out) is out
+    blocks = draws.block(seed, draws.STEP, TOP - 1, lanes, count)
+    for i in {0, 1, lanes // 2, lanes - 1}:
+        assert tuple(out[:, i].tolist()) == draws.words(int(lane_seeds[i]), draws.STEP, i, count)
+        assert tuple(blocks[i].tolist()) == draws.words(seed, draws.STEP, TOP - 1 + i, count)
+
+
+@given(seeds, st.integers(0, 2**33))
+def test_lane_seeds(seed: int, first: int) -> None:
+    expected = [(seed >> 32) << 32 | (seed + first + i) % 2**32 for i in range(3)]
+    assert draws.lane_seeds(seed, 3, first).tolist() == expected
+
+
+def test_threads_do_not_share_scratch() -> None:
+    def job(seed: int) -> bytes:
+        return draws.block(seed, draws.STEP, 0, 3000, 4).tobytes()
+
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(job, range(24))) == [job(seed) for seed in range(24)]
+
+
+# ------------------------------------------------------------------------------ float32 functions
+
+MANY = stream(1, 300_000)[0]
+
+
+def test_logarithm_and_exponential_are_close() -> None:
+    x = np.exp(np.linspace(-80, 80, 200_001)).astype(np.float32)
+    reference = np.log(x.astype(np.float64))
+    assert (np.abs(polynomials.log(x) - reference) <= 1.2e-7 * (1 + np.abs(reference))).all()
+    near = np.linspace(0.7, 1.4, 200_001).astype(np.float32)
+    assert np.abs(polynomials.log(near) - np.log(near.astype(np.float64))).max() < 7e-8
+    y = np.linspace(-87, 88, 200_001).astype(np.float32)
+    reference = np.exp(y.astype(np.float64))
+    assert (np.abs(polynomials.exp(y) - reference) <= 1e-7 * reference).all()
+    ends = np.array([-np.inf, -88, 0], np.float32)
+    assert polynomials.exp(ends).tolist() == [0, 0, 1]
+
+
+def test_exponential_of_words_is_close_and_reaches_its_tail() -> None:
+    w = np.concatenate([MANY, np.array(EDGES, np.uint32)])
+    u = ((~w >> 1).astype(np.float64) + 0.5) * 2**-31
+    value = polynomials.exponential(w)
+    assert value.dtype == np.float32
+    assert (np.abs(value + np.log(u)) <= 1.3e-7 * (1 - np.log(u))).all()
+    assert draws.exponential(0) == 0
+    assert draws.exponential(TOP) == pytest.approx(32 * math.log(2))
+    ordered = polynomials.exponential(np.sort(w))
+    assert (np.diff(ordered) >= -2e-7 * (1 + ordered[1:])).all()
+
+
+def test_direction_is_close() -> None:
+    w = np.concatenate([MANY, np.array(EDGES, np.uint32)])
+    angle = (w << np.uint32(1)).view(np.int32) * (math.pi / 2**32)
+    cosine, sine = polynomials.direction(w)
+    assert cosine.dtype == sine.dtype == np.float32
+    assert np.abs(sine - np.sin(angle)).max() < 3e-7
+    assert np.abs(cosine - np.where(w >> 31, -1, 1) * np.cos(angle)).max() < 3e-7
+
+
+def test_normals_reach_their_tail() -> None:
+    assert draws.normal((TOP, 0), 2) == pytest.approx((math.sqrt(64 * math.log(2)), 0))
+    assert draws.normal((TOP, 2**30), 2)[1] == pytest.approx(-math.sqrt(64 * math.log(2)))
+    assert draws.normal((0, 5), 2) == (0, 0)
+
+
+# ------------------------------------------------------------------------------ one result
+
+
+@given(word, st.floats(0, 1))
+def test_single_words_give_one_result(w: int, p: float) -> None:
+    array = np.array([w], np.uint32)
+    assert draws.uniforms(array)[0] == draws.uniform(w) == (w // 256) / 2**24
+    assert draws.exponentials(array)[0] == draws.exponential(w)
+    assert draws.bernoullis(array, p)[0] == draws.bernoulli(w, p)
+
+
+@given(word, st.integers(1, 2**31 - 1))
+def test_index(w: int, n: int) -> None:
+    assert draws.indices(np.array([w], np.uint32), n).tolist() == [draws.index(w, n)]
+    assert 0 <= draws.index(w, n) < n
+
+
+@given(word, st.integers(1, 2**16))
+def test_index_in_32_bits(w: int, n: int) -> None:
+    low = (w & 0xFFFF) * n
+    parts = ((w >> 16) * n, (w >> 16) * n + (low >> 16), low)
+    assert max(parts) <= TOP
+    assert parts[1] >> 16 == draws.index(w, n)
+
+
+@given(st.lists(st.tuples(word, word), min_size=1, max_size=9), st.booleans())
+def test_normals_give_one_result(pairs: list[tuple[int, int]], odd: bool) -> None:
+    words = [w for pair in pairs for w in pair]
+    n = len(words) - odd
+    assert draws.normal_words(n) == len(words)
+    expected = draws.normal(words, n)
+    assert len(expected) == n
+    lanes = np.repeat(column(words), 3, axis=1)
+    assert all(tuple(lane) == expected for lane in draws.normals(lanes, n).T.tolist())
+    steps = draws.normals(lanes.T.copy().T, n).T
+    assert all(tuple(step) == expected for step in steps.tolist())
+
+
+def test_normals_of_a_large_block_meet_without_seams() -> None:
+    words = stream(6, 9000)
+    whole = draws.normals(words, 5)
+    assert whole.shape == (5, 9000)
+    assert (whole[:, 8990:] == draws.normals(words[:, 8990:], 5)).all()
+
+
+@settings(max_examples=50)
+@given(lists_of(draws.GAMMA_WORDS), positive)
+def test_gamma_gives_one_result(words: list[int], alpha: float) -> None:
+    lanes = np.repeat(column(words), 3, axis=1)
+    assert draws.gammas(lanes, alpha).tolist() == [draws.gamma(words, alpha)] * 3
+
+
+@settings(max_examples=50)
+@given(lists_of(3 * draws.GAMMA_WORDS), st.lists(positive, min_size=3, max_size=3))
+def test_dirichlet_gives_one_result(words: list[int], alphas: list[float]) -> None:
+    lanes = np.repeat(column(words), 2, axis=1)
+    shares = draws.dirichlet(words, alphas)
+    assert draws.dirichlets(lanes, alphas).T.tolist() == [list(shares)] * 2
+    assert sum(shares) == pytest.approx(1, abs=1e-6)
+    assert min(shares) >= 0
+
+
+@given(probabilities, word)
+def test_categorical_gives_one_result(weights: list[int], w: int) -> None:
+    total = sum(weights)
+    table = draws.thresholds([Fraction(p, total) for p in weights])
+    assert table == tuple(
+        round(Fraction(2**32 * sum(weights[: i + 1]), total)) for i in range(len(weights) - 1)
+    )
+    outcome = draws.categorical(w, table)
+    array = np.array([w], np.uint32)
+    assert draws.categoricals(array, table).tolist() == [outcome]
+    rows, last = draws.threshold_table([weights, weights[::-1]])
+    assert draws.row_categorical(w, 0, rows, last) == outcome
+    assert draws.row_categoricals(array, np.array([0]), rows, last).tolist() == [outcome]
+
+
+@given(st.lists(st.floats(0, 1e6, width=32), min_size=1, max_size=9).filter(any), word)
+def test_weighted_gives_one_result(weights: list[float], w: int) -> None:
+    outcome = draws.weighted_categorical(w, weights)
+    two = draws.weighted_categoricals(np.array([w, w], np.uint32), np.array([weights] * 2).T)
+    assert two.tolist() == [outcome] * 2
+
+
+@given(st.lists(st.integers(0, 3) | word, min_size=1, max_size=8))
+def test_permutation_gives_one_result(words: list[int]) -> None:
+    order = draws.permutation(words)
+    assert draws.permutations(column(words))[:, 0].tolist() == list(order)
+    assert sorted(order) == list(range(len(words)))
+    assert all((words[i], i) < (words[j], j) for i, j in pairwise(order))
+
+
+@settings(max_examples=30)
+@given(lists_of(2), st.floats(0, 120))
+def test_poisson_gives_one_result(words: list[int], rate: float) -> None:
+    lanes = np.repeat(column(words), 2, axis=1)
+    count = draws.poisson(words, rate, 100)
+    assert draws.poissons(lanes, rate, 100).tolist() == [count] * 2
+    assert 0 <= count <= 2 * draws.poisson_terms(100)
+
+
+# ------------------------------------------------------------------------------ impossible outcomes
+
+
+@given(probabilities, st.booleans())
+def test_outcomes_of_probability_zero_are_never_drawn(weights: list[int], exact: bool) -> None:
+    total = sum(weights)
+    chances = [Fraction(p, total) if exact else p / total for p in weights]
+    table = draws.thresholds(chances)
+    rows, last = draws.threshold_table([chances])
+    places = {w % 2**32 for t in table for w in (t - 1, t, t + 1)} | set(EDGES)
+    for w in places:
+        assert weights[draws.categorical(w, table)] > 0
+        assert weights[draws.row_categorical(w, 0, rows, last)] > 0
+        assert weights[draws.weighted_categorical(w, weights)] > 0
+
+
+@pytest.mark.parametrize("w", [0, TOP])
+def test_certain_events_at_the_extreme_words(w: int) -> None:
+    assert draws.categorical(w, draws.thresholds([0, 0.0, 1, Fraction(0)])) == 2
+    assert draws.bernoulli(w, 1)
+    assert not draws.bernoulli(w, 0)
+    assert draws.poisson([w], 0, 10) == draws.poisson([w], math.nan, 10) == 0
+    assert draws.poisson_table(0) == (0, ())
+
+
+@pytest.mark.parametrize("weights", [[], [0, 0], [-1, 2], [math.nan, 1], [math.inf, 1]])
+def test_probabilities_that_make_no_sense(weights: list[float]) -> None:
+    with pytest.raises(ValueError, match="probabilit"):
+        draws.thresholds(weights)
+
+
+@pytest.mark.parametrize("rate", [-1, math.nan, 100_001])
+def test_rates_that_make_no_sense(rate: float) -> None:
+    with pytest.raises(ValueError, match="Poisson rate"):
+        draws.poisson_table(rate)
+
+
+# ------------------------------------------------------------------------------ distributions
+
+
+def assert_frequencies(outcomes: np.ndarray, expected: np.ndarray) -> None:
+    """A chi-square test of outcomes 0 to k - 1 against probabilities (k,) of at least 5 cases."""
+    counts = np.bincount(outcomes, minlength=len(expected))
+    assert len(counts) == len(expected)
+    possible = expected > 0
+    assert not counts[~possible].any()
+    expected = expected[possible] / expected.sum() * len(outcomes)
+    assert stats.chisquare(counts[possible], expected).pvalue > ALPHA
+
+
+def assert_poisson(outcomes: np.ndarray, rate: float) -> None:
+    low, high = stats.poisson.ppf([1e-3, 1 - 1e-3], rate).astype(int)
+    inner = stats.poisson.pmf(np.arange(low + 1, high), rate)
+    ends = [stats.poisson.cdf(low, rate), stats.poisson.sf(high - 1, rate)]
+    assert_frequencies(np.clip(outcomes, low, high) - low, np.array([ends[0], *inner, ends[1]]))
+
+
+@pytest.mark.parametrize("weights", [(1, 1), (1, 3), (0, 2, 5, 0, 3), (1,) * 12])
+def test_categorical_frequencies(weights: tuple[int, ...]) -> None:
+    expected = np.array(weights, float)
+    table = draws.thresholds([Fraction(p, sum(weights)) for p in weights])
+    assert_frequencies(draws.categoricals(MANY, table), expected)
+    column = np.array(weights, np.float32)[:, None]
+    assert_frequencies(draws.weighted_categoricals(MANY, column), expected)
+
+
+@pytest.mark.parametrize("p", [0.1, 0.5, 0.99])
+def test_bernoulli_frequencies(p: float) -> None:
+    assert_frequencies(draws.bernoullis(MANY, p).astype(int), np.array([1 - p, p]))
+    table = draws.thresholds([1 - p, p])
+    assert_frequencies(draws.categoricals(MANY, table), np.array([1 - p, p]))
+
+
+@pytest.mark.parametrize("n", [2, 3, 10, 97])
+def test_index_frequencies(n: int) -> None:
+    assert_frequencies(draws.indices(MANY, n), np.ones(n))
+
+
+def test_permutation_frequencies() -> None:
+    orders = draws.permutations(stream(4, 50_000))
+    names = {order: i for i, order in enumerate(permutations(range(4)))}
+    outcomes = np.array([names[tuple(order)] for order in orders.T.tolist()])
+    assert_frequencies(outcomes, np.ones(24))
+
+
+@pytest.mark.parametrize("rate", [0.3, 4.0, 60.0, 1e5])
+def test_poisson_table_frequencies(rate: float) -> None:
+    first, table = draws.poisson_table(rate)
+    assert_poisson(first + draws.categoricals(MANY, table), rate)
+    cdf = stats.poisson.cdf(first + np.arange(len(table)), rate)
+    assert np.abs(np.array(table) * 2.0**-32 - cdf).max() < 2**-32
+
+
+@pytest.mark.parametrize(("rate", "bound"), [(0.3, 5), (4, 5), (50, 64), (150, 200)])
+def test_poisson_frequencies(rate: float, bound: float) -> None:
+    words = stream(draws.poisson_words(bound), 20_000)
+    assert_poisson(draws.poissons(words, np.full(20_000, rate), bound), rate)
+
+
+def assert_follows(values: np.ndarray, distribution: object) -> None:
+    """A Kolmogorov-Smirnov test against a distribution of scipy."""
+    assert values.dtype == np.float32
+    assert stats.kstest(values.astype(np.float64), distribution.cdf).pvalue > ALPHA  # type: ignore[attr-defined]
+
+
+def test_real_distributions() -> None:
+    words = stream(4, 50_000)
+    assert_follows(draws.uniforms(words[0]), stats.uniform)
+    assert_follows(draws.exponentials(words[0]), stats.expon)
+    for values in draws.normals(words, 4):
+        assert_follows(values, stats.norm)
+
+
+@pytest.mark.parametrize("alpha", [0.05, 0.5, 1.0, 1.5, 7.0, 300.0])
+def test_gamma_distribution(alpha: float) -> None:
+    """Above the least float32, to which a small alpha often sinks, and how often it does."""
+    values = draws.gammas(stream(draws.GAMMA_WORDS, 40_000), alpha)
+    least = 1e-37
+    lost = stats.gamma(alpha).cdf(least)
+    assert stats.binomtest(int((values < least).sum()), len(values), lost).pvalue > ALPHA
+    shares = (stats.gamma(alpha).cdf(values[values >= least]) - lost) / (1 - lost)
+    assert stats.kstest(shares, stats.uniform.cdf).pvalue > ALPHA
+
+
+def test_dirichlet_distribution() -> None:
+    alphas = np.array([0.2, 1.0, 3.0])
+    shares = draws.dirichlets(stream(draws.dirichlet_words(3), 40_000), alphas)
+    for share, alpha in zip(shares, alphas, strict=True):
+        assert_follows(share, stats.beta(alpha, alphas.sum() - alpha))
+
+
+def test_dirichlet_of_tiny_alphas_still_adds_up_to_one() -> None:
+    shares = draws.dirichlets(stream(draws.dirichlet_words(3), 1000), [1e-4] * 3)
+    assert shares.sum(axis=0) == pytest.approx(np.ones(1000), abs=1e-6)
+
+
+# ------------------------------------------------------------------------------ independence
+
+SIDE = 256
+
+
+def field(phase: int = draws.STEP, seed: int = 99) -> draws.Words:
+    """uint32 (lanes, steps, sites), each axis SIDE, SIDE and 4 long."""
+    lanes = draws.lane_seeds(seed, SIDE)
+    steps = [draws.lanes_block(lanes, phase, n, 4) for n in range(SIDE)]
+    return np.stack(steps, axis=1).T
+
+
+FIELD = field()
+NEIGHBOURS = {
+    "lanes": (FIELD[:-1], FIELD[1:]),
+    "steps": (FIELD[:, :-1], FIELD[:, 1:]),
+    "sites": (FIELD[..., :-1], FIELD[..., 1:]),
+    "lanes against steps": (FIELD, FIELD.transpose(1, 0, 2)[::-1]),
+    "phases": (FIELD, field(draws.RESET)),
+    "high words of the seed": (FIELD, field(seed=99 + 2**32)),
+}
+
+
+@pytest.mark.parametrize("which", NEIGHBOURS)
+@pytest.mark.parametrize("shift", [0, 28])
+def test_neighbours_are_independent(which: str, shift: int) -> None:
+    """Joint cells of the four upper (28) and of the four lower (0) bits, and their correlation."""
+    one, other = (words.ravel() >> np.uint32(shift) & np.uint32(15) for words in NEIGHBOURS[which])
+    assert_frequencies((16 * one + other).astype(np.int64), np.ones(256))
+    correlation = np.corrcoef(one, other)[0, 1]
+    assert abs(correlation) * math.sqrt(one.size) < stats.norm.isf(ALPHA / 2)
+
+
+def test_normals_of_a_pair_and_of_neighbours_are_uncorrelated() -> None:
+    values = draws.normals(stream(8, 50_000), 8).astype(np.float64)
+    for rows in (values, np.abs(values), values**2):
+        off = np.corrcoef(rows)[np.triu_indices(8, 1)] * math.sqrt(50_000)
+        assert np.abs(off).max() < stats.norm.isf(ALPHA / 2 / len(off))
