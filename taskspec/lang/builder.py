@@ -10,24 +10,16 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from taskspec.lang import dists, interval
+from taskspec.lang import interval
 from taskspec.lang.evaluate import apply_flat
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact
 from taskspec.lang.ops import OPS
 from taskspec.lang.structure import STRUCTURES
-from taskspec.lang.types import BOOL, INT, REAL, Kind, Shape, Type, join
+from taskspec.lang.types import BOOL, INT, REAL, Kind, Refused, Shape, Type, join
 
 MAX_ELEMENTS = 2_000_000
 MAX_NODES = 200_000
 MAX_BITS = 256
-
-
-class Refused(Exception):
-    """An operation that cannot be built: a sentence for the author, a code, maybe a hint. The checker adds the place."""
-
-    def __init__(self, message: str, code: str = "E306", hint: str | None = None) -> None:
-        super().__init__(message)
-        self.message, self.code, self.hint = message, code, hint
 
 
 class Builder:
@@ -257,5 +249,3 @@ class Builder:
             case _:
                 return None
 
-
-__all__ = ["Builder", "Refused", "dists"]

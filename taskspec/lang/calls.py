@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from taskspec.diagnostics import suggest
 from taskspec.lang import dists, sets, tables
 from taskspec.lang import syntax as s
-from taskspec.lang.builder import Refused
+
 from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import FunctionDef, Scope, Value
-from taskspec.lang.types import Domain, Kind, Shape
+from taskspec.lang.types import Domain, Kind, Refused, Shape
 
 if TYPE_CHECKING:
     from taskspec.lang.check import Checker

@@ -13,10 +13,10 @@ from typing import NoReturn, TypeVar, assert_never
 from taskspec.diagnostics import Collector, nearest, suggest
 from taskspec.lang import calls, sets, tables
 from taskspec.lang import syntax as s
-from taskspec.lang.builder import Builder, Refused
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Unavailable, Value
-from taskspec.lang.types import Domain, Kind, Type
+from taskspec.lang.types import Domain, Kind, Refused, Type
 
 T = TypeVar("T")
 CONSTANTS = {"pi": math.pi, "inf": math.inf}

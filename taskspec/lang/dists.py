@@ -12,10 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.types import Kind, Shape, Type
+from taskspec.lang.types import Kind, Refused, Shape, Type
 
 if TYPE_CHECKING:
     from taskspec.lang.builder import Builder
+
+
+POISSON_LIMIT = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +96,14 @@ def _exponential(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _poisson(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    return b.draw("poisson", (b.cast(a["rate"], Kind.REAL),), Type(Kind.INT, shape))
+    rate = b.cast(a["rate"], Kind.REAL)
+    high = b.bounds(rate)[1]
+    if not high <= POISSON_LIMIT:
+        raise Refused(
+            f"the rate of Poisson is not known to stay below {POISSON_LIMIT:,}", "E408",
+            "give it a bound: `Poisson(clip(rate, 0, 100))`",
+        )  # fmt: skip
+    return b.draw("poisson", (rate, b.const(high, Type(Kind.REAL))), Type(Kind.INT, shape))
 
 
 def _dirichlet(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
@@ -105,7 +115,7 @@ def _dirichlet(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     n = a["n"]
     assert isinstance(n, Const)
-    return b.draw("permutation", (), Type(Kind.INT, (int(n.value),)))
+    return b.draw("permutation", (), Type(Kind.INT, (*shape, int(n.value))))
 
 
 DISTS: dict[str, Dist] = {
@@ -128,8 +138,9 @@ DISTS: dict[str, Dist] = {
         Dist("Dirichlet", (Argument("alpha", vector=True),), _dirichlet,
              "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
              shaped=False),
-        Dist("Permutation", (Argument("n", static=True),), _permutation, "A uniform permutation of 0, ..., n - 1.",
-             r"\operatorname{Perm}({n})", shaped=False),
+        Dist("Permutation", (Argument("n", static=True),), _permutation,
+             "A uniform permutation of 0, ..., n - 1; `shape=` gives one in each place.",
+             r"\operatorname{Perm}({n})"),
     )
 }  # fmt: skip
 

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec.lang.builder import Builder, Refused
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.types import INT, Kind, Type
+from taskspec.lang.types import INT, Kind, Refused, Type
 
 Build = Callable[[Builder, list[Node]], Node]
 

@@ -73,3 +73,11 @@ BOOLEAN_LABELS = ("false", "true")
 def join(*kinds: Kind) -> Kind:
     """The kind that all the given kinds promote to."""
     return max(kinds)
+
+
+class Refused(Exception):
+    """An operation that cannot be built: a sentence for the author, a code, maybe a hint. The checker adds the place."""
+
+    def __init__(self, message: str, code: str = "E306", hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message, self.code, self.hint = message, code, hint

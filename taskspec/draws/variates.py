@@ -4,7 +4,7 @@ A singular name takes Python integers and gives one Python value (`normal`); its
 arrays and is elementwise (`normals`). Where a variate takes several words, they lie along the first
 axis. Both forms give the same values to the bit: finite draws compare integers, and reals are
 float32 from the operations of `polynomials`, each rounded once, in the order written. Real draws
-are defined here; words come from `threefry` and finite draws from `finite`, with this as the door.
+are defined here, finite ones in `finite`.
 
 Words taken: uniform, bernoulli, exponential, index and categorical draws 1; n normals
 `normal_words`; a permutation of n things n; a Poisson of dynamic rate `poisson_words`; a gamma
@@ -18,36 +18,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taskspec.backends import polynomials
-from taskspec.backends.finite import NEVER as NEVER
-from taskspec.backends.finite import POISSON_LIMIT as POISSON_LIMIT
-from taskspec.backends.finite import POISSON_SHARE as POISSON_SHARE
-from taskspec.backends.finite import categorical as categorical
-from taskspec.backends.finite import categoricals as categoricals
-from taskspec.backends.finite import index as index
-from taskspec.backends.finite import indices as indices
-from taskspec.backends.finite import permutation as permutation
-from taskspec.backends.finite import permutations as permutations
-from taskspec.backends.finite import poisson as poisson
-from taskspec.backends.finite import poisson_table as poisson_table
-from taskspec.backends.finite import poisson_terms as poisson_terms
-from taskspec.backends.finite import poisson_words as poisson_words
-from taskspec.backends.finite import poissons as poissons
-from taskspec.backends.finite import row_categorical as row_categorical
-from taskspec.backends.finite import row_categoricals as row_categoricals
-from taskspec.backends.finite import threshold_table as threshold_table
-from taskspec.backends.finite import thresholds as thresholds
-from taskspec.backends.finite import weighted_categorical as weighted_categorical
-from taskspec.backends.finite import weighted_categoricals as weighted_categoricals
-from taskspec.backends.polynomials import F, Reals
-from taskspec.backends.threefry import CHUNK, Words
-from taskspec.backends.threefry import RESET as RESET
-from taskspec.backends.threefry import STEP as STEP
-from taskspec.backends.threefry import block as block
-from taskspec.backends.threefry import lane_seeds as lane_seeds
-from taskspec.backends.threefry import lanes_block as lanes_block
-from taskspec.backends.threefry import rows as rows
-from taskspec.backends.threefry import words as words
+from taskspec.draws import polynomials
+from taskspec.draws.polynomials import F, Reals
+from taskspec.draws.threefry import CHUNK, Words
 
 GAMMA_TRIES = 4
 GAMMA_WORDS = 9  # two pairs for the normals of four tries, four for their tests, one for alpha < 1

@@ -14,8 +14,8 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from taskspec.backends.polynomials import F, Ints, Reals, uniform
-from taskspec.backends.threefry import Words
+from taskspec.draws.polynomials import F, Ints, Reals, uniform
+from taskspec.draws.threefry import Words
 
 NEVER = 1 << 32  # a threshold above every word
 POISSON_SHARE = 64  # the largest mean of one sequential search: exp(64) is well inside float32

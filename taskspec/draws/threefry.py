@@ -151,10 +151,9 @@ def block(seed: int, phase: int, first_n: int, how_many: int, count: int) -> Wor
 def lane_seeds(seed: int, lanes: int, first: int = 0) -> NDArray[np.uint64]:
     """The seeds of the lanes from ``first`` on of a vector environment: uint64 (lanes,).
 
-    The low word is that of ``seed`` plus the lane, modulo 2**32; the high word is the seed's own.
+    Lane i has the seed ``seed + i`` modulo 2**64, as a scalar environment with that seed has.
     """
-    low = (np.arange(lanes, dtype=np.uint64) + np.uint64(first + seed & MASK)) & np.uint64(MASK)
-    return low | np.uint64((seed >> 32 & MASK) << 32)
+    return np.arange(lanes, dtype=np.uint64) + np.uint64((seed + first) % 2**64)
 
 
 def lanes_block(

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from taskspec.backends.threefry import Words
+from taskspec.draws.threefry import Words
 
 Reals = NDArray[np.float32]
 Ints = NDArray[np.int32]
