@@ -1,0 +1,253 @@
+"""A task: what a spec means for given parameters. Typed, closed, immutable; everything downstream takes a Task and nothing else."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+from taskspec.lang import syntax as s
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Const, Node, Read, Role, rewrite
+from taskspec.lang.types import BOOL, Domain, Kind, Type
+from taskspec.source import Document
+
+if TYPE_CHECKING:
+    import gymnasium
+
+SpaceKind = Literal["auto", "box", "dict", "one_hot", "multi_discrete", "discrete"]
+Ending = Literal["terminate", "absorb"]
+MAX_COUNT = 2**31 - 1
+
+
+@dataclass(frozen=True)
+class Component:
+    """A part of the state, the action or the observation.
+
+    `low` and `high` are inclusive bounds, one for each element in row-major order; for a choice they bound the index of
+    the label. `node` is what is observed (None for state and action components).
+    """
+
+    name: str
+    type: Type
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    domain: Domain | None = None
+    symbol: str | None = None
+    doc: str | None = None
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether it takes finitely many values."""
+        if self.type.kind is Kind.REAL:
+            return False
+        return all(math.isfinite(v) for v in (*self.low, *self.high))
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """For a finite component, how many values each element takes."""
+        return tuple(int(h - b) + 1 for b, h in zip(self.low, self.high, strict=True))
+
+    @property
+    def read(self) -> tuple[Role, str]:
+        return (Role.STATE, self.name)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What the agent sees: components with their expressions, and the kind of space that holds them."""
+
+    components: tuple[Component, ...]
+    nodes: tuple[Node, ...]
+    space: SpaceKind = "auto"
+    is_state: bool = False  # nothing was declared: the state itself is observed
+
+
+@dataclass(frozen=True)
+class Soft:
+    """The Boltzmann-rational expert at inverse temperature `beta`."""
+
+    beta: float
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement about exact results: surface syntax, the parameter values to try, and how closely to test it."""
+
+    expr: s.Expr
+    text: str
+    cases: tuple[Mapping[str, Any], ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A knob: its bound value, and how it was declared."""
+
+    name: str
+    kind: str
+    value: Any
+    default: Any
+    low: float | None = None
+    high: float | None = None
+    values: tuple[Any, ...] | None = None
+    symbol: str | None = None
+    doc: str | None = None
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The parsed sections, for the printers and for whoever asks what the author wrote."""
+
+    sections: Mapping[str, Any]  # section -> expression, or name -> expression
+    data: Mapping[str, Any]  # the merged document, plain
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One task with its parameters bound.
+
+    Nodes are those of `builder`. `initial` and `next` follow the order of `state`; `next`, `reward` and `terminal`
+    read STATE, ACTION and TIME; observation nodes read STATE (the state that is observed) and TIME; `initial` reads
+    nothing: each component's node contains those it depends on.
+    """
+
+    name: str
+    suite: str
+    version: int
+    variant: str | None
+    parameters: tuple[Parameter, ...]
+    state: tuple[Component, ...]
+    action: tuple[Component, ...]
+    observation: Observation
+    horizon: int | None
+    discount: float
+    initial: tuple[Node, ...]
+    next: tuple[Node, ...]
+    reward: Node
+    terminal: Node
+    expert: tuple[Node, ...] | Literal["optimal"] | Soft | None
+    claims: tuple[Claim, ...]
+    absorbing_reward: Node
+    builder: Builder
+    surface: Surface
+    document: Document
+    content_hash: str
+    ending: Ending = "terminate"
+    observe_time: bool = False
+
+    @property
+    def id(self) -> str:
+        """`suite/Name-vN`, the id under which a shipped task is registered with Gymnasium."""
+        prefix = f"{self.suite}/" if self.suite else ""
+        return f"{prefix}{self.name}-v{self.version}"
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Parameter values by name."""
+        return {p.name: p.value for p in self.parameters}
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether states and actions are finite in number by their declared domains."""
+        return all(c.is_finite for c in (*self.state, *self.action))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Task) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    @cached_property
+    def _identity(self) -> tuple[str, str, str, bool]:
+        return (self.id, self.content_hash, self.ending, self.observe_time)
+
+    def __repr__(self) -> str:
+        arguments = "".join(f", {p.name}={p.value!r}" for p in self.parameters)
+        return f"<Task {self.id}{arguments}>"
+
+    def make(self, **options: Any) -> gymnasium.Env[Any, Any]:
+        """The scalar Gymnasium environment of this task (see `taskspec.envs.Environment` for the options)."""
+        # The one upward call: a convenience for people, resolved by name so that the layers stay layers.
+        envs = importlib.import_module("taskspec.envs")
+        return envs.Environment(self, **options)  # type: ignore[no-any-return]
+
+    def absorbing(self) -> Task:
+        """The same task, with terminal states absorbing until the horizon and paying the absorbing reward."""
+        if self.ending == "absorb":
+            return self
+        b = self.builder
+        over = b.read(Role.STATE, ABSORBED, BOOL, 0, 1)
+        following = [
+            b.apply("where", over, b.read(*c.read, c.type, min(c.low), max(c.high)), node)
+            for c, node in zip(self.state, self.next, strict=True)
+        ]
+        flag = Component(ABSORBED, BOOL, (0,), (1,), doc="whether the episode has ended")
+        return dataclasses.replace(
+            self,
+            state=(*self.state, flag),
+            initial=(*self.initial, b.scalar(False)),
+            next=(*following, b.apply("or", over, self.terminal)),
+            reward=b.cast(b.apply("where", over, self.absorbing_reward, self.reward), Kind.REAL),
+            terminal=b.scalar(False),
+            ending="absorb",
+        )
+
+    def observing_time(self) -> Task:
+        """The same task with the time, as steps taken, added to the observation."""
+        if self.observe_time:
+            return self
+        high = float(self.horizon) if self.horizon is not None else math.inf
+        time = self.builder.read(Role.TIME, "t", Type(Kind.INT), 0, high)
+        clock = Component("t", Type(Kind.INT), (0,), (high,), doc="steps taken")
+        seen = Observation(
+            (*self.observation.components, clock), (*self.observation.nodes, time), self.observation.space
+        )
+        return dataclasses.replace(self, observation=seen, observe_time=True)
+
+    @cached_property
+    def next_observation(self) -> tuple[Node, ...]:
+        """The observation after a step, over the STATE and TIME before it: what a step computes."""
+        b = self.builder
+        following = {c.name: node for c, node in zip(self.state, self.next, strict=True)}
+
+        def leaf(node: Node) -> Node | None:
+            match node:
+                case Read(role=Role.STATE, name=name):
+                    return following[name]
+                case Read(role=Role.TIME, type=type):
+                    return b.apply("add", b.read(Role.TIME, "t", type, node.low, node.high), b.scalar(1))
+                case _:
+                    return None
+
+        return rewrite(self.observation.nodes, leaf, b.remake)
+
+    @cached_property
+    def first_observation(self) -> tuple[Node, ...]:
+        """The observation at reset, over nothing: what a reset computes."""
+        b = self.builder
+        starting = {c.name: node for c, node in zip(self.state, self.initial, strict=True)}
+
+        def leaf(node: Node) -> Node | None:
+            match node:
+                case Read(role=Role.STATE, name=name):
+                    return starting[name]
+                case Read(role=Role.TIME):
+                    return b.scalar(0)
+                case _:
+                    return None
+
+        return rewrite(self.observation.nodes, leaf, b.remake)
+
+
+ABSORBED = "absorbed"
+
+
+def constant_value(node: Node) -> Any:
+    """The value of a constant node as Python data."""
+    assert isinstance(node, Const)
+    return node.value
