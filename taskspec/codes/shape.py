@@ -102,12 +102,12 @@ s: {type: int}        # right
         "bad-table",
         "a decision table that is not complete",
         """
-A table has `by`, the list of what it looks at, and `rows`, whose keys are the values of the first
+A table has `by`, what it looks at (a list, when more than one), and `rows`, whose keys are the values of the first
 of them. A row holds one cell for everything deeper, or the rows of the next. It is never nested
 deeper than `by` is long.
 
 ```yaml
-reward: {by: s, rows: {goal: 1, else: 0}}      # wrong: by is a list
+reward: {by: [s], rows: [1, 0]}                # wrong: rows have keys
 reward: {by: [s], rows: {goal: 1, else: 0}}    # right
 ```
 """,
@@ -132,9 +132,9 @@ reward:
         "missing-section",
         "a section that a task cannot do without",
         """
-A task has a `name`, a `state`, an `action`, `initial` values for the state, `dynamics`, a `reward`
-and a `horizon` or `terminal` condition. A spec may leave some of them to its variants, as long as
-each variant then has them all.
+A task has a `state`, an `action`, `initial` values for the state, `dynamics`, a `reward` and a
+`horizon`, which may be `none`. A spec may leave some of them to its variants; then only the
+variants that have them all are tasks.
 """,
     ),
     Code(

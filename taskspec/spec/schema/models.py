@@ -1,0 +1,287 @@
+"""The sections of a spec and the keys of their entries. Descriptions show up in editors.
+
+Expressions stay plain data: what they say is the business of the expression language.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from taskspec.spec.schema import values
+from taskspec.spec.schema.fields import (
+    Bound,
+    Constant,
+    Defined,
+    Expert,
+    Expression,
+    Horizon,
+    Labels,
+    Name,
+    Observation,
+    Primed,
+    Setting,
+    Shape,
+    fail,
+)
+from taskspec.spec.schema.values import Problem
+
+Kind = Literal["int", "real", "bool", "choice"]
+
+
+class Strict(BaseModel):
+    """No unknown keys, no silent conversions, no changes afterwards."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class Typed(Strict):
+    """What parameters and components share."""
+
+    low: Bound = Field(None, description="Smallest value, included. Without it: no bound.")
+    high: Bound = Field(None, description="Largest value, included. Without it: no bound.")
+    values: Labels = Field(
+        None,
+        description="For a choice: its labels, or a mapping from each label to the number or "
+        "vector it stands for in arithmetic.",
+    )
+    symbol: str | None = Field(None, description="How to print it, in LaTeX: `c_0`, `\\beta`.")
+    doc: str | None = Field(None, description="What it is, in a few words.")
+
+
+class Parameter(Typed):
+    """A knob of the task."""
+
+    type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
+    default: Setting = Field(description="The value when none is given.")
+
+    @model_validator(mode="after")
+    def _check(self) -> Parameter:
+        fail([*_typed_problems(self, self.type), *_default_problems(self)])
+        return self
+
+
+class Component(Typed):
+    """A part of the state or of the action."""
+
+    type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
+    shape: Shape = Field(
+        None, description="Lengths of a vector or matrix: `[L]`, `[2, 2]`. Without it: one number."
+    )
+    symbols: list[str] | None = Field(
+        None, description="For a choice: how to print its labels in LaTeX, in the same order."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Component:
+        fail([*_typed_problems(self, self.type), *_symbol_problems(self)])
+        return self
+
+
+def _typed_problems(entry: Typed, kind: Kind) -> Iterator[Problem]:
+    has_bounds = [key for key in ("low", "high") if getattr(entry, key) is not None]
+    has_labels = [k for k in ("values", "symbols") if getattr(entry, k, None) is not None]
+    if kind == "choice" and not has_labels:
+        hint = "list the labels: `values: [left, right]`"
+        yield Problem("E203", (), "a choice needs `values`", hint)
+    wrong = {"choice": has_bounds, "bool": has_bounds + has_labels}.get(kind, has_labels)
+    for key in wrong:
+        what = {"choice": "a choice", "bool": "a bool"}.get(kind, f"`type: {kind}`")
+        yield Problem("E214", (key,), f"{what} has no `{key}`", None, of_key=True)
+    low, high = entry.low, entry.high
+    if _is_number(low) and _is_number(high) and low > high:
+        yield Problem("E214", ("low",), f"the low end {low} is above the high end {high}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _symbol_problems(entry: Component) -> Iterator[Problem]:
+    if entry.symbols is None or entry.values is None or len(entry.symbols) == len(entry.values):
+        return
+    message = f"{len(entry.symbols)} symbols for {len(entry.values)} labels"
+    yield Problem("E214", ("symbols",), message)
+
+
+def _default_problems(entry: Parameter) -> Iterator[Problem]:
+    value = entry.default
+    wanted = {"int": int, "real": int | float, "bool": bool, "choice": str}[entry.type]
+    is_odd_bool = isinstance(value, bool) and entry.type != "bool"
+    is_formula = isinstance(value, str) and entry.type in ("int", "real")
+    if is_odd_bool or not (isinstance(value, wanted) or is_formula):
+        yield Problem("E213", ("default",), f"{values.kind(value)} is not of type {entry.type}")
+    elif entry.type == "choice" and value not in (entry.values or ()):
+        yield Problem("E213", ("default",), f"`{value}` is not one of the values")
+    elif _is_number(value):
+        if _is_number(entry.low) and value < entry.low:
+            yield Problem("E213", ("default",), f"{value} is below the low end {entry.low}")
+        if _is_number(entry.high) and value > entry.high:
+            yield Problem("E213", ("default",), f"{value} is above the high end {entry.high}")
+
+
+class Requirement(Strict):
+    """A condition that parameters must meet together."""
+
+    condition: str = Field(description="A condition over the parameters: `L >= B`.")
+    message: str = Field(description="What to say when it does not hold.")
+
+
+class Parameters(BaseModel):
+    """Named knobs, and conditions across them."""
+
+    model_config = ConfigDict(strict=True, extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, Parameter]
+
+    require: list[Requirement] = Field(
+        default_factory=list, description="Conditions across parameters, each with its message."
+    )
+
+    @property
+    def entries(self) -> Mapping[str, Parameter]:
+        """The parameters by name, in the order written."""
+        return self.__pydantic_extra__
+
+    @model_validator(mode="after")
+    def _check(self) -> Parameters:
+        fail([problem for key in self.entries for problem in values.name(key, (key,))])
+        return self
+
+
+def _as_entry(key: str) -> BeforeValidator:
+    """Lets a text stand for an entry with that one key."""
+    return BeforeValidator(lambda value: {key: value} if isinstance(value, str) else value)
+
+
+class Source(Strict):
+    """Where the task comes from."""
+
+    key: str = Field(description="Key of the bibliography entry.")
+    where: str | None = Field(None, description="Sections, pages or names in the source.")
+
+
+class Erratum(Strict):
+    """A place where the source contradicts itself or is wrong, and what this spec does."""
+
+    source: str = Field(description="What the source says, and where.")
+    here: str = Field(description="What this spec does instead.")
+    because: str | None = Field(None, description="Why.")
+
+
+class Claim(Strict):
+    """A statement about exact results that must hold."""
+
+    claim: str = Field(description="A condition over exact results: `optimal_return == 1`.")
+    for_: list[dict[str, Any]] | None = Field(
+        None,
+        alias="for",
+        description="Parameter values to check it for: `[{L: 3}, {L: 5}]`. Without it: defaults.",
+    )
+    under: str | None = Field(None, description="The decision model it is about: `soft(1)`.")
+    where: str | None = Field(None, description="Where the source states it.")
+    tolerance: float | None = Field(
+        None, ge=0, strict=False, description="How far apart two equal numbers may be."
+    )
+    episodes: int | None = Field(
+        None, ge=1, description="How many episodes to simulate, when there is no exact model."
+    )
+
+
+class Roles(Strict):
+    """The variants in which the expert demonstrates and the learner acts."""
+
+    expert: str = Field(description="Variant in which the expert demonstrates.")
+    learner: str = Field(description="Variant in which the learner acts.")
+
+
+class Figure(BaseModel):
+    """How to draw the task; further keys depend on the kind."""
+
+    model_config = ConfigDict(strict=True, extra="allow", frozen=True)
+
+    kind: str = Field(description="Kind of figure: graph, grid, curve, bars, ...")
+
+
+class Abstraction(Strict):
+    """A finite stand-in for a continuous state, with the same rewards and dynamics."""
+
+    state: dict[Name, Component] = Field(description="Components of the stand-in state.")
+    map: dict[Name, Expression] = Field(description="Each of them as a function of the state.")
+    initial: dict[Name, Expression] | None = Field(
+        None, description="Their initial values, where these cannot be computed."
+    )
+
+
+class Sections(Strict):
+    """The sections that a variant may override."""
+
+    title: str | None = Field(None, description="A heading for the task.")
+    summary: str | None = Field(None, description="One sentence on the task.")
+    description: str | None = Field(None, description="Markdown with $math$.")
+    capability: str | None = Field(None, description="The one skill that the task isolates.")
+    sources: list[Annotated[Source, _as_entry("key")]] = Field(
+        default_factory=list, description="Where the task comes from."
+    )
+    errata: list[Erratum] = Field(
+        default_factory=list, description="Where the source is wrong, and what this spec does."
+    )
+    version: int = Field(0, ge=0, description="Version in the environment's id: `-v0`.")
+    parameters: Parameters = Field(
+        default_factory=Parameters, description="Named knobs with defaults, bounds and words."
+    )
+    constants: dict[Name, Constant] = Field(
+        default_factory=dict,
+        description="Fixed values and arrays, which may depend on parameters, or be drawn once "
+        "per instance.",
+    )
+    definitions: dict[Defined, Expression] = Field(
+        default_factory=dict,
+        description='Named expressions, and functions such as `"p(x)"`. No draws inside.',
+    )
+    noise: dict[Name, Expression] = Field(
+        default_factory=dict, description="Named draws, made once per step and shared by all uses."
+    )
+    state: dict[Name, Component] = Field(
+        default_factory=dict, description="The components of the state."
+    )
+    action: dict[Name, Component] = Field(
+        default_factory=dict, description="The components of the action."
+    )
+    observation: Observation = Field(
+        default_factory=dict,
+        description="What the agent sees, as `name: expression`, which may draw. Without it: the "
+        "state. The key `space` chooses the kind of space.",
+    )
+    horizon: Horizon = Field(None, description="Steps until an episode is truncated, or `none`.")
+    terminal: Expression = Field(
+        None, description="Condition that ends the episode, over state, action and next state."
+    )
+    discount: Expression = Field(1, description="Discount factor; 1 unless given.")
+    initial: dict[Name, Expression] = Field(
+        default_factory=dict,
+        description="Initial value of each state component; later lines may use earlier ones.",
+    )
+    dynamics: dict[Primed, Expression] = Field(
+        default_factory=dict,
+        description="Next value of each state component: `s': s + 1`. Those not named stay.",
+    )
+    reward: Expression = Field(
+        None, description="Reward of a step; `s` is the state left, `s'` the state reached."
+    )
+    absorbing_reward: Expression = Field(
+        0, description="Reward per step after the end, when terminal states absorb."
+    )
+    expert: Expert = Field(
+        None,
+        description="Action of the expert, per component; or `optimal`; or `soft(beta)`.",
+    )
+    roles: Roles | None = Field(None, description="Which variants expert and learner act in.")
+    claims: list[Annotated[Claim, _as_entry("claim")]] = Field(
+        default_factory=list, description="Statements about exact results that must hold."
+    )
+    abstraction: Abstraction | None = Field(
+        None, description="A finite stand-in for a continuous state, to solve the task exactly."
+    )
+    figure: Figure | None = Field(None, description="How to draw the task.")

@@ -1,0 +1,323 @@
+"""Values that take several forms (expressions, names, bounds), checked by hand.
+
+Pydantic's unions answer a mistake in one form with complaints about all the others. Each function
+here looks at a value once, decides which form was meant, and says what is wrong with that one.
+"""
+
+from __future__ import annotations
+
+import keyword
+import re
+import unicodedata
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from taskspec.diagnostics import suggest
+
+_FUNCTION = re.compile(r"([^()]*)\(([^()]*)\)")
+_PIECE_KEYS = ("if", "then", "else")
+_TABLE_KEYS = ("by", "rows")
+SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
+
+
+class Problem(NamedTuple):
+    """What is wrong with a part of a value: `path` leads from the value to the part."""
+
+    code: str
+    path: tuple[str | int, ...]
+    message: str
+    hint: str | None = None
+    of_key: bool = False
+
+    def below(self, *steps: str | int) -> Problem:
+        """The same problem, as seen from further up."""
+        return self._replace(path=(*steps, *self.path))
+
+
+def kind(value: object) -> str:
+    """A value as a person would call it: `the number 3`, `the text 'x'`, `a list`."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return "`true`" if value else "`false`"
+        case int() | float():
+            return f"the number {value}"
+        case str():
+            short = value if len(value) <= 30 else value[:29] + "…"
+            return f"the text `{short}`"
+        case list():
+            return "a list"
+    return "a mapping"
+
+
+def wrong_kind(expected: str, value: object, hint: str | None = None) -> Problem:
+    """The problem of a value that is not what belongs here."""
+    if value is None:
+        return Problem("E218", (), f"nothing stands here; expected {expected}", hint)
+    return Problem("E204", (), f"expected {expected}, found {kind(value)}", hint)
+
+
+def name_problem(name: str) -> str | None:
+    """Why a text cannot be a name in expressions, or None."""
+    if keyword.iskeyword(name) or name in ("true", "false"):
+        return f"`{name}` is a word of the language"
+    if not name.isidentifier():
+        return f"`{name}` is not a name: a letter, then letters, digits and `_`"
+    if name.startswith("_"):
+        return f"`{name}` is not a name: it starts with `_`"
+    if unicodedata.normalize("NFKC", name) != name or "\N{MODIFIER LETTER PRIME}" in name:
+        return f"`{name}` has letters that look like others"
+    return None
+
+
+def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
+    """A name that expressions can use."""
+    if trouble := name_problem(text):
+        better = re.sub(r"\W+", "_", text.strip()).strip("_")
+        usable = better != text and better and not name_problem(better)
+        hint = f"for example `{better}`" if usable else None
+        yield Problem("E205", path, trouble, hint, of_key=True)
+
+
+def primed(text: str) -> Iterator[Problem]:
+    """A key of `dynamics`: the name of a state component with a prime."""
+    if text.endswith("'"):
+        yield from name(text[:-1])
+    else:
+        yield Problem(
+            "E215", (), f"`{text}` lacks its prime", f"write `{text}'` for the next value", True
+        )
+
+
+def definition(text: str) -> Iterator[Problem]:
+    """A key of `definitions`: a name, or a function with the names of its arguments."""
+    function = _FUNCTION.fullmatch(text)
+    arguments = [part.strip() for part in function[2].split(",")] if function else []
+    names = [function[1] if function else text, *arguments]
+    yield from (problem for each in names for problem in name(each))
+    if len(set(arguments)) < len(arguments):
+        message = f"two arguments of `{text}` have the same name"
+        yield Problem("E205", (), message, None, of_key=True)
+
+
+def expression(value: Any) -> Iterator[Problem]:
+    """Text, a number, a truth value, a list as a vector, cases, a table, or probabilities."""
+    match value:
+        case None | "":
+            yield wrong_kind("an expression", None)
+        case list() if _is_cases(value):
+            yield from _cases(value)
+        case list():
+            for i, item in enumerate(value):
+                yield from (problem.below(i) for problem in expression(item))
+        case dict() if value.keys() & set(_TABLE_KEYS):
+            yield from _table(value)
+        case dict() if value.keys() & set(_PIECE_KEYS):
+            hint = "write each case with a dash: `- if: ...`, and a last `- else: ...`"
+            yield Problem("E209", (), "a value by cases is a list", hint)
+        case dict():
+            yield from _probabilities(value)
+
+
+def _is_cases(items: list[Any]) -> bool:
+    return any(isinstance(item, dict) and item.keys() & set(_PIECE_KEYS) for item in items)
+
+
+def _cases(items: list[Any]) -> Iterator[Problem]:
+    for i, item in enumerate(items):
+        is_last = i == len(items) - 1
+        yield from (problem.below(i) for problem in _case(item, is_last))
+    if not (isinstance(items[-1], dict) and "else" in items[-1]):
+        hint = "add `- else: ...` for all that is left"
+        yield Problem("E209", (len(items) - 1,), "the last case must be `else`", hint)
+
+
+def _case(item: Any, is_last: bool) -> Iterator[Problem]:
+    if not isinstance(item, dict):
+        yield Problem("E209", (), f"expected a case (`if` and `then`), found {kind(item)}")
+        return
+    yield from _unknown_keys(item, _PIECE_KEYS)
+    for key in _PIECE_KEYS:
+        if key in item:
+            yield from (problem.below(key) for problem in expression(item[key]))
+    if "else" in item and not is_last:
+        yield Problem("E209", ("else",), "`else` comes last", None, of_key=True)
+    if "else" in item and ("if" in item or "then" in item):
+        hint = "give `else` a dash of its own"
+        yield Problem("E214", ("else",), "`else` stands alone", hint, of_key=True)
+    elif ("if" in item) != ("then" in item):
+        lacking = "then" if "if" in item else "if"
+        yield Problem("E203", (), f"this case has no `{lacking}`")
+
+
+def _table(value: dict[str, Any]) -> Iterator[Problem]:
+    yield from _unknown_keys(value, _TABLE_KEYS)
+    for key in _TABLE_KEYS:
+        if key not in value:
+            yield Problem("E203", (), f"this table has no `{key}`")
+    if "by" not in value or "rows" not in value:
+        return
+    by, rows = value["by"], value["rows"]
+    columns = by if isinstance(by, list) else [by]
+    if not columns or not all(isinstance(each, str) and each for each in columns):
+        hint = "for example `by: [s, a]`"
+        yield Problem("E208", ("by",), "`by` lists what the table looks at", hint)
+    if isinstance(rows, dict) and rows:
+        yield from (problem.below("rows") for problem in _rows(rows, len(columns)))
+    else:
+        yield Problem("E208", ("rows",), f"expected rows (`value: cell`), found {kind(rows)}")
+
+
+def _rows(rows: dict[str, Any], depth: int) -> Iterator[Problem]:
+    for key, cell in rows.items():
+        is_rows = isinstance(cell, dict) and not cell.keys() & set(_TABLE_KEYS)
+        problems = _rows(cell, depth - 1) if depth > 1 and is_rows else expression(cell)
+        yield from (problem.below(key) for problem in problems)
+
+
+def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
+    if not value:
+        yield Problem("E204", (), "expected an expression, found an empty mapping")
+    for key, weight in value.items():
+        if isinstance(weight, dict):
+            message = "rows are nested deeper than the table is long, or a probability is a mapping"
+            yield Problem("E208", (key,), message)
+        elif isinstance(weight, list):
+            yield wrong_kind("a probability", weight).below(key)
+        else:
+            yield from (problem.below(key) for problem in expression(weight))
+
+
+def _unknown_keys(value: dict[str, Any], known: tuple[str, ...]) -> Iterator[Problem]:
+    for key in value:
+        if key not in known:
+            yield unknown_key(key, known).below(key)
+
+
+def unknown_key(key: str, known: tuple[str, ...]) -> Problem:
+    """The problem of a key that means nothing here, with the nearest one that does."""
+    hint = suggest(key, known) or ("it can be one of: " + ", ".join(known))
+    return Problem("E202", (), f"`{key}` means nothing here", hint, of_key=True)
+
+
+def constant(value: Any) -> Iterator[Problem]:
+    """An expression, or a grid of letters with what each of them stands for."""
+    if not (isinstance(value, dict) and value.keys() & {"grid", "legend"}):
+        yield from expression(value)
+        return
+    yield from _unknown_keys(value, ("grid", "legend"))
+    for key in ("grid", "legend"):
+        if key not in value:
+            yield Problem("E203", (), f"this grid of letters has no `{key}`")
+    if "grid" not in value or "legend" not in value:
+        return
+    yield from (problem.below("grid") for problem in _grid(value["grid"], value["legend"]))
+    yield from (problem.below("legend") for problem in _legend(value["legend"]))
+
+
+def _grid(lines: Any, legend: Any) -> Iterator[Problem]:
+    if not (isinstance(lines, list) and lines and all(isinstance(each, str) for each in lines)):
+        yield wrong_kind("a list of lines of letters", lines)
+        return
+    for i, line in enumerate(lines):
+        if len(line) != len(lines[0]):
+            message = f"this line has {len(line)} letters, the first has {len(lines[0])}"
+            yield Problem("E214", (i,), message)
+        odd = next((char for char in line if isinstance(legend, dict) and char not in legend), None)
+        if odd is not None:
+            yield Problem("E203", (i,), f"the legend does not say what `{odd}` stands for")
+
+
+def _legend(legend: Any) -> Iterator[Problem]:
+    if not isinstance(legend, dict):
+        yield wrong_kind("an entry for each letter", legend)
+        return
+    for letter, value in legend.items():
+        if len(letter) != 1:
+            yield Problem("E204", (letter,), f"`{letter}` is not one letter", None, of_key=True)
+        yield from (problem.below(letter) for problem in expression(value))
+
+
+def bound(value: Any) -> Iterator[Problem]:
+    """A number, an expression, or a list of them for a vector."""
+    if isinstance(value, bool | dict):
+        yield wrong_kind("a number or an expression", value)
+    else:
+        yield from expression(value)
+
+
+def shape(value: Any) -> Iterator[Problem]:
+    """A list of lengths; `[]` is a single number."""
+    for i, item in enumerate(value if isinstance(value, list) else [value]):
+        steps = (i,) if isinstance(value, list) else ()
+        if isinstance(item, bool) or not isinstance(item, int | str) or item == "":
+            yield wrong_kind("a length, or a list of lengths", item).below(*steps)
+        elif isinstance(item, int) and item < 0:
+            yield Problem("E204", steps, f"a length cannot be {item}")
+
+
+def labels(value: Any) -> Iterator[Problem]:
+    """The labels of a choice: a list of words, or a mapping from each to its value."""
+    if isinstance(value, dict) and value:
+        for label, meaning in value.items():
+            yield from (problem.below(label) for problem in expression(meaning))
+    elif isinstance(value, list) and value:
+        for i, label in enumerate(value):
+            if not isinstance(label, str) or not label:
+                hint = "use words, or a mapping from words to numbers: {low: 0, high: 1}"
+                yield wrong_kind("a label", label, hint).below(i)
+            elif label in value[:i]:
+                yield Problem("E214", (i,), f"the label `{label}` stands twice")
+    else:
+        yield wrong_kind("the labels of the choice", value, "for example [left, right]")
+
+
+def horizon(value: Any) -> Iterator[Problem]:
+    """A number of steps, an expression for it, or `none`."""
+    if isinstance(value, bool | float | list | dict):
+        yield wrong_kind("a number of steps, or `none`", value)
+    elif isinstance(value, int) and value < 1:
+        yield Problem("E204", (), f"an episode cannot last {value} steps")
+    elif value in (None, ""):
+        yield wrong_kind("a number of steps, or `none`", None)
+
+
+def expert(value: Any) -> Iterator[Problem]:
+    """An expression for each action component; or `optimal`, `soft(beta)`."""
+    if isinstance(value, dict) and not value.keys() & set(_TABLE_KEYS):
+        for key, action in value.items():
+            yield from (problem.below(key) for problem in expression(action))
+    else:
+        yield from expression(value)
+
+
+def setting(value: Any) -> Iterator[Problem]:
+    """A value of a parameter: a number, a truth value, or a text (a label, or `1/3`)."""
+    if value is None or isinstance(value, list | dict):
+        yield wrong_kind("a number, `true`, `false` or a label", value)
+
+
+def observation(value: Any) -> Iterator[Problem]:
+    """Named expressions, and under `space` which kind of space to make of them."""
+    yield from _observation(value, nullable=False)
+
+
+def partial_observation(value: Any) -> Iterator[Problem]:
+    """The same in a variant, where nothing after a name removes it."""
+    yield from _observation(value, nullable=True)
+
+
+def _observation(value: Any, nullable: bool) -> Iterator[Problem]:
+    if not isinstance(value, dict):
+        yield wrong_kind("named observations (`name: expression`)", value)
+        return
+    for key, part in value.items():
+        if part is None and nullable:
+            continue
+        if key == "space" and part not in SPACES:
+            hint = "one of: " + ", ".join(SPACES)
+            yield Problem("E206", (key,), f"{kind(part)} is not a kind of space", hint)
+        elif key != "space":
+            yield from name(key, (key,))
+            yield from (problem.below(key) for problem in expression(part))
