@@ -45,10 +45,11 @@ claims: [optimal_return == 1]      # right
     ),
     Code(
         "E604",
-        "claim-not-supported-by-simulation",
+        "simulation-contradicts",
         "a claim that simulation contradicts",
         """
-The simulated episodes contradict the claim at the stated confidence.
+The task has no exact model, so the claim was tested on simulated episodes, and they contradict it
+at the stated confidence. The message gives the estimate and its interval.
 """,
     ),
 )

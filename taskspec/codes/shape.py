@@ -102,9 +102,9 @@ s: {type: int}        # right
         "bad-table",
         "a decision table that is not complete",
         """
-A table has `by`, what it looks at (a list, when more than one), and `rows`, whose keys are the values of the first
-of them. A row holds one cell for everything deeper, or the rows of the next. It is never nested
-deeper than `by` is long.
+A table has `by`, what it looks at (a list, when more than one), and `rows`, whose keys are the
+values of the first of them. A row holds one cell for everything deeper, or the rows of the next.
+Rows are never nested deeper than `by` is long.
 
 ```yaml
 reward: {by: [s], rows: [1, 0]}                # wrong: rows have keys

@@ -81,7 +81,7 @@ def _duplicates(node: Mapping) -> Iterator[Finding]:
 
 def _flow_mapping(text: str, node: Mapping) -> Iterator[Finding]:
     empty = [key for key, value in node.entries if _is_absent(value)]
-    if empty and len(empty) == len(node.entries) and not _is_glued(empty[0]):
+    if empty and len(empty) == len(node.entries) and not _is_key(text, empty[0]):
         end = max(node.end, value_end(text, node.start, in_flow=True))
         yield starts_with_brace(text, node.start, end)
         return
@@ -95,6 +95,12 @@ def _flow_mapping(text: str, node: Mapping) -> Iterator[Finding]:
 
 def _is_absent(value: Node) -> bool:
     return isinstance(value, Scalar) and value.style == "plain" and not value.value
+
+
+def _is_key(text: str, key: Scalar) -> bool:
+    """Whether what stands between braces was meant as a key, and not as a member of a set."""
+    after = re.compile(r"\s*").match(text, key.end)
+    return _is_glued(key) or (after is not None and text[after.end() : after.end() + 1] == ":")
 
 
 def _is_glued(key: Scalar) -> bool:

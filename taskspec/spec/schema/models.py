@@ -85,7 +85,7 @@ def _typed_problems(entry: Typed, kind: Kind) -> Iterator[Problem]:
     has_labels = [k for k in ("values", "symbols") if getattr(entry, k, None) is not None]
     if kind == "choice" and not has_labels:
         hint = "list the labels: `values: [left, right]`"
-        yield Problem("E203", (), "a choice needs `values`", hint)
+        yield Problem("E203", (), "a choice needs `values`", hint, of_key=True)
     wrong = {"choice": has_bounds, "bool": has_bounds + has_labels}.get(kind, has_labels)
     for key in wrong:
         what = {"choice": "a choice", "bool": "a bool"}.get(kind, f"`type: {kind}`")

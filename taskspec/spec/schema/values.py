@@ -222,7 +222,7 @@ def _grid(lines: Any, legend: Any) -> Iterator[Problem]:
         return
     for i, line in enumerate(lines):
         if len(line) != len(lines[0]):
-            message = f"this line has {len(line)} letters, the first has {len(lines[0])}"
+            message = f"this line is {len(line)} long, the first is {len(lines[0])}"
             yield Problem("E214", (i,), message)
         odd = next((char for char in line if isinstance(legend, dict) and char not in legend), None)
         if odd is not None:

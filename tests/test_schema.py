@@ -1,0 +1,241 @@
+"""The shape of specs: what is accepted, what is said about the rest, and the JSON Schema."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskspec import source
+from taskspec.diagnostics import SpecError
+from taskspec.spec.schema import Spec, check_shape, json_schema, load
+
+ROOT = Path(__file__).parent.parent
+SPECS = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/*.yaml")])
+
+HEAD = "taskspec: 1\nname: Walk\n"
+WHOLE = HEAD + (
+    "parameters:\n"
+    "  L: {type: int, default: 9, low: 1}\n"
+    "  p: {type: real, default: 1/3, low: 0, high: 1}\n"
+    "  require: [{condition: L > 2, message: too short}]\n"
+    "state: {s: {type: int, low: 0, high: L}, v: {type: real, shape: [2], high: .inf}}\n"
+    "action: {a: {type: choice, values: [stay, go], symbols: ['0', '1']}}\n"
+    "observation: {space: dict, s: s}\n"
+    "horizon: none\n"
+    "initial: {s: 0, v: [0, 0]}\n"
+    "dynamics:\n"
+    "  s':\n"
+    "    by: [s, a]\n"
+    "    rows: {0: {go: {1: p, 0: 1 - p}, else: 0}, else: s}\n"
+    "reward:\n"
+    "  - {if: s' == L, then: 1}\n"
+    "  - else: 0\n"
+    "claims: [optimal_return == 1, {claim: states == 10, for: [{L: 9}]}]\n"
+    "sources: [paper, {key: other, where: page 3}]\n"
+)
+
+
+def problems(text: str) -> list[tuple[str, str, str, str]]:
+    """Code, place, message and hint of everything that is wrong with the shape of a text."""
+    found = check_shape(source.read_text(text))
+    assert all(each.span is not None for each in found)
+    return [
+        (each.code, f"{each.span.line}:{each.span.column}", each.message, each.hint or "")  # type: ignore[union-attr]
+        for each in found
+    ]
+
+
+@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+def test_our_own_specs_have_the_right_shape(path: Path) -> None:
+    assert check_shape(source.read(path)) == []
+
+
+def test_a_whole_spec_loads() -> None:
+    spec = load(source.read_text(WHOLE))
+    assert list(spec.parameters.entries) == ["L", "p"]
+    assert spec.parameters.entries["p"].default == "1/3"
+    assert spec.parameters.require[0].message == "too short"
+    assert spec.state["v"].shape == [2]
+    assert spec.horizon == "none"
+    assert spec.dynamics["s'"]["rows"]["0"]["go"] == {"1": "p", "0": "1 - p"}
+    assert [claim.claim for claim in spec.claims] == ["optimal_return == 1", "states == 10"]
+    assert spec.claims[1].for_ == [{"L": 9}]
+    assert [each.key for each in spec.sources] == ["paper", "other"]
+    assert (spec.version, spec.discount, spec.absorbing_reward) == (0, 1, 0)
+
+
+# What is added after HEAD, and what is said about it: code, place, part of message, part of hint.
+MISTAKES = [
+    ("reward: {by: [s], row: {a: 1}}\n", "E202", "3:19", "`row`", "'rows'"),
+    ("reward: {by: [s], row: {a: 1}}\n", "E203", "3:9", "no `rows`", ""),
+    ("sumary: x\n", "E202", "3:1", "`sumary`", "'summary'"),
+    ("zzz: x\n", "E202", "3:1", "`zzz`", "one of: title, summary"),
+    ("state:\n  s: {typ: int}\n", "E202", "4:7", "`typ`", "'type'"),
+    ("state:\n  s: {typ: int}\n", "E203", "4:3", "`s` has no `type`", ""),
+    ("parameters: {L: {type: int, default: 1, hi: 2}}\n", "E202", "3:41", "`hi`", "'high'"),
+    ("claims: [{claim: a, fro: []}]\n", "E202", "3:21", "`fro`", "'for'"),
+    ("variants: {v: {sate: {}}}\n", "E202", "3:16", "`sate`", "'state'"),
+    ("variants: {v: {state: {s: {tipe: int}}}}\n", "E202", "3:28", "`tipe`", "'type'"),
+    ("variants: {v: {parameters: {L: {hi: 1}}}}\n", "E202", "3:33", "`hi`", "'high'"),
+    ("variants: {v: {name: X}}\n", "E202", "3:16", "`name`", ""),
+    ("parameters: {L: {type: int}}\n", "E203", "3:14", "`L` has no `default`", ""),
+    ("state: {s: {type: choice}}\n", "E203", "3:9", "needs `values`", "[left, right]"),
+    ("reward: [{if: a}, {else: 1}]\n", "E203", "3:10", "no `then`", ""),
+    ("version: one\n", "E204", "3:10", "a whole number, found the text `one`", ""),
+    ("version: 1.5\n", "E204", "3:10", "a whole number, found the number 1.5", ""),
+    ("version: -1\n", "E204", "3:10", "too small", ""),
+    ("summary: true\n", "E204", "3:10", "expected text, found `true`", "quotes"),
+    ("claims: x\n", "E204", "3:9", "expected a list, found the text `x`", ""),
+    ("claims: [3]\n", "E201", "3:10", "found the number 3", ""),
+    ("horizon: 1.5\n", "E204", "3:10", "number of steps", ""),
+    ("horizon: true\n", "E204", "3:10", "number of steps", ""),
+    ("horizon: 0\n", "E204", "3:10", "cannot last 0 steps", ""),
+    ("state: {s: {type: real, shape: [1.5]}}\n", "E204", "3:33", "a length", ""),
+    ("state: {s: {type: real, low: true}}\n", "E204", "3:30", "found `true`", ""),
+    ("state: {s: {type: choice, values: [a, 2]}}\n", "E204", "3:39", "the number 2", "words"),
+    ("reward: {a: [1, 2]}\n", "E204", "3:13", "a probability, found a list", ""),
+    ("state: 3\n", "E201", "3:8", "named entries", ""),
+    ("state: {s: int}\n", "E201", "3:12", "named entries", ""),
+    ("noise: {lambda: 1}\n", "E205", "3:9", "a word of the language", ""),
+    ("noise: {max speed: 1}\n", "E205", "3:9", "not a name", "`max_speed`"),
+    ("noise: {2x: 1}\n", "E205", "3:9", "not a name", ""),
+    ("noise: {_x: 1}\n", "E205", "3:9", "starts with `_`", ""),
+    ("noise: {xʹ: 1}\n", "E205", "3:9", "look like others", ""),
+    ('definitions: {"f(x, 2)": 1}\n', "E205", "3:15", "`2` is not a name", ""),
+    ('definitions: {"f(x, x)": 1}\n', "E205", "3:15", "same name", ""),
+    ("parameters: {a-b: {type: int, default: 1}}\n", "E205", "3:14", "not a name", "`a_b`"),
+    ("observation: {space: boxes}\n", "E206", "3:22", "`boxes`", "one_hot"),
+    ("state: {s: {type: float}}\n", "E206", "3:19", "int, real, bool, choice", ""),
+    ("reward: {by: [], rows: {a: 1}}\n", "E208", "3:14", "what the table looks at", "[s, a]"),
+    ("reward: {by: [s], rows: {a: {b: {c: 1}}}}\n", "E208", "3:33", "deeper", ""),
+    ("reward: {if: a, then: 1, else: 0}\n", "E209", "3:9", "is a list", "dash"),
+    ("reward: [{else: 0}, {if: a, then: 1}]\n", "E209", "3:11", "comes last", ""),
+    ("roles: {expert: Walk, learner: Wolk}\n", "E211", "3:32", "`Wolk`", "'Walk'"),
+    ("parameters: {L: {type: bool, default: 1}}\n", "E213", "3:39", "not of type bool", ""),
+    ("parameters: {L: {type: int, default: 1.5}}\n", "E213", "3:38", "not of type int", ""),
+    ("parameters: {L: {type: choice, values: [a], default: b}}\n", "E213", "3:54", "`b`", ""),
+    ("state: {s: {type: int, low: 3, high: 1}}\n", "E214", "3:29", "above", ""),
+    ("state: {s: {type: int, values: [a]}}\n", "E214", "3:24", "no `values`", ""),
+    ("state: {s: {type: choice, values: [a, a]}}\n", "E214", "3:39", "twice", ""),
+    ("state: {s: {type: choice, values: [a], symbols: []}}\n", "E214", "3:49", "0 symbols", ""),
+    ("reward: [{if: a, then: 1, else: 2}]\n", "E214", "3:27", "alone", "dash"),
+    (
+        "constants: {m: {grid: [ab, c], legend: {a: 1, b: 2, c: 3}}}\n",
+        "E214",
+        "3:28",
+        "1 long",
+        "",
+    ),
+    ("constants: {m: {grid: [ab], legend: {a: 1}}}\n", "E203", "3:24", "`b`", ""),
+    ("reward:\n", "E218", "3:1", "nothing stands here", ""),
+    ("initial: {s: [1, null]}\n", "E218", "3:18", "nothing stands here", ""),
+]
+
+
+@pytest.mark.parametrize(("text", "code", "place", "message", "hint"), MISTAKES)
+def test_mistakes(text: str, code: str, place: str, message: str, hint: str) -> None:
+    found = problems(HEAD + text)
+    matching = [each for each in found if each[:2] == (code, place)]
+    assert len(matching) == 1, found
+    assert message in matching[0][2]
+    assert hint in matching[0][3]
+    assert not any("Input should" in each[2] for each in found)
+
+
+def test_every_problem_is_reported() -> None:
+    text = HEAD + "state: {s: {type: intt}}\nreward: [{if: null}, {then: 1}]\nzzz: 1\n"
+    assert [each[0] for each in problems(text)] == [
+        "E206", "E203", "E218", "E203", "E209", "E202",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "words"), [("- 1\n", "a list"), ("hello\n", "`hello`")])
+def test_the_root_is_a_mapping(text: str, words: str) -> None:
+    ((code, place, message, _),) = problems(text)
+    assert (code, place) == ("E201", "1:1")
+    assert words in message
+
+
+def test_the_format_is_named() -> None:
+    ((code, _, _, hint),) = problems("name: Walk\n")
+    assert (code, hint) == ("E203", "start it with `taskspec: 1`")
+
+
+def test_variants_may_leave_out_and_remove() -> None:
+    text = WHOLE + (
+        "variants:\n"
+        "  short: {parameters: {L: {default: 3}, p: null}, terminal: null}\n"
+        "  wide: {base: short, state: {s: {high: 2*L}}, observation: {s: null, space: box}}\n"
+    )
+    assert problems(text) == []
+
+
+def missing(text: str) -> list[tuple[str, str]]:
+    with pytest.raises(SpecError) as caught:
+        load(source.read_text(text))
+    return [(each.code, each.message) for each in caught.value.diagnostics]
+
+
+def test_what_a_task_needs() -> None:
+    found = missing(HEAD)
+    sections = ["state", "action", "initial", "dynamics", "reward", "horizon"]
+    assert [code for code, _ in found] == ["E210"] * 6
+    for section, (_, message) in zip(sections, found, strict=True):
+        assert f"`{section}`" in message
+
+
+def test_components_must_be_declared() -> None:
+    text = WHOLE.replace("initial: {s: 0, v: [0, 0]}", "initial: {s: 0, w: 1}")
+    text = text.replace("  s':", "  z': 1\n  s':") + "expert: {b: go}\n"
+    assert [code for code, _ in missing(text)] == ["E217", "E216", "E216", "E216"]
+
+
+def keys(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Every key that the JSON Schema names, with the schema of its value."""
+    if isinstance(schema, list):
+        for item in schema:
+            yield from keys(item, path)
+    elif isinstance(schema, dict):
+        properties = schema.get("properties", {})
+        yield from ((f"{path}.{key}", value) for key, value in properties.items())
+        for key, value in schema.items():
+            yield from keys(value, f"{path}.{key}")
+
+
+def test_every_key_of_the_json_schema_is_documented() -> None:
+    found = dict(keys(json_schema()))
+    assert len(found) > 80
+    assert [path for path, value in found.items() if not value.get("description")] == []
+
+
+def references(schema: Any) -> Iterator[str]:
+    if isinstance(schema, list | dict):
+        for item in schema.values() if isinstance(schema, dict) else schema:
+            yield from references(item)
+    if isinstance(schema, dict) and isinstance(schema.get("$ref"), str):
+        yield schema["$ref"]
+
+
+def test_every_reference_of_the_json_schema_leads_somewhere() -> None:
+    schema = json_schema()
+    assert {ref.removeprefix("#/$defs/") for ref in references(schema)} <= set(schema["$defs"])
+    assert "x-form" not in str(schema)
+
+
+def test_the_json_schema_knows_every_section() -> None:
+    sections = {field.alias or key for key, field in Spec.model_fields.items()}
+    schema = json_schema()
+    assert set(schema["properties"]) == sections
+    variant = set(schema["$defs"]["Variant"]["properties"])
+    assert variant == sections - {"taskspec", "name", "variants"} | {"base"}
+
+
+def test_reading_a_spec_does_not_import_pydantic() -> None:
+    code = "import sys, taskspec.source; print('pydantic' in sys.modules, 'yaml' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["False", "False"]
