@@ -144,6 +144,8 @@ TRAPS = [
     ("d: {x: p[0] + 1}\n", "E106", "1:8", "p[0] + 1", '"p[0] + 1"'),
     ("d: {p(x, y): 1}\n", "E106", "1:5", "p(x, y)", '"p(x, y)"'),
     ("d: {by: a, default:10}\n", "E107", "1:12", "default:10", "default: 10"),
+    ("d: {a: ['1' b]}\n", "E109", "1:13", "b", "quotes"),
+    ("d: {a: b], c: 1}\n", "E112", "1:9", "]", "brackets"),
     ("d: {a: }\n", "E107", "1:5", "a", ""),
     ("d: {a: 1, b}\n", "E107", "1:11", "b", ""),
     ("r: {[0, 1]: goal}\n", "E108", "1:5", "[0, 1]", '"(0, 1)"'),
@@ -189,6 +191,11 @@ def test_traps_without_libyaml(
 ) -> None:
     monkeypatch.delattr(yaml, "CSafeLoader", raising=False)
     test_traps(text, code, place, excerpt, hint)
+
+
+@pytest.mark.skipif(not hasattr(yaml, "CSafeLoader"), reason="PyYAML itself reads a key `a:`")
+def test_a_colon_glued_to_a_comma() -> None:
+    assert only("d: {a:, b: 1}\n")[:3] == ("E107", "1:6", ":")
 
 
 def test_every_problem_is_reported() -> None:

@@ -58,6 +58,8 @@ def _ends_entry(text: str, at: int) -> bool:
 
 def is_closed(text: str, start: int) -> bool:
     """Whether the bracket that stands at `start` is closed before a line that begins a new key."""
+    if text[start] not in _PAIRS:
+        return True  # one pair in a list, `[a: b]`, is a mapping without braces
     end = value_end(text, start, in_flow=True)
     return text[end - 1] == _PAIRS[text[start]]
 

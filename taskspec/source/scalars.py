@@ -33,8 +33,7 @@ _NAN = re.compile(r"\.(nan|NaN|NAN)")
 MAX_DIGITS = 300
 
 _BREAK = re.compile(r"\r\n|\r|\n")
-# A line break in a plain or quoted scalar, with the blanks around it and the empty lines after it.
-_FOLD = re.compile(r"[ \t]*(?:\r\n|\r|\n)(?:[ \t]*(?:\r\n|\r|\n))*[ \t]*")
+_BLANK = re.compile(r"[ \t\r\n]+")
 _JOIN = re.compile(r"\\(?:\r\n|\r|\n)((?:[ \t]*(?:\r\n|\r|\n))*)[ \t]*")
 _ESCAPE = re.compile(r"\\(?:x[0-9a-fA-F]{2}|u[0-9a-fA-F]{4}|U[0-9a-fA-F]{8}|.)", re.DOTALL)
 _ESCAPES = {
@@ -110,18 +109,22 @@ def _flow(text: str, start: int, end: int, special: dict[str, _Reader]) -> list[
         if char in special:
             read, at = special[char](text, at)
             found += read
-        elif char in " \t\r\n" and (fold := _FOLD.match(text, at, end)):
-            found += _folded(fold.group(), at, fold.end())
-            at = fold.end()
+        elif char in " \t\r\n":
+            blank = _BLANK.match(text, at, end)
+            assert blank is not None, "the pattern matches this character"
+            found += _blanks(blank.group(), at, blank.end())
+            at = blank.end()
         else:
             found.append((char, at, at + 1))
             at += 1
     return found
 
 
-def _folded(written: str, start: int, end: int) -> list[Place]:
-    """One line break is a space; each further one is a line break."""
+def _blanks(written: str, start: int, end: int) -> list[Place]:
+    """Blanks within a line stay; one line break is a space; each further one is a line break."""
     breaks = len(_BREAK.findall(written))
+    if not breaks:
+        return [(char, at, at + 1) for at, char in enumerate(written, start)]
     return [(" ", start, end)] if breaks == 1 else [("\n", start, end)] * (breaks - 1)
 
 

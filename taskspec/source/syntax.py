@@ -126,6 +126,31 @@ def split_expression(text: str, start: int) -> Finding:
     return Finding("E106", start, end, message, in_quotes(written))
 
 
+def _unmatched(text: str, syntax: Syntax) -> Finding | None:
+    char, at = _char(text, syntax.at), syntax.at
+    if not syntax.open or not syntax.open[-1].flow or char not in ("]", "}"):
+        return None
+    opened = text[syntax.open[-1].start]
+    message = f"this `{char}` closes nothing: the last bracket opened is `{opened}`"
+    return Finding("E112", at, at + 1, message, "text with brackets in it goes in quotes")
+
+
+def _colon_at_end(text: str, syntax: Syntax) -> Finding | None:
+    """A colon glued to the comma or bracket after it: `{type:, low: 0}`."""
+    if "unexpected ':'" not in syntax.problem:
+        return None
+    hint = "write a value after the colon, or put text with colons in quotes"
+    return Finding("E107", syntax.at, syntax.at + 1, "no value stands after this colon", hint)
+
+
+def _no_comma(text: str, syntax: Syntax) -> Finding | None:
+    if not re.search(r"expected ','", syntax.problem) or syntax.at >= len(text):
+        return None
+    end = max(syntax.at + 1, value_end(text, syntax.at, in_flow=True))
+    message = f"a comma is missing before `{shown(text[syntax.at : end])}`"
+    return Finding("E112", syntax.at, end, message)
+
+
 def _colon_in_flow(text: str, syntax: Syntax) -> Finding | None:
     last = syntax.last
     if not syntax.open or not syntax.open[-1].flow or _char(text, syntax.at) != ":":
@@ -141,7 +166,7 @@ def _colon(text: str, syntax: Syntax) -> Finding | None:
     if "mapping values are not allowed" not in syntax.problem:
         return None
     last, at = syntax.last, syntax.at
-    if isinstance(last, Mapping):
+    if isinstance(last, Mapping) and text[last.start] == "{":
         return _brace(text, last)
     begin = last.start if isinstance(last, Scalar) else line_start(text, at)
     if not syntax.open:
@@ -163,7 +188,7 @@ def _after_value(text: str, syntax: Syntax) -> Finding | None:
     last, at = syntax.last, syntax.at
     if last is None or text[last.end : at].strip(" \t") or last.end > at:
         return None
-    if isinstance(last, Mapping) and last.flow:
+    if isinstance(last, Mapping) and text[last.start] == "{":
         return _brace(text, last)
     is_quoted = isinstance(last, Scalar) and last.style in "\"'"
     if not is_quoted and not (isinstance(last, Sequence) and last.flow):
@@ -218,6 +243,7 @@ def _char(text: str, at: int) -> str:
 _RULES: tuple[Callable[[str, Syntax], Finding | None], ...] = (
     _tab,
     _escape,
+    _colon_at_end,
     _open_quote,
     _no_colon,
     _split_by_bracket,
@@ -225,6 +251,8 @@ _RULES: tuple[Callable[[str, Syntax], Finding | None], ...] = (
     _special,
     _colon,
     _after_value,
+    _unmatched,
     _colon_in_flow,
+    _no_comma,
     _indentation,
 )

@@ -80,6 +80,8 @@ def _duplicates(node: Mapping) -> Iterator[Finding]:
 
 
 def _flow_mapping(text: str, node: Mapping) -> Iterator[Finding]:
+    if text[node.start] != "{":
+        return  # one pair in a list: `[a: b]`
     empty = [key for key, value in node.entries if _is_absent(value)]
     if empty and len(empty) == len(node.entries) and not _is_key(text, empty[0]):
         end = max(node.end, value_end(text, node.start, in_flow=True))
