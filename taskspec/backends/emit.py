@@ -1,0 +1,303 @@
+"""The generated module of a scalar program: closures over the state of one environment, with `reset` and `step`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from struct import Struct
+from typing import Any
+
+from taskspec.backends.lane import UNROLLED, Lane, Value, literal, without_unused
+from taskspec.backends.phase import Phase, is_filled
+from taskspec.backends.spaces import Layout
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.types import Kind
+from taskspec.spec.task import Component, Task
+
+FLOAT_MAX = 3.4028234663852886e38
+
+
+def generate(
+    task: Task, reset: Phase, step: Phase, observation: Layout, action: Layout
+) -> tuple[str, dict[str, Any]]:
+    """Source of the module, and the constants it refers to."""
+    constants: dict[str, Any] = {}
+    states = _names("s", task.state)
+    head = [f'"""{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}."""', ""]
+    lines = ["def lane(next_first, next_draws, bad_action, not_running):"]
+    lines += _indent([f"{', '.join(states)} = {', '.join('None' for _ in states)}", "t = 0", "alive = False", ""])
+    lines += _indent(_reset(task, reset, observation, states, constants)) + [""]
+    lines += _indent(_step(task, step, observation, action, states, constants)) + [""]
+    lines += _indent(_access(states)) + [""]
+    lines += _indent(["return reset, step, get, put"])
+    return "\n".join([*head, "", *lines, ""]), constants
+
+
+def _names(prefix: str, components: Sequence[Component]) -> list[str]:
+    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
+
+
+def _indent(lines: Sequence[str]) -> list[str]:
+    return [f"    {line}" if line else "" for line in lines]
+
+
+def _component_value(name: str, c: Component) -> Value:
+    """How a component is held: a number, or one tuple."""
+    return Value([name]) if c.type.is_scalar else Value(packed=name)
+
+
+def _reads(task: Task, phase: Phase, states: Sequence[str], actions: Sequence[Value] | None) -> dict[tuple[Role, str], Value]:
+    names: dict[tuple[Role, str], Value] = {(Role.TIME, "t"): Value(["t"])}
+    for c, name in zip(task.state, states, strict=True):
+        names[Role.STATE, c.name] = _component_value(name, c)
+    for c, value in zip(task.action, actions or (), strict=False):
+        names[Role.ACTION, c.name] = value
+    for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True):
+        names[Role.VARIABLE, name] = Value([name]) if node.type.is_scalar else Value(packed=name)
+    return names
+
+
+def _unpack(phase: Phase, call: str) -> list[str]:
+    """The statement that takes the next item of the phase's stream."""
+    return [f"{', '.join(phase.names)} = {call}()"] if phase.names else []
+
+
+def _lane(task: Task, phase: Phase, states: Sequence[str], actions: Sequence[Value] | None, constants: dict[str, Any]) -> Lane:
+    return Lane(_reads(task, phase, states, actions), phase.words, task.builder.bounds, constants)
+
+
+# -- reset and step -----------------------------------------------------------------------------------------------
+
+
+def _reset(task: Task, phase: Phase, layout: Layout, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
+    lane = _lane(task, phase, states, None, constants)
+    values = lane.emit((*phase.roots, *phase.observation))
+    stored = [_stored(lane, n, v, c) for n, v, c in zip(phase.roots, values, task.state, strict=False)]
+    observation, statements = _observation(lane, layout, phase, values[len(phase.roots) :])
+    body = _unpack(phase, "next_first") + without_unused([*lane.lines, *statements], [*stored, observation])
+    body += [f"{', '.join(states)} = {', '.join(stored)}", "t = 0", "alive = True", f"return {observation}, {{}}"]
+    return ["def reset():", *_indent([f"nonlocal {', '.join([*states, 't', 'alive'])}", *body])]
+
+
+def _step(
+    task: Task, phase: Phase, layout: Layout, action: Layout, states: Sequence[str], constants: dict[str, Any]
+) -> list[str]:
+    reading, actions = _read_action(task, action)
+    lane = _lane(task, phase, states, actions, constants)
+    values = lane.emit((*phase.roots, *phase.observation))
+    n = len(task.state)
+    changed = [i for i in range(n) if task.next[i] is not _unchanged(task, i)]
+    stored = {i: _stored(lane, phase.roots[i], values[i], task.state[i]) for i in changed}
+    # The reward, the end and the observation may read the state, so they are worked out before it moves on.
+    reward, terminal = (lane.assign(lane.scalar(root)) for root in phase.roots[n : n + 2])
+    observation, statements = _observation(lane, layout, phase, values[n + 2 :])
+    if layout.form != "discrete":
+        observation = _named(statements, observation)
+    else:
+        observation = lane.assign(observation)
+    end, flags = _ending(task, terminal)
+    body = [*reading, "if not alive:", "    raise not_running()", *_unpack(phase, "next_draws")]
+    body += without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal])
+    if changed:
+        body.append(f"{', '.join(states[i] for i in changed)} = {', '.join(stored[i] for i in changed)}")
+    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {{}}"]
+    nonlocals = [*(states[i] for i in changed), "t", "alive"]
+    return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *body])]
+
+
+def _named(statements: list[str], observation: str) -> str:
+    """A name for an observation that is more than one."""
+    if observation.isidentifier():
+        return observation
+    statements.append(f"seen = {observation}")
+    return "seen"
+
+
+def _unchanged(task: Task, i: int) -> Node:
+    c = task.state[i]
+    return task.builder.read(Role.STATE, c.name, c.type, min(c.low), max(c.high))
+
+
+def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
+    """Statements that keep `alive`, and the two flags of the result."""
+    truncated = "False" if task.horizon is None else f"t >= {task.horizon}"
+    if terminal == "False" and truncated == "False":
+        return [], "False, False"
+    if terminal == "False":
+        return [f"if {truncated}:", "    alive = False", "    end = True", "else:", "    end = False"], "False, end"
+    if truncated == "False":
+        return [f"if {terminal}:", "    alive = False"], f"{terminal}, False"
+    return [f"end = {truncated}", f"if end or {terminal}:", "    alive = False"], f"{terminal}, end"
+
+
+def _stored(lane: Lane, node: Node, value: Value, c: Component) -> str:
+    """A component's next value as it is kept: a number of its kind, or a tuple."""
+    if not c.type.is_scalar:
+        return lane.packed(node)
+    return lane.scalar(node)
+
+
+def _access(states: Sequence[str]) -> list[str]:
+    everything = ", ".join(states)
+    comma = "," * (len(states) == 1)
+    return [
+        "def get():",
+        f"    return ({everything}{comma}), t, alive",
+        "",
+        "def put(values, time, running):",
+        f"    nonlocal {everything}, t, alive",
+        f"    {everything}{comma} = values",
+        "    t, alive = time, running",
+    ]
+
+
+# -- observations -------------------------------------------------------------------------------------------------
+
+
+def _observation(lane: Lane, layout: Layout, phase: Phase, values: Sequence[Value]) -> tuple[str, list[str]]:
+    """The source of the observation, and the statements that fill it in."""
+    nodes = phase.observation
+    match layout.form:
+        case "discrete":
+            return lane.scalar(nodes[0]), []
+        case "box" if phase.row_size:
+            return _row(lane, nodes, layout)
+        case "box":
+            return f"np.array({lane.scalar(nodes[0])}, np.float32)", []
+        case "multi_discrete":
+            atoms = [_shifted(a, start) for a, start in zip(_all_atoms(lane, nodes), layout.starts, strict=True)]
+            return f"np.array(({', '.join(atoms)},), np.int64)", []
+        case "one_hot":
+            return _one_hot(lane, nodes, layout)
+        case "dict":
+            return _dictionary(lane, nodes, layout), []
+
+
+def _all_atoms(lane: Lane, nodes: Sequence[Node]) -> list[str]:
+    return [atom for node in nodes for atom in lane.atoms(node)]
+
+
+def _shifted(atom: str, start: int) -> str:
+    return atom if start == 0 else f"{atom} - {start}" if start > 0 else f"{atom} + {-start}"
+
+
+def _row(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, list[str]]:
+    """Runs of elements written into the fresh row `o`; what the block filled in is left alone."""
+    statements: list[str] = []
+    offset, run, start = 0, [], 0
+    sizes = [c.type.size for c in layout.components]
+    for node, size in zip([*nodes, None], [*sizes, 0], strict=True):
+        if node is None or is_filled(node):
+            statements += _write(lane, start, run)
+            run = []
+        else:
+            start = start if run else offset
+            run.append(node)
+        offset += size
+    return "o", statements
+
+
+def _write(lane: Lane, start: int, run: Sequence[Node]) -> list[str]:
+    if not run:
+        return []
+    size = sum(n.type.size for n in run)
+    if size == 1:
+        return [f"o[{start}] = {lane.scalar(run[0])}"]
+    items = [f"*{lane.packed(n)}" if n.type.size > UNROLLED else ", ".join(lane.atoms(n)) for n in run]
+    writer = lane.constant(Struct(f"{size}f").pack_into)  # native floats: what overflows becomes inf
+    return [f"{writer}(o, {4 * start}, {', '.join(items)})"]
+
+
+def _one_hot(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, list[str]]:
+    name = lane.name()
+    statements = [f"{name} = np.zeros({layout.size}, np.float32)"]
+    offset = 0
+    for atom, start, count in zip(_all_atoms(lane, nodes), layout.starts, layout.counts, strict=True):
+        statements.append(f"{name}[{offset} + {_shifted(atom, start)}] = 1.0")
+        offset += count
+    return name, statements
+
+
+def _dictionary(lane: Lane, nodes: Sequence[Node], layout: Layout) -> str:
+    items = []
+    for node, c in zip(nodes, layout.components, strict=True):
+        if c.is_finite and c.type.is_scalar:
+            items.append(f"{c.name!r}: {lane.scalar(node)}")
+        else:
+            source = lane.scalar(node) if c.type.is_scalar else lane.packed(node)
+            shape = "" if len(c.type.shape) < 2 else f".reshape({c.type.shape})"
+            items.append(f"{c.name!r}: np.array({source}, np.float32){shape}")
+    return "{" + ", ".join(items) + "}"
+
+
+# -- actions ------------------------------------------------------------------------------------------------------
+
+
+def _read_action(task: Task, layout: Layout) -> tuple[list[str], list[Value]]:
+    """Statements that read and check an action, and the values of its components."""
+    names = _names("a", task.action)
+    match layout.form:
+        case "discrete":
+            return _read_discrete(names[0], task.action[0]), [Value([names[0]])]
+        case "multi_discrete":
+            return _read_multi(task, names)
+        case _:
+            return _read_box(task, layout, names)
+
+
+def _read_discrete(name: str, c: Component) -> list[str]:
+    low, high = int(c.low[0]), int(c.high[0])
+    value = f"{name} != 0" if c.type.kind is Kind.BOOL else name
+    lines = ["try:", f"    {name} = index(action)", "except TypeError:", "    raise bad_action(action) from None"]
+    lines += [f"if not {low} <= {name} <= {high}:", "    raise bad_action(action)"]
+    return lines if value == name else [*lines, f"{name} = {value}"]
+
+
+def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value]]:
+    """A name for every element of the action, and the components made of them."""
+    flat, values = [], []
+    for c, name in zip(task.action, names, strict=True):
+        mine = [name] if c.type.is_scalar else [f"{name}_{k}" for k in range(c.type.size)]
+        flat += mine
+        values.append(Value(mine))
+    return flat, values
+
+
+def _listed(shape: tuple[int, ...], names: Sequence[str]) -> list[str]:
+    """Statements that spread an array-like action over names; anything of another shape is refused."""
+    ravel = ".ravel()" if len(shape) > 1 else ""
+    return [
+        "try:",
+        f"    if action.__class__ is not np.ndarray or action.shape != {shape}:",
+        f"        action = as_array(action, {shape})",
+        f"    {', '.join(names)}{',' if shape else ''} = action{ravel}.tolist()",
+        "except (TypeError, ValueError):",
+        "    raise bad_action(action) from None",
+    ]
+
+
+def _read_multi(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value]]:
+    flat, values = _elements(task, names)
+    lines = _listed((len(flat),), flat)
+    k = 0
+    for c in task.action:
+        for count, start in zip(c.counts, c.low, strict=True):
+            name = flat[k]
+            lines += [f"if {name}.__class__ is not int or not 0 <= {name} < {count}:", "    raise bad_action(action)"]
+            shifted = f"{name} + {int(start)}" if start else name
+            shifted = f"{name} != 0" if c.type.kind is Kind.BOOL else shifted
+            lines += [f"{name} = {shifted}"] if shifted != name else []
+            k += 1
+    return lines, values
+
+
+def _read_box(task: Task, layout: Layout, names: Sequence[str]) -> tuple[list[str], list[Value]]:
+    flat, values = _elements(task, names)
+    lines = _listed(layout.shape, flat)
+    kinds = [c.type.kind for c in task.action for _ in range(c.type.size)]
+    for name, low, high, kind in zip(flat, layout.low, layout.high, kinds, strict=True):
+        low, high = max(low, -FLOAT_MAX), min(high, FLOAT_MAX)
+        lines += [f"if not {literal(low)} <= {name} <= {literal(high)}:", "    raise bad_action(action)"]
+        if kind is not Kind.REAL:
+            lines += [f"if {name} != int({name}):", "    raise bad_action(action)", f"{name} = int({name})"]
+    return lines, values
+

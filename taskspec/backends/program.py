@@ -1,0 +1,91 @@
+"""The scalar program: generated Python that resets and steps one environment, in the lane form.
+
+Whatever depends on draws alone, not on the state, is computed by NumPy for blocks of coming steps and episodes;
+what is left for a step is straight-line Python on numbers. `compile_scalar` gives the functions, `Scalar.source` the text.
+"""
+
+from __future__ import annotations
+
+import linecache
+import operator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from taskspec import draws
+from taskspec.backends import scalars
+from taskspec.backends.emit import generate
+from taskspec.backends.phase import Phase
+from taskspec.backends.spaces import Layout, action_layout, observation_layout
+from taskspec.spec.task import Task
+
+Failure = Callable[..., Exception]
+
+
+@dataclass(frozen=True)
+class Failures:
+    """What the generated code raises; the environment layer supplies Gymnasium's kinds of errors."""
+
+    action: Callable[[Any], Exception]
+    not_running: Callable[[], Exception]
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A compiled task: `start` makes the functions of one environment.
+
+    `source` is the generated module; `observation` and `action` say how values are laid out.
+    """
+
+    task: Task
+    source: str
+    observation: Layout
+    action: Layout
+    reset_phase: Phase
+    step_phase: Phase
+    _namespace: dict[str, Any] = field(repr=False)
+
+    def start(self, seed: int, failures: Failures, episode: int = 0, step: int = 0) -> Lane:
+        """Functions of one environment whose draws begin at the given episode and step counters."""
+        first = self.reset_phase.stream(seed, draws.RESET, episode)
+        later = self.step_phase.stream(seed, draws.STEP, step)
+        parts = self._namespace["lane"](first, later, failures.action, failures.not_running)
+        return Lane(*parts)
+
+
+@dataclass(frozen=True)
+class Lane:
+    """One environment: `reset()`, `step(action)`, and its state as a flat tuple of component values, time and liveness."""
+
+    reset: Callable[[], tuple[Any, dict[str, Any]]]
+    step: Callable[[Any], tuple[Any, float, bool, bool, dict[str, Any]]]
+    get: Callable[[], tuple[tuple[Any, ...], int, bool]]
+    put: Callable[[Sequence[Any], int, bool], None]
+
+
+@lru_cache(maxsize=64)
+def compile_scalar(task: Task) -> Scalar:
+    """Generate and compile the scalar program of a task."""
+    observation, action = observation_layout(task), action_layout(task)
+    reset = Phase.of(task, task.initial, task.first_observation, observation)
+    step = Phase.of(task, (*task.next, task.reward, task.terminal), task.next_observation, observation)
+    source, constants = generate(task, reset, step, observation, action)
+    file = f"<taskspec {task.id} {task.content_hash[:12]}>"
+    namespace = {**scalars.NAMESPACE, **constants, "np": np, "index": operator.index, "as_array": _as_array}
+    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    return Scalar(task, source, observation, action, reset, step, namespace)
+
+
+def _as_array(action: Any, shape: tuple[int, ...]) -> Any:
+    """An array-like action as an array of the given shape.
+
+    ValueError: it has another shape or is no array of numbers.
+    """
+    array = np.asarray(action)
+    if array.shape != shape or array.dtype.kind not in "biuf":
+        raise ValueError
+    return array

@@ -1,0 +1,88 @@
+"""How observations and actions are laid out as Gymnasium values: the rules of the language, free of Gymnasium itself.
+
+One finite scalar is `discrete`. Several finite action components are `multi_discrete`. Anything else is one float32
+`box` of the elements in order. The author may choose otherwise for observations.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from taskspec.spec.task import Component, SpaceKind, Task
+
+Form = Literal["discrete", "multi_discrete", "box", "one_hot", "dict"]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Components as one Gymnasium value.
+
+    `shape` is that of the array (`box`, `multi_discrete`, `one_hot`); `low` and `high` are the bounds of a box, flat.
+    """
+
+    form: Form
+    components: tuple[Component, ...]
+    shape: tuple[int, ...] = ()
+    low: tuple[float, ...] = ()
+    high: tuple[float, ...] = ()
+
+    @property
+    def size(self) -> int:
+        return math.prod(self.shape)
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """How many values each finite element takes."""
+        return tuple(n for c in self.components for n in c.counts)
+
+    @property
+    def starts(self) -> tuple[int, ...]:
+        """The lowest value of each finite element: what 0 stands for in `multi_discrete` and `one_hot`."""
+        return tuple(int(v) for c in self.components for v in c.low)
+
+
+def observation_layout(task: Task) -> Layout:
+    return _layout(task.observation.components, task.observation.space, several="box")
+
+
+def action_layout(task: Task) -> Layout:
+    return _layout(task.action, "auto", several="multi_discrete")
+
+
+def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) -> Layout:
+    form: Form = _automatic(components, several) if space == "auto" else space
+    match form:
+        case "discrete":
+            return Layout(form, components)
+        case "multi_discrete":
+            return Layout(form, components, (sum(c.type.size for c in components),))
+        case "one_hot":
+            return Layout(form, components, (sum(n for c in components for n in c.counts),))
+        case "dict":
+            return Layout(form, components)
+        case "box":
+            return _box(components)
+
+
+def _automatic(components: tuple[Component, ...], several: Form) -> Form:
+    finite = all(c.is_finite for c in components)
+    if finite and len(components) == 1 and components[0].type.is_scalar:
+        return "discrete"
+    return several if finite else "box"
+
+
+def _box(components: tuple[Component, ...]) -> Layout:
+    shape = components[0].type.shape if len(components) == 1 else (sum(c.type.size for c in components),)
+    low = tuple(single(v) for c in components for v in c.low)
+    high = tuple(single(v) for c in components for v in c.high)
+    return Layout("box", components, shape, low, high)
+
+
+def single(value: float) -> float:
+    """A bound as float32 holds it: values are compared in the precision they arrive in."""
+    with np.errstate(over="ignore"):
+        return float(np.float32(value))
