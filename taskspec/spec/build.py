@@ -63,6 +63,7 @@ class _Build:
         self.noise: dict[str, Value] = {}
         self.busy: list[str] = []
         self.scopes: list[Scope] = []
+        self.named_scopes: dict[str, Scope] = {}
 
     # -- the pipeline ---------------------------------------------------------------------------------------------
 
@@ -84,6 +85,7 @@ class _Build:
         expert = self._expert()
         self._check_unused()
         claims = self._claims()
+        self._scope("claims")
         self.collector.raise_if_errors()
         assert reward is not None and terminal is not None and absorbing is not None
         return Task(
@@ -91,7 +93,7 @@ class _Build:
             parameters=tuple(self.parameters), state=self.state, action=self.action, observation=observation,
             horizon=self.horizon, discount=self._discount(), initial=tuple(initial), next=tuple(following),
             reward=reward, terminal=terminal, expert=expert, claims=tuple(claims), absorbing_reward=absorbing,
-            builder=self.builder, surface=Surface(self.exprs, self.data), document=self.merged.document,
+            builder=self.builder, surface=Surface(self.exprs, self.data, self.named_scopes), document=self.merged.document,
             content_hash=self._hash(),
         )  # fmt: skip
 
@@ -200,7 +202,7 @@ class _Build:
             bindings[c.name] = self._value(c, Role.STATE)
         for c in self.action:
             bindings[c.name] = self._value(c, Role.ACTION)
-            if section in ("observation", "expert", "absorbing"):
+            if section in ("observation", "expert", "absorbing", "abstraction"):
                 why = "the agent observes before it acts" if section == "observation" else "the action is not known yet"
                 bindings[c.name] = Unavailable("E302", f"the action '{c.name}' cannot be used in {where}", why)
         if section in ("dynamics", "reward", "terminal"):
@@ -208,17 +210,17 @@ class _Build:
                 bindings[c.name + "'"] = Lazy(lambda name, n=c.name: self._next_value(n, name))
         self._bind_time(bindings, section)
         self._bind_noise(bindings, section)
-        draws = "an absorbing reward is a fixed number" if section == "absorbing" else None
-        scope = Scope(bindings, self.domains, draws=draws)
+        scope = Scope(bindings, self.domains, draws=_NO_DRAWS.get(section))
         self._bind_definitions(bindings, scope)
         self.scopes.append(scope)
+        self.named_scopes[section] = scope
         return scope
 
     def _value(self, c: Component, role: Role) -> Value:
         return Value(self.builder.read(role, c.name, c.type, min(c.low), max(c.high)), c.domain)
 
     def _bind_time(self, bindings: dict[str, Binding], section: str) -> None:
-        last = float("inf") if self.horizon is None else self.horizon - (section != "observation")
+        last = float("inf") if self.horizon is None else self.horizon - (section not in ("observation", "claims"))
         bindings["t"] = Value(self.builder.read(Role.TIME, "t", Type(Kind.INT), 0, last))
         if self.horizon is not None:
             bindings["T"] = Value(self.builder.scalar(self.horizon))
@@ -229,7 +231,7 @@ class _Build:
         for name in self.data.get("noise") or {}:
             if section == "observation":
                 bindings[name] = Lazy(lambda at, n=name: self._observed_noise(n, at))
-            elif section in ("expert", "absorbing", "initial"):
+            elif section in ("expert", "absorbing", "initial", "claims", "abstraction"):
                 bindings[name] = Unavailable("E302", f"the noise '{name}' is drawn in steps, not here")
             else:
                 bindings[name] = Lazy(lambda at, n=name: self._noise(n))
@@ -352,6 +354,7 @@ class _Build:
             bindings[c.name] = Unavailable("E302", f"the action '{c.name}' cannot be used in `initial`")
         scope = Scope(bindings, self.domains)
         self.scopes.append(scope)
+        self.named_scopes["initial"] = scope
         self._bind_definitions(bindings, scope)
         found: dict[str, Node] = {}
         self._check_names("initial", [c.name for c in self.state])
@@ -545,6 +548,14 @@ class _Build:
         content["format"] = self.data.get("taskspec", 1)
         content["values"] = {p.name: p.value for p in self.parameters}
         return hashlib.sha256(json.dumps(content, default=str).encode()).hexdigest()
+
+
+_NO_DRAWS = {
+    "absorbing": "an absorbing reward is a fixed number",
+    "claims": "a claim is a statement about exact results",
+    "abstraction": "an abstraction is a function of the state",
+}
+"""Sections in which nothing may be drawn, and why."""
 
 
 def signature(written: str) -> tuple[str, tuple[str, ...] | None]:

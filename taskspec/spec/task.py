@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node, Read, Role, rewrite
+from taskspec.lang.scope import Scope
 from taskspec.lang.types import BOOL, Domain, Kind, Type
 from taskspec.source import Document
 
@@ -105,6 +106,7 @@ class Surface:
 
     sections: Mapping[str, Any]  # section -> expression, or name -> expression
     data: Mapping[str, Any]  # the merged document, plain
+    scopes: Mapping[str, Scope] = field(default_factory=dict, repr=False)  # names visible per section
 
 
 @dataclass(frozen=True, eq=False)
