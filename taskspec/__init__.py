@@ -1,0 +1,46 @@
+"""taskspec: declarative diagnostic reinforcement-learning tasks.
+
+One YAML spec gives a Gymnasium environment, an exact model and the printed appendix.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from taskspec.diagnostics import Diagnostic as Diagnostic
+    from taskspec.diagnostics import SpecError as SpecError
+    from taskspec.diagnostics import TaskspecError as TaskspecError
+    from taskspec.registry import load as load
+    from taskspec.registry import make as make
+    from taskspec.registry import register as register
+    from taskspec.registry import task_ids as task_ids
+    from taskspec.spec.task import Task as Task
+
+_DOORS = {
+    "Diagnostic": "taskspec.diagnostics",
+    "SpecError": "taskspec.diagnostics",
+    "TaskspecError": "taskspec.diagnostics",
+    "Task": "taskspec.spec.task",
+    "load": "taskspec.registry",
+    "make": "taskspec.registry",
+    "register": "taskspec.registry",
+    "task_ids": "taskspec.registry",
+}
+__all__ = ["Diagnostic", "SpecError", "Task", "TaskspecError", "load", "make", "register", "task_ids"]
+__version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> Any:
+    """Import each door on first use, so that `import taskspec` costs next to nothing."""
+    if name not in _DOORS:
+        raise AttributeError(f"module 'taskspec' has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(_DOORS[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_DOORS])

@@ -19,7 +19,7 @@ from taskspec import draws
 from taskspec.backends import scalars
 from taskspec.backends.emit import generate
 from taskspec.backends.phase import Phase
-from taskspec.backends.spaces import Layout, action_layout, observation_layout
+from taskspec.backends.spaces import Layout, action_layout, observation_layout, pack
 from taskspec.spec.task import Task
 
 Failure = Callable[..., Exception]
@@ -54,6 +54,11 @@ class Scalar:
         later = self.step_phase.stream(seed, draws.STEP, step)
         parts = self._namespace["lane"](first, later, failures.action, failures.not_running)
         return Lane(*parts)
+
+
+    def pack(self, flats: Sequence[tuple[Any, ...]]) -> Any:
+        """Evaluated observation components, flat, as an observation."""
+        return pack(self.observation, flats)
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,9 @@ One finite scalar is `discrete`. Several finite action components are `multi_dis
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -86,3 +87,35 @@ def single(value: float) -> float:
     """A bound as float32 holds it: values are compared in the precision they arrive in."""
     with np.errstate(over="ignore"):
         return float(np.float32(value))
+
+
+def pack(layout: Layout, flats: Sequence[tuple[Any, ...]]) -> Any:
+    """Component values, flat row-major, as one Gymnasium value."""
+    items = [value for flat in flats for value in flat]
+    match layout.form:
+        case "discrete":
+            return items[0]
+        case "multi_discrete":
+            return np.array(items, np.int64) - np.array(layout.starts, np.int64)
+        case "one_hot":
+            return _one_hot(layout, items)
+        case "dict":
+            return {c.name: _entry(c, flat) for c, flat in zip(layout.components, flats, strict=True)}
+        case "box":
+            with np.errstate(over="ignore"):
+                return np.array(items, np.float32).reshape(layout.shape)
+
+
+def _one_hot(layout: Layout, items: Sequence[Any]) -> Any:
+    row = np.zeros(layout.size, np.float32)
+    offset = 0
+    for item, start, count in zip(items, layout.starts, layout.counts, strict=True):
+        row[offset + int(item) - start] = 1.0
+        offset += count
+    return row
+
+
+def _entry(c: Component, flat: tuple[Any, ...]) -> Any:
+    if c.is_finite and c.type.is_scalar:
+        return int(flat[0])
+    return np.array(flat, np.float32).reshape(c.type.shape)

@@ -15,6 +15,8 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Read, children, walk
 from taskspec.lang.types import Kind
 
 INF = math.inf
+NORMAL_REACH = 6.67
+"""No standard normal that is drawn lies further out: its radius comes from 31 bits."""
 Interval = tuple[float, float]
 EVERYTHING: Interval = (-INF, INF)
 
@@ -60,6 +62,8 @@ def _draw_bounds(base: str, node: Draw, args: list[Interval]) -> Interval:
             return (0, node.args[0].type.shape[-1] - 1)
         case "permutation":
             return (0, max(0, node.type.shape[0] - 1))
+        case "normal":
+            return (-NORMAL_REACH, NORMAL_REACH)
         case "poisson" | "exponential" | "gamma":
             return (0, INF)
         case _:

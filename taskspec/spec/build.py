@@ -11,7 +11,7 @@ from taskspec.diagnostics import Collector, suggest
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker, Poisoned
-from taskspec.lang.ir import Apply, Const, Node, Read, Role, reads
+from taskspec.lang.ir import Const, Node, Role, reads
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import BOOL, REAL, Domain, Kind, Refused, Type
@@ -19,6 +19,8 @@ from taskspec.source import Document, Path
 from taskspec.spec.declare import INSTANCE_SEED, Declarations
 from taskspec.spec.forms import Forms
 from taskspec.spec.merge import Merged, merge
+from taskspec.spec.observe import Observed
+from taskspec.spec.reach import reach
 from taskspec.spec.schema import check_shape
 from taskspec.spec.task import Claim, Component, Observation, Parameter, Soft, Surface, Task
 
@@ -80,7 +82,7 @@ class _Build:
         following = self._dynamics()
         reward = self._single("reward", REAL, self._scope("reward"))
         terminal = self._single("terminal", BOOL, self._scope("terminal"), default=False)
-        observation = self._observation()
+        observation = self._observation(initial, following)
         absorbing = self._single("absorbing_reward", REAL, self._scope("absorbing"), default=0)
         expert = self._expert()
         self._check_unused()
@@ -145,7 +147,7 @@ class _Build:
         self.scopes.append(scope)
 
     def _components(self, section: str) -> tuple[Component, ...]:
-        scope = Scope(self.constants, draws="domains are fixed")
+        scope = self.constants_scope = Scope(self.constants, draws="domains are fixed")
         self.scopes.append(scope)
         found = [self.declare.component(section, name, scope) for name in self.data[section]]
         self.collector.raise_if_errors()  # without its components no section can be checked
@@ -189,10 +191,14 @@ class _Build:
         for section in ("definitions", "noise", "initial", "dynamics", "observation"):
             entries = self.data.get(section) or {}
             names = [n for n in entries if not (section == "observation" and n == "space")]
-            self.exprs[section] = {name: self.forms.expr((section, name)) for name in names}
+            self.exprs[section] = {name: self._entry(section, name, entries[name]) for name in names}
         for section in ("reward", "terminal", "absorbing_reward"):
             if section in self.data:
                 self.exprs[section] = self.forms.expr((section,))
+
+    def _entry(self, section: str, name: str, value: Any) -> s.Expr | None:
+        inner = section == "observation" and is_bounded(value)
+        return self.forms.expr((section, name, "value") if inner else (section, name))
 
     def _scope(self, section: str) -> Scope:
         """The names visible in a section. Definitions are expanded in the scope of the section that uses them."""
@@ -434,40 +440,34 @@ class _Build:
             return None
         return self.builder.cast(node, type_.kind)
 
-    def _observation(self) -> Observation:
+    def _observation(self, initial: list[Node], following: list[Node]) -> Observation:
         space = (self.data.get("observation") or {}).get("space", "auto")
+        whole = len(initial) == len(following) == len(self.state)
+        reached = reach(self.state, initial, following, self.horizon) if whole else {}
+        observed = Observed(self.builder, self.state, reached)
         declared = self.exprs["observation"]
         if not declared:
             nodes = tuple(self._value(c, Role.STATE).node for c in self.state)
-            return Observation(self.state, nodes, space, is_state=True)
+            return Observation(tuple(map(observed.state, self.state)), nodes, space, is_state=True)
         scope = self._scope("observation")
         components, nodes_ = [], []
         for name, expr in declared.items():
             value = None if expr is None else self.checker.check(expr, scope)
             if value is not None:
-                components.append(self._observed(name, value))
+                low, high = (self._observed_edge(name, key, value.node.type) for key in ("low", "high"))
+                components.append(observed.expression(name, value, low, high))
                 nodes_.append(value.node)
         return Observation(tuple(components), tuple(nodes_), space)
 
-    def _observed(self, name: str, value: Value) -> Component:
-        """An observed expression as a component: bounds from what is known of its value."""
-        node = value.node
-        edges = self._edges(node)
-        low, high = tuple(a for a, _ in edges), tuple(b for _, b in edges)
-        original = next((c for c in self.state if self._value(c, Role.STATE).node is node), None)
-        symbol = original.symbol if original is not None and original.name == name else None
-        return Component(name, node.type, low, high, value.domain, symbol, original.doc if original else None)
-
-    def _edges(self, node: Node) -> list[tuple[float, float]]:
-        """Bounds of every element: of a state component as declared, of a vector part by part."""
-        match node:
-            case Apply(op="vector" | "concat", args=args):
-                return [edge for arg in args for edge in self._edges(arg)]
-            case Read(role=Role.STATE, name=name):
-                c = next(c for c in self.state if c.name == name)
-                return list(zip(c.low, c.high, strict=True))
-            case _:
-                return [self.builder.bounds(node)] * node.type.size
+    def _observed_edge(self, name: str, key: str, type_: Type) -> tuple[float, ...] | None:
+        """A declared bound of an observed expression, if there is one."""
+        entry = self.data["observation"][name]
+        if not is_bounded(entry) or entry.get(key) is None:
+            return None
+        try:
+            return self.declare.edge(entry, key, ("observation", name), type_, self.constants_scope)
+        except Poisoned:
+            return None
 
     def _expert(self) -> tuple[Node, ...] | Literal["optimal"] | Soft | None:
         value = self.data.get("expert")
@@ -556,6 +556,11 @@ _NO_DRAWS = {
     "abstraction": "an abstraction is a function of the state",
 }
 """Sections in which nothing may be drawn, and why."""
+
+
+def is_bounded(entry: Any) -> bool:
+    """Whether an observation is written `{value: expression, low: ..., high: ...}`."""
+    return isinstance(entry, dict) and "value" in entry and entry.keys() <= {"value", "low", "high"}
 
 
 def signature(written: str) -> tuple[str, tuple[str, ...] | None]:

@@ -219,13 +219,13 @@ class Declarations:
     ) -> tuple[tuple[float, ...], tuple[float, ...]]:
         if type_.kind is Kind.BOOL:
             return (0,) * type_.size, (1,) * type_.size
-        low, high = (self._edge(entry, key, path, type_, scope) for key in ("low", "high"))
+        low, high = (self.edge(entry, key, path, type_, scope) for key in ("low", "high"))
         for a, b in zip(low, high, strict=True):
             if not a <= b:
                 self._stop("E407", path, f"no value lies between low = {_shown(a)} and high = {_shown(b)}")
         return low, high
 
-    def _edge(self, entry: Mapping[str, Any], key: str, path: Path, type_: Type, scope: Scope) -> tuple[float, ...]:
+    def edge(self, entry: Mapping[str, Any], key: str, path: Path, type_: Type, scope: Scope) -> tuple[float, ...]:
         if entry.get(key) is None:
             return ((-math.inf if key == "low" else math.inf),) * type_.size
         expr = self.forms.expr((*path, key))

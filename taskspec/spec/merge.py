@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.diagnostics import Diagnostic, Span, SpecError, suggest
+from taskspec.scan import REQUIRED, task_name
 from taskspec.source import Document, Path
 
 NAMED = (
@@ -17,7 +18,6 @@ NAMED = (
 FIELDED = ("parameters", "state", "action")
 """Sections whose entries have fields, which a variant overrides field by field."""
 
-REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")
 _DROPPED = ("variants", "base")
 
 
@@ -58,11 +58,6 @@ def variant_names(data: dict[str, Any]) -> dict[str, str | None]:
     for key in variants if isinstance(variants, dict) else ():
         names[task_name(name, str(key))] = str(key)
     return names
-
-
-def task_name(name: str, variant: str) -> str:
-    """The name of a variant's task: the key itself when it starts with the task's name, else the two run together."""
-    return variant if variant.startswith(name) else name + variant[:1].upper() + variant[1:]
 
 
 def merge(document: Document, variant: str | None = None) -> Merged:

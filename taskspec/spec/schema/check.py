@@ -11,7 +11,8 @@ from pydantic import BaseModel, ValidationError
 
 from taskspec.diagnostics import Collector, Diagnostic, Span, suggest
 from taskspec.source import Document, Path
-from taskspec.spec.merge import REQUIRED, variant_names
+from taskspec.scan import REQUIRED
+from taskspec.spec.merge import variant_names
 from taskspec.spec.schema import fields, values
 from taskspec.spec.schema.values import Problem
 from taskspec.spec.schema.variants import Spec

@@ -12,6 +12,19 @@ _EXPRESSION = {"$ref": "#/$defs/Expression"}
 _TEXT = {"type": ["string", "number", "boolean"]}
 
 
+_BOUNDED = {
+    "type": "object",
+    "description": "An expression with declared bounds of its space.",
+    "properties": {
+        "value": {**_EXPRESSION, "description": "What is observed."},
+        "low": {**_EXPRESSION, "description": "Lowest value, inclusive; -inf for none."},
+        "high": {**_EXPRESSION, "description": "Highest value, inclusive; inf for none."},
+    },
+    "required": ["value"],
+    "additionalProperties": False,
+}
+
+
 def _observation(form: str) -> dict[str, Any]:
     return {
         "title": "Observation",
@@ -24,7 +37,7 @@ def _observation(form: str) -> dict[str, Any]:
                 "enum": list(SPACES),
             }
         },
-        "additionalProperties": {"$ref": f"#/$defs/{form}"},
+        "additionalProperties": {"anyOf": [{"$ref": f"#/$defs/{form}"}, _BOUNDED]},
     }
 
 

@@ -320,4 +320,14 @@ def _observation(value: Any, nullable: bool) -> Iterator[Problem]:
             yield Problem("E206", (key,), f"{kind(part)} is not a kind of space", hint)
         elif key != "space":
             yield from name(key, (key,))
-            yield from (problem.below(key) for problem in expression(part))
+            yield from (problem.below(key) for problem in _observed(part))
+
+
+def _observed(part: Any) -> Iterator[Problem]:
+    """An expression, or `{value: expression, low: ..., high: ...}` to declare the bounds of its space."""
+    if not (isinstance(part, dict) and "value" in part and part.keys() <= {"value", "low", "high"}):
+        yield from expression(part)
+        return
+    yield from (problem.below("value") for problem in expression(part["value"]))
+    for key in part.keys() & {"low", "high"}:
+        yield from (problem.below(key) for problem in bound(part[key]))

@@ -1,0 +1,1 @@
+"""Programs: what a task runs as, generated for one backend each."""

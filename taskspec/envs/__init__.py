@@ -1,0 +1,8 @@
+"""Gymnasium environments of tasks."""
+
+from __future__ import annotations
+
+from taskspec.envs.env import Environment as Environment
+from taskspec.envs.errors import ActionError as ActionError
+from taskspec.envs.errors import NotRunningError as NotRunningError
+from taskspec.envs.errors import StateError as StateError

@@ -1,0 +1,180 @@
+"""The scalar Gymnasium environment of a task.
+
+The generated program does the work; this class gives it Gymnasium's interface, errors, seeding, and a state that can be
+read, set, copied and pickled. It enforces order, horizon and valid actions itself, so it needs no wrappers.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium
+
+from taskspec import draws
+from taskspec.backends.program import Failures, Lane, Scalar, compile_scalar
+from taskspec.draws.layout import Layout
+from taskspec.draws.sample import sampler
+from taskspec.envs import picture
+from taskspec.envs.errors import ActionError, NotRunningError, StateError
+from taskspec.envs.spaces import space
+from taskspec.envs.state import flat_state, plain_state
+from taskspec.lang.evaluate import evaluate
+from taskspec.lang.ir import Role
+from taskspec.spec.task import Task
+
+SEED_MAX = 2**64
+
+
+class Environment(gymnasium.Env[Any, Any]):
+    """One environment of a task.
+
+    Observations and actions follow the rules of the language (`observation_space`, `action_space`). `reset(seed=s)` starts
+    the stream of draws of seed s; without a seed the stream goes on. `reset(options={"state": {...}})` overrides
+    components of the first state, by name; a choice may be given as its label or its index.
+
+    Args:
+        task: the task, with its parameters bound.
+        render_mode: None or "ansi".
+        ending: "terminate", or "absorb": terminal states absorb until the horizon and pay the absorbing reward.
+        observe_time: whether the number of steps taken is added to the observation.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi"], "render_fps": 4}  # type: ignore[misc]
+
+    def __init__(
+        self, task: Task, *, render_mode: str | None = None, ending: str = "terminate", observe_time: bool = False
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"render_mode must be None or one of {self.metadata['render_modes']}, not {render_mode!r}")
+        if ending not in ("terminate", "absorb"):
+            raise ValueError(f"ending must be 'terminate' or 'absorb', not {ending!r}")
+        task = task.absorbing() if ending == "absorb" else task
+        self.task = task.observing_time() if observe_time else task
+        self.render_mode = render_mode
+        self._program: Scalar = compile_scalar(self.task)
+        self.observation_space = space(self._program.observation)
+        self.action_space = space(self._program.action)
+        self._seed: int | None = None
+        self._episodes = 0  # resets since the seed was set
+        self._steps = 0  # steps of the episodes before this one, since the seed was set
+        self._last: tuple[Any, Any, float | None] = (None, None, None)
+        self._start(0, 0, 0)
+
+    # -- Gymnasium ------------------------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Start an episode.
+
+        Args:
+            seed: an integer from 0; the episode and those after it are a function of it alone.
+            options: `{"state": {name: value}}` overrides components of the first state.
+
+        Raises:
+            StateError: when an overridden component has no such value.
+        """
+        if seed is not None:
+            super().reset(seed=seed)
+            self._restart(seed)
+        elif self._seed is None:
+            self._restart(int.from_bytes(os.urandom(8), "little"))
+        else:
+            self._steps += self._lane.get()[1]
+        result = self._lane.reset()
+        self._episodes += 1
+        override = None if options is None else options.get("state")
+        return result if override is None else (self._begin_at(override), {})
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Take a step: observation, reward, terminated, truncated, info.
+
+        Raises:
+            ActionError: the action is not in the action space.
+            NotRunningError: before the first reset, or after the end of the episode.
+        """
+        return self._lane.step(action)  # replaced on each instance by the generated function itself
+
+    def render(self) -> str | None:  # type: ignore[override]
+        """The present state as text (`render_mode="ansi"`)."""
+        if self.render_mode is None:
+            return None
+        return picture.text(self.task, self.state, self._lane.get()[1])
+
+    # -- state ----------------------------------------------------------------------------------------------------
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """The present state by component: labels for choices, numbers, arrays for vectors.
+
+        Assigning a mapping sets the components that it names.
+        """
+        values, _, _ = self._lane.get()
+        if self._seed is None:
+            raise NotRunningError("E707: there is no state before the first reset()")
+        return plain_state(self.task, values)
+
+    @state.setter
+    def state(self, value: Mapping[str, Any]) -> None:
+        values, time, alive = self._lane.get()
+        if self._seed is None:
+            raise NotRunningError("E707: there is no state to change before the first reset()")
+        self._lane.put(flat_state(self.task, value, values), time, alive)
+
+    @property
+    def time(self) -> int:
+        """Steps taken in this episode."""
+        return self._lane.get()[1]
+
+    def _begin_at(self, override: Mapping[str, Any]) -> Any:
+        """Override components of the first state, and observe the result with this episode's draws."""
+        self.state = override
+        return self._observe(self._lane.get()[0])
+
+    def _observe(self, values: tuple[Any, ...]) -> Any:
+        """The observation of a state at time 0, by the reference interpreter."""
+        layout = Layout.of((*self.task.initial, *self.task.first_observation))
+        assert self._seed is not None
+        words = draws.words(self._seed, draws.RESET, self._episodes - 1, layout.count)
+        reads: dict[tuple[Role, str], tuple[Any, ...]] = {(Role.TIME, "t"): (0,)}
+        for c, value in zip(self.task.state, values, strict=True):
+            reads[c.read] = tuple(value) if c.type.shape else (value,)
+        flats = evaluate(self.task.observation.nodes, reads, sampler(layout, words))
+        return self._program.pack(flats)
+
+    # -- starting, copying ----------------------------------------------------------------------------------------
+
+    def _restart(self, seed: int) -> None:
+        if not 0 <= seed < SEED_MAX:
+            raise ValueError(f"a seed lies between 0 and 2**64 - 1, not {seed}")
+        self._seed, self._episodes, self._steps = int(seed), 0, 0
+        self._start(self._seed, 0, 0)
+
+    def _start(self, seed: int, episode: int, step: int) -> None:
+        failures = Failures(self._bad_action, self._not_running)
+        self._lane: Lane = self._program.start(seed, failures, episode, step)
+        # An attribute of the instance: calling the generated function directly saves a fifth of a step.
+        self.__dict__["step"] = self._lane.step
+
+    def _bad_action(self, action: Any) -> ActionError:
+        return ActionError(f"E706: {action!r} is not an action of {self.task.id}; it needs {self.action_space}")
+
+    def _not_running(self) -> NotRunningError:
+        if self._episodes == 0:
+            return NotRunningError("E707: step() before the first reset(); call reset() first")
+        return NotRunningError("E708: step() after the end of the episode; call reset() to start another")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the generated functions, which are made again; the stream of draws goes on where it was."""
+        kept = {k: v for k, v in self.__dict__.items() if k not in ("step", "_lane", "_program")}
+        return {**kept, "lane_state": self._lane.get()}
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        values, time, alive = saved.pop("lane_state")
+        self.__dict__.update(saved)
+        self._program = compile_scalar(self.task)
+        self._start(self._seed or 0, self._episodes, self._steps + time)
+        if self._episodes:
+            self._lane.put(values, time, alive)

@@ -1,0 +1,19 @@
+"""What an environment raises when it is misused. Each is also Gymnasium's own kind of error, so existing handlers catch it."""
+
+from __future__ import annotations
+
+import gymnasium.error
+
+from taskspec.diagnostics import TaskspecError
+
+
+class ActionError(TaskspecError, gymnasium.error.InvalidAction, ValueError):
+    """An action outside the action space (E706)."""
+
+
+class NotRunningError(TaskspecError, gymnasium.error.ResetNeeded):
+    """A step before the first reset (E707) or after the end of the episode (E708)."""
+
+
+class StateError(TaskspecError, ValueError):
+    """A state that the task does not have (E709)."""

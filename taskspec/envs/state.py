@@ -1,0 +1,82 @@
+"""States of an environment for people: read by name, set by name, checked against their domains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.spaces import single
+from taskspec.diagnostics import suggest
+from taskspec.envs.errors import StateError
+from taskspec.lang.types import Domain, Kind
+from taskspec.spec.task import Component, Task
+
+_DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
+
+
+def plain_state(task: Task, values: tuple[Any, ...]) -> dict[str, Any]:
+    """Values by component name: labels for choices, Python numbers, arrays for vectors."""
+    return {c.name: _plain(c, value) for c, value in zip(task.state, values, strict=True)}
+
+
+def _plain(c: Component, value: Any) -> Any:
+    if c.type.shape:
+        return np.array(value, _DTYPES[c.type.kind]).reshape(c.type.shape)
+    if c.domain is not None:
+        return c.domain.labels[value]
+    return {Kind.BOOL: bool, Kind.INT: int, Kind.REAL: float}[c.type.kind](value)
+
+
+def flat_state(task: Task, override: Mapping[str, Any], values: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The flat state with some components replaced.
+
+    Raises:
+        StateError: for a component that does not exist or a value outside its domain.
+    """
+    names = [c.name for c in task.state]
+    for name in override:
+        if name not in names:
+            hint = suggest(str(name), names) or f"its components are {', '.join(names)}"
+            raise StateError(f"E709: {task.id} has no state component {name!r}; {hint}")
+    return tuple(_flat(c, override[c.name]) if c.name in override else v for c, v in zip(task.state, values, strict=True))
+
+
+def _flat(c: Component, value: Any) -> Any:
+    if isinstance(value, str):
+        return _label(c, c.domain, value)
+    array = np.asarray(value)
+    if array.shape != c.type.shape or array.dtype.kind not in "biuf":
+        raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}")
+    flat = array.ravel().tolist()
+    items = tuple(_element(c, item, low, high) for item, low, high in zip(flat, c.low, c.high, strict=True))
+    if None in items:
+        raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}")
+    return items if c.type.shape else items[0]
+
+
+def _element(c: Component, item: Any, low: float, high: float) -> Any:
+    """An element as a number of its kind, or None where it is outside; bounds hold to float32, as spaces have them."""
+    if c.type.kind is Kind.REAL:
+        return min(max(float(item), low), high) if single(low) <= single(item) <= single(high) else None
+    if not float(item).is_integer() or not low <= item <= high:
+        return None
+    return bool(item) if c.type.kind is Kind.BOOL else int(item)
+
+
+def _label(c: Component, domain: Domain | None, value: str) -> int:
+    index = None if domain is None else domain.index(value)
+    if index is None:
+        hint = f" ({suggest(value, domain.labels)})" if domain is not None and suggest(value, domain.labels) else ""
+        raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}{hint}")
+    return index
+
+
+def _needs(c: Component) -> str:
+    if c.domain is not None:
+        return f"one of {', '.join(c.domain.labels)}"
+    shape = f" of shape {list(c.type.shape)}" if c.type.shape else ""
+    kind = {Kind.BOOL: "true or false", Kind.INT: "an int", Kind.REAL: "a real number"}[c.type.kind]
+    bounds = "" if c.type.kind is Kind.BOOL else f" between {min(c.low):g} and {max(c.high):g}"
+    return f"{kind}{shape}{bounds}"
