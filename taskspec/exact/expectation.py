@@ -1,0 +1,77 @@
+"""The expected reward where the reward itself is noisy: real draws that enter it linearly are replaced by their means."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from fractions import Fraction
+
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Apply, Draw, Node, children, draws, rewrite, walk
+from taskspec.lang.types import Kind, Type
+
+_LINEAR = frozenset({"add", "sub", "neg", "sum", "to_real", "vector", "element", "slice", "fill", "reshape", "concat"})
+_PRODUCTS = frozenset({"mul", "dot"})
+
+
+def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> Node:
+    """The reward with every draw that is not finite and enters linearly replaced by its mean.
+
+    Draws in `shared` also decide something else (the next state) and are left alone; so is a draw
+    that enters in any other way, and then the task has no exact model.
+    """
+    kept = {d.site for d in shared}
+    means = {
+        d.site: mean
+        for d in draws([reward])
+        if d.site not in kept and (mean := _mean(d, builder)) is not None and _is_linear(reward, d)
+    }
+
+    def leaf(node: Node) -> Node | None:
+        return means.get(node.site) if isinstance(node, Draw) else None
+
+    return rewrite([reward], leaf, builder.remake)[0] if means else reward
+
+
+def _mean(draw: Draw, builder: Builder) -> Node | None:
+    match draw.base:
+        case "uniform":
+            mean: Node = builder.const(Fraction(1, 2), Type(Kind.REAL))
+        case "normal":
+            mean = builder.scalar(0.0)
+        case "exponential":
+            mean = builder.scalar(1.0)
+        case "gamma":
+            mean = draw.args[0]
+        case "poisson":
+            mean = draw.args[0]
+        case _:
+            return None  # finite draws are enumerated
+    return builder.stretch(builder.cast(mean, draw.type.kind), draw.type.shape)
+
+
+def _is_linear(root: Node, draw: Draw) -> bool:
+    """Whether the root is linear in the draw, whatever else it depends on."""
+    depends: dict[int, bool] = {}
+    for node in walk([root]):
+        below = [depends[id(c)] for c in children(node)]
+        if node is draw:
+            depends[id(node)] = True
+        elif not any(below):
+            depends[id(node)] = False
+        elif not (isinstance(node, Apply) and _keeps_linear(node.op, below)):
+            return False
+        else:
+            depends[id(node)] = True
+    return True
+
+
+def _keeps_linear(op: str, below: list[bool]) -> bool:
+    if op in _LINEAR:
+        return True
+    if op in _PRODUCTS:
+        return sum(below) == 1
+    if op == "div":
+        return not below[1]
+    if op in ("where", "index"):
+        return not below[0] if op == "where" else not below[1]
+    return False

@@ -1,0 +1,189 @@
+"""Every outcome of the finite draws of some expressions, with its probability, over a batch of points.
+
+Draws are taken one after the other. Where the probabilities are the same at all points and there are
+many, an outcome is one pass over the points with the drawn value held fixed; otherwise the points are
+repeated, once for each outcome of positive probability.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from taskspec.lang import interval
+from taskspec.lang.batch import evaluate
+from taskspec.lang.dists import BASES
+from taskspec.lang.ir import Draw, Role
+
+Array = np.ndarray[Any, Any]
+Reads = Mapping[tuple[Role, str], Array]
+LOOP_FROM = 4096
+"""From this many points on, an outcome shared by all points is a pass of its own."""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Outcomes of the draws at some of the points.
+
+    `weight` is their probability, (M,) or (1,). `origin` gives the point of each, (M,), or is None
+    when there is exactly one for every point. `drawn` holds the values of the draws by site,
+    (*shape, M) or (*shape, 1).
+    """
+
+    weight: Array
+    origin: Array | None
+    drawn: Mapping[int, Array]
+
+    def sample(self, draw: Draw, args: list[Array]) -> Array:
+        return self.drawn[draw.site]
+
+    def place(self, reads: Reads) -> Reads:
+        """What is read at each outcome's point."""
+        if self.origin is None:
+            return reads
+        origin = self.origin
+        return {k: v if v.shape[-1] == 1 else v[..., origin] for k, v in reads.items()}
+
+
+def count(draws: Sequence[Draw], known: dict[int, interval.Interval]) -> float:
+    """An upper bound on the outcomes at one point; infinite where a draw is not finite."""
+    return math.prod(_outcomes(d, known) for d in draws)
+
+
+def _outcomes(draw: Draw, known: dict[int, interval.Interval]) -> float:
+    shape = draw.type.shape
+    match draw.base:
+        case "bernoulli":
+            return 2.0 ** min(draw.type.size, 1000)
+        case "categorical":
+            return float(draw.args[0].type.shape[-1]) ** min(draw.type.size, 100)
+        case "index":
+            most = max(1.0, interval.bounds(draw.args[0], known)[1])
+            return most if shape == () else most ** min(draw.type.size, 100)
+        case "permutation":
+            return math.prod(float(math.factorial(min(shape[-1], 170))) for _ in range(draw.type.size // shape[-1]))
+        case _:
+            return math.inf
+
+
+def is_finite(draw: Draw) -> bool:
+    return BASES[draw.base].finite
+
+
+def branches(
+    draws: Sequence[Draw], reads: Reads, lanes: int, fixed: Mapping[int, Array] | None = None
+) -> Iterator[Branch]:
+    """All outcomes of the finite draws among `draws` (in order of site) at `lanes` points.
+
+    `fixed` holds the values of draws that are not finite, (*shape, lanes), sampled beforehand.
+    """
+    start = Branch(np.ones(1), None, dict(fixed or {}))
+    yield from _expand([d for d in draws if is_finite(d)], reads, lanes, start)
+
+
+def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> Iterator[Branch]:
+    if not draws:
+        yield so_far
+        return
+    draw, rest = draws[0], draws[1:]
+    args = evaluate(draw.args, so_far.place(reads), so_far.sample)
+    values, p = _TABLES[draw.base](draw, args)
+    if p.shape[-1] == 1 and lanes >= LOOP_FROM and so_far.origin is None:
+        for k in np.flatnonzero(p[:, 0] > 0):
+            drawn = {**so_far.drawn, draw.site: values[k][..., None]}
+            yield from _expand(rest, reads, lanes, replace(so_far, weight=so_far.weight * p[k], drawn=drawn))
+        return
+    if len(p) == 1:  # nothing is left to chance
+        drawn = {**so_far.drawn, draw.site: values[0][..., None]}
+        yield from _expand(rest, reads, lanes, replace(so_far, drawn=drawn))
+        return
+    yield from _expand(rest, reads, lanes, _repeated(so_far, draw, values, p, lanes))
+
+
+def _repeated(so_far: Branch, draw: Draw, values: Array, p: Array, lanes: int) -> Branch:
+    """Every point once for each outcome of positive probability, the outcomes of a point side by side."""
+    n = lanes if so_far.origin is None else len(so_far.origin)
+    point, outcome = np.nonzero(np.broadcast_to(p.T > 0, (n, len(p))))
+    weight = _at(so_far.weight, point) * (p[outcome, 0] if p.shape[-1] == 1 else p[outcome, point])
+    drawn = {site: _at(v, point) for site, v in so_far.drawn.items()}
+    drawn[draw.site] = np.moveaxis(values[outcome], 0, -1)
+    return Branch(weight, point if so_far.origin is None else so_far.origin[point], drawn)
+
+
+def _at(values: Array, point: Array) -> Array:
+    return values if values.shape[-1] == 1 else values[..., point]
+
+
+# -- outcomes of one draw -------------------------------------------------------------------------
+# Each gives values (K, *shape) and probabilities (K, N or 1).
+
+
+def _product(draw: Draw, rows: Sequence[Array], dtype: Any) -> tuple[Array, Array]:
+    """Independent elements: element e takes value k with probability rows[e][k]."""
+    shape = draw.type.shape
+    if shape == ():
+        return np.arange(len(rows[0]), dtype=dtype), rows[0]
+    digits = np.array(list(itertools.product(*(range(len(r)) for r in rows))), dtype=np.int64)
+    p: Any = 1.0
+    for e, row in enumerate(rows):
+        p = p * row[digits[:, e]]
+    return digits.reshape(-1, *shape).astype(dtype), p
+
+
+def _stretched(arg: Array, size: int) -> list[Array]:
+    flat = arg.reshape(-1, arg.shape[-1])
+    return list(flat) * size if len(flat) == 1 else list(flat)
+
+
+def _index(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
+    rows = []
+    for counts in _stretched(args[0], draw.type.size):
+        most = np.maximum(counts, 1)
+        k = np.arange(int(most.max()))[:, None]
+        rows.append((k < most) / most)
+    return _product(draw, rows, np.int64)
+
+
+def _bernoulli(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
+    rows = []
+    for p in _stretched(args[0], draw.type.size):
+        inside = np.clip(np.where(p == p, p, 0.0), 0.0, 1.0)
+        rows.append(np.stack([1 - inside, inside]))
+    return _product(draw, rows, np.bool_)
+
+
+def _categorical(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
+    return _product(draw, [clean(args[0])] * draw.type.size, np.int64)
+
+
+def clean(p: Array) -> Array:
+    """Rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total."""
+    p = np.where(p > 0, p, 0.0)
+    total = p.sum(axis=0)
+    off = np.abs(total - 1) > 1e-9
+    if off.any():
+        empty = total == 0
+        p = p / np.where(off & ~empty, total, 1.0)
+        p[-1] = np.where(empty, 1.0, p[-1])
+    return p
+
+
+def _permutation(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
+    *outer, n = draw.type.shape
+    one = np.array(list(itertools.permutations(range(n))), dtype=np.int64)
+    every = list(itertools.product(range(len(one)), repeat=math.prod(outer)))
+    values = one[np.array(every, dtype=np.int64)].reshape(len(every), *draw.type.shape)
+    return values, np.full((len(values), 1), 1 / len(values))
+
+
+_TABLES: dict[str, Callable[[Draw, list[Array]], tuple[Array, Array]]] = {
+    "index": _index,
+    "bernoulli": _bernoulli,
+    "categorical": _categorical,
+    "permutation": _permutation,
+}

@@ -1,0 +1,56 @@
+"""Which states episodes visit: a search from the start, level by level, up to the horizon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.transitions import Steps
+
+Array = np.ndarray[Any, Any]
+CHUNK = 65_536
+
+
+@dataclass(frozen=True)
+class Visits:
+    """Codes of states, sorted: those where an action is taken, and all that are entered."""
+
+    acting: Array
+    entered: Array
+
+
+def visits(steps: Steps) -> Visits:
+    """The states of all episodes, whatever the actions and draws. Steps out of the state space are passed over."""
+    horizon = steps.task.horizon
+    level = np.unique(steps.starts()[0])
+    acting, entered = level[:0], level
+    t = 0
+    while len(level) and (horizon is None or t < horizon):
+        acting = np.union1d(acting, level)
+        going, ended = _successors(steps, level, t)
+        entered = np.union1d(entered, np.union1d(going, ended))
+        level = going if steps.uses_time else np.setdiff1d(going, acting, assume_unique=True)
+        t += 1
+    return Visits(acting, entered)
+
+
+def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
+    """States entered from the given ones: those where the episode goes on, and those where it ends."""
+    going, ended = [states[:0]], [states[:0]]
+    per_chunk = max(1, CHUNK // steps.actions.size)
+    for low in range(0, len(states), per_chunk):
+        some = states[low : low + per_chunk]
+        for actions in _action_chunks(steps.actions.size):
+            here, there = np.tile(some, len(actions)), np.repeat(actions, len(some))
+            for found in steps.outcomes(here, there, t):
+                inside = np.ones(len(found.code), np.bool_) if found.outside is None else ~found.outside
+                terminal = np.broadcast_to(found.terminal, found.code.shape)
+                going.append(np.unique(found.code[inside & ~terminal]))
+                ended.append(np.unique(found.code[inside & terminal]))
+    return np.unique(np.concatenate(going)), np.unique(np.concatenate(ended))
+
+
+def _action_chunks(size: int) -> list[Array]:
+    return [np.arange(low, min(size, low + CHUNK)) for low in range(0, size, CHUNK)]

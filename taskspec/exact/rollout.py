@@ -1,0 +1,144 @@
+"""Episodes of many lanes at once, from the same random words as the environments: lane i of seed s is the scalar environment of seed s + i."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec import draws
+from taskspec.draws.batched import batch_sampler
+from taskspec.draws.layout import Layout
+from taskspec.exact.points import columns, sampled
+from taskspec.lang.batch import evaluate
+from taskspec.lang.ir import Node, Role
+from taskspec.spec.task import Task
+
+Array = np.ndarray[Any, Any]
+Key = tuple[Role, str]
+State = dict[str, Array]
+Choose = Callable[[State, int, np.random.Generator], Mapping[str, Array]]
+"""Gives actions by name, (*shape, lanes), from the state by name and the time."""
+
+
+@dataclass(frozen=True)
+class Moved:
+    """The result of a step in every lane."""
+
+    state: State
+    reward: Array
+    terminal: Array
+
+
+class Rollout:
+    """Steps a task's array form. Arrays are (*shape, lanes)."""
+
+    def __init__(self, task: Task, lanes: int, seed: int = 0) -> None:
+        self.task, self.lanes = task, lanes
+        self.seeds = draws.lane_seeds(seed, lanes)
+
+    @cached_property
+    def _first(self) -> Layout:
+        return Layout.of([*self.task.initial, *self.task.first_observation])
+
+    @cached_property
+    def _step(self) -> Layout:
+        return Layout.of([*self.task.next, self.task.reward, self.task.terminal, *self.task.next_observation])
+
+    def start(self, episode: int = 0) -> State:
+        words = draws.lanes_block(self.seeds, draws.RESET, episode, self._first.count)
+        values = self._values(self.task.initial, {}, self._first, words)
+        return dict(zip((c.name for c in self.task.state), values, strict=True))
+
+    def step(self, state: State, action: Mapping[str, Array], t: int, steps: int | None = None) -> Moved:
+        """One step at time t; `steps` counts those since the seed was set (t in the first episode)."""
+        words = draws.lanes_block(self.seeds, draws.STEP, t if steps is None else steps, self._step.count)
+        roots = (*self.task.next, self.task.reward, self.task.terminal)
+        *following, reward, terminal = self._values(roots, reads_of(state, action, t), self._step, words)
+        return Moved(dict(zip(state, following, strict=True)), reward, terminal)
+
+    def _values(self, roots: Sequence[Node], reads: Mapping[Key, Array], layout: Layout, words: Array) -> list[Array]:
+        found = evaluate(roots, reads, batch_sampler(layout, words))
+        return [np.broadcast_to(v, (*v.shape[:-1], self.lanes)) for v in found]
+
+
+def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) -> dict[Key, Array]:
+    found: dict[Key, Array] = {(Role.STATE, name): value for name, value in state.items()}
+    found |= {(Role.ACTION, name): value for name, value in action.items()}
+    found[Role.TIME, "t"] = np.array([t], dtype=np.int64)
+    return found
+
+
+def at_random(task: Task) -> Choose:
+    """Uniformly random actions; a range without an end is cut where samples are."""
+
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        lanes = next(iter(state.values())).shape[-1]
+        return {c.name: uniform(c, lanes, rng) for c in task.action}
+
+    return choose
+
+
+def uniform(c: Any, lanes: int, rng: np.random.Generator) -> Array:
+    """Uniform values of a component, (*shape, lanes)."""
+    rows = []
+    for low, high in zip(c.low, c.high, strict=True):
+        if c.is_finite:
+            rows.append(rng.integers(int(low), int(high) + 1, lanes))
+        else:
+            rows.append(rng.uniform(low, high, lanes))
+    values = np.stack(rows) if c.type.shape else rows[0]
+    kind = {0: np.bool_, 1: np.int64, 2: np.float64}[int(c.type.kind)]
+    return values.reshape(*c.type.shape, lanes).astype(kind)
+
+
+def by_expert(task: Task) -> Choose:
+    """The actions of an expert given by expressions."""
+    experts = task.expert
+    assert isinstance(experts, tuple)
+
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        lanes = next(iter(state.values())).shape[-1]
+        layout = Layout.of(experts)
+        words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
+        values = evaluate(experts, reads_of(state, {}, t), batch_sampler(layout, words))
+        return {c.name: np.broadcast_to(v, (*v.shape[:-1], lanes)) for c, v in zip(task.action, values, strict=True)}
+
+    return choose
+
+
+LANES, STEPS = 64, 60
+
+
+def visited(task: Task, left_over: bool = True) -> Mapping[Key, Array]:
+    """States, actions and times of a few episodes at random and, if there is one, by the expert."""
+    parts = []
+    rng = np.random.default_rng(0)
+    everyone = [_wild(task)] + ([by_expert(task)] if isinstance(task.expert, tuple) else [])
+    for choose in everyone:
+        rollout = Rollout(task, LANES)
+        state = rollout.start()
+        for t in range(min(STEPS, STEPS if task.horizon is None else task.horizon)):
+            action = choose(state, t, rng)
+            parts.append(reads_of(state, action, t) | {(Role.TIME, "t"): np.full(LANES, t)})
+            moved = rollout.step(state, action, t)
+            if moved.terminal.all() or not _are_numbers(moved.state):
+                break
+            state = {n: np.where(moved.terminal, state[n], moved.state[n]) for n in state}
+    return columns(parts)
+
+
+def _wild(task: Task) -> Choose:
+    """Actions over the whole range, cut where it has no end."""
+
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        return {c.name: sampled(c, LANES, rng) for c in task.action}
+
+    return choose
+
+
+def _are_numbers(state: State) -> bool:
+    return all(np.isfinite(v).all() for v in state.values())

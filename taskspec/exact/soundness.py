@@ -1,0 +1,132 @@
+"""Soundness: do the equations define a task? Every check is either decided for all points or tried on samples.
+
+A finite task is looked at in every declared state, for every action, at every time that matters and
+for every outcome of its draws, whether an episode gets there or not: dynamics are total. One
+exception: a state that can only be entered by a step which ends the episode needs no dynamics.
+Where the domain is not finite, or too large, bounds are tried first (interval arithmetic proves that
+a value cannot leave its domain), then samples of the declared domain and of episodes.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.exact.examine import Examination, Violation
+from taskspec.exact.phases import Check, phases
+from taskspec.exact.points import Method
+from taskspec.exact.wording import report
+from taskspec.spec.build import build
+from taskspec.spec.task import Parameter, Task
+
+MAX_POINTS = 2_000_000
+RANGE_POINTS = 50_000
+MAX_CASES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Soundness:
+    """What was found, and how: `method` says whether all points were looked at or samples."""
+
+    diagnostics: tuple[Diagnostic, ...]
+    method: Method
+
+
+def examine(task: Task, limit: int = MAX_POINTS) -> Soundness:
+    """Check a task for its present parameters.
+
+    Args:
+        limit: how many steps (state, action, time, outcome) are looked at before samples stand in.
+    """
+    collector = Collector()
+    methods = []
+    for phase in phases(task, limit):
+        examination = Examination(phase)
+        for violation in examination.violations():
+            report(violation, examination, collector)
+        methods.append(examination.method)
+    return Soundness(collector.diagnostics, Method.joined(methods))
+
+
+def soundness(task: Task) -> list[Diagnostic]:
+    """Everything wrong with a task for its present parameters, each with a counterexample."""
+    return list(examine(task).diagnostics)
+
+
+# -- other parameters ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """Soundness over declared ranges of parameters: the cases tried, and the first case of each problem."""
+
+    diagnostics: tuple[Diagnostic, ...]
+    cases: tuple[Mapping[str, Any], ...]
+
+
+def check_ranges(task: Task, limit: int = RANGE_POINTS) -> Ranges:
+    """Check a task at corners of the declared ranges of its parameters and between them.
+
+    Every parameter goes to its ends alone, then all together; a range without an end, or with a far
+    one, is tried up to a few times the default, so that the cost stays bounded. Values that a
+    `require` forbids are passed over.
+    """
+    known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
+    found: list[Diagnostic] = []
+    tried = []
+    for values in cases(task):
+        try:
+            other = build(task.document, task.variant, values, task.suite)
+        except SpecError as error:
+            wrong: Iterable[Diagnostic] = [d for d in error.diagnostics if d.code not in ("E703", "E704")]
+        else:
+            tried.append(values)
+            wrong = examine(other, limit).diagnostics
+        for diagnostic in wrong:
+            if (diagnostic.code, diagnostic.span) not in known:
+                known.add((diagnostic.code, diagnostic.span))
+                found.append(diagnostic)
+    return Ranges(tuple(found), tuple(tried))
+
+
+def cases(task: Task) -> list[dict[str, Any]]:
+    """Parameter values to try: the ends of each range alone, then all low, all high, and a mixture."""
+    ranged = [p for p in task.parameters if len(_ends(p)) > 0]
+    present = task.values
+    alone = [present | {p.name: value} for p in ranged for value in _ends(p)]
+    together = [present | {p.name: _ends(p)[i] for p in ranged} for i in (0, -1)]
+    distinct: dict[str, dict[str, Any]] = {}
+    for values in itertools.chain(together, alone):
+        if values != present:
+            distinct.setdefault(repr(values), values)
+    return list(distinct.values())[:MAX_CASES]
+
+
+def _ends(p: Parameter) -> list[Any]:
+    """A few values of a parameter, lowest first: its bounds, or what stands in for a bound that is missing or far."""
+    match p.kind:
+        case "bool":
+            return [False, True]
+        case "choice":
+            return list(p.values or ())
+        case "int":
+            far = 2 * abs(int(p.default)) + 3
+            low = int(p.default) - far if p.low is None else max(int(p.low), int(p.default) - far)
+            high = int(p.default) + far if p.high is None else min(int(p.high), int(p.default) + far)
+            return sorted({low, high})
+        case _:
+            return sorted(_real_ends(p))
+
+
+def _real_ends(p: Parameter) -> Iterator[float]:
+    far = 4 * abs(float(p.default)) + 1
+    if p.low is not None:
+        yield max(float(p.low), float(p.default) - far)
+    if p.high is not None:
+        yield min(float(p.high), float(p.default) + far)
+
+
+__all__ = ["Check", "Method", "Ranges", "Soundness", "Violation", "check_ranges", "examine", "soundness"]

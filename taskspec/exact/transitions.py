@@ -1,0 +1,100 @@
+"""One step of a finite task at many points at once: every outcome with its probability."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.expectation import expected
+from taskspec.exact.outcomes import branches, count
+from taskspec.exact.space import Reads, Space
+from taskspec.lang.batch import evaluate
+from taskspec.lang.ir import Const, Draw, Role, draws, reads
+from taskspec.spec.task import Task
+
+Array = np.ndarray[Any, Any]
+MAX_OUTCOMES = 1_000_000
+TIME = (Role.TIME, "t")
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """What may happen at some of the points.
+
+    Each of `weight`, `code`, `outside` (None: nothing is outside), `reward` and `terminal` has M
+    entries, or one that stands for all. `origin` (M,) gives the point of each; None: one each.
+    """
+
+    weight: Array
+    origin: Array | None
+    code: Array
+    outside: Array | None
+    reward: Array
+    terminal: Array
+
+
+class Steps:
+    """The dynamics, reward and termination of a task whose states are finite, ready to be enumerated."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.states = Space(task.state, Role.STATE)
+        self.actions = Space(task.action, Role.ACTION)
+        self.reward = expected(task.reward, task.builder, draws((*task.next, task.terminal)))
+        self.roots = (*task.next, self.reward, task.terminal)
+
+    @cached_property
+    def draws(self) -> tuple[Draw, ...]:
+        return draws(self.roots)
+
+    @cached_property
+    def names(self) -> frozenset[tuple[Role, str]]:
+        return reads(self.roots)
+
+    @property
+    def uses_time(self) -> bool:
+        return TIME in self.names
+
+    @property
+    def ends(self) -> bool:
+        """Whether some step may terminate."""
+        return not (isinstance(self.task.terminal, Const) and not self.task.terminal.value)
+
+    @cached_property
+    def branching(self) -> float:
+        """An upper bound on the outcomes of one step; infinite where a draw is not finite."""
+        return count(self.draws, {})
+
+    def reads(self, states: Array, actions: Array, t: int | None) -> Reads:
+        """What is read at points (N,) or (1,) of codes."""
+        found = self.states.decode(states, self.names) | self.actions.decode(actions, self.names)
+        if self.uses_time:
+            found[TIME] = np.array([t], dtype=np.int64)
+        return found
+
+    def outcomes(self, states: Array, actions: Array, t: int | None = None) -> Iterator[Outcomes]:
+        """Every outcome of acting in states (N,) by actions (N,) or (1,) at time t."""
+        lanes = len(states)
+        given = self.reads(states, actions, t)
+        for branch in branches(self.draws, given, lanes):
+            values = evaluate(self.roots, branch.place(given), branch.sample)
+            size = lanes if branch.origin is None else len(branch.origin)
+            code, outside = self.states.encode(values[:-2], size)
+            yield Outcomes(branch.weight, branch.origin, code, outside, values[-2], values[-1])
+
+    def starts(self) -> tuple[Array, Array]:
+        """Codes (N,) of the first states and their probabilities (N,), each code once."""
+        codes, weights = [], []
+        for branch in branches(draws(self.task.initial), {}, 1):
+            values = evaluate(self.task.initial, {}, branch.sample)
+            size = 1 if branch.origin is None else len(branch.origin)
+            code, outside = self.states.encode(values, size)
+            inside = slice(None) if outside is None else ~outside
+            codes.append(code[inside])
+            weights.append(np.broadcast_to(branch.weight, (size,))[inside])
+        distinct, which = np.unique(np.concatenate(codes), return_inverse=True)
+        return distinct, np.bincount(which, np.concatenate(weights), len(distinct))
