@@ -1,0 +1,223 @@
+"""Lines of the sections that say what a task is: spaces, observations, dynamics, rewards, start, expert."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from taskspec.appendix.prose import Code, Formula, Inline, Inlines, Text, inlines, listing
+from taskspec.appendix.writing import Writing, unchanged
+from taskspec.lang import syntax as s
+from taskspec.printers import piecewise
+from taskspec.printers import tree as m
+from taskspec.printers.names import expression
+from taskspec.printers.notation import Writer
+from taskspec.spec.build import signature
+from taskspec.spec.task import Component, Soft
+
+_SPACES = {
+    "dict": "as a dictionary of its components", "one_hot": "as one-hot vectors",
+    "multi_discrete": "as a vector of integers", "box": "as one vector of reals", "discrete": "as one integer",
+}  # fmt: skip
+_MANY = 40
+
+
+def formula(*items: m.Math) -> Formula:
+    return Formula(m.row(*items))
+
+
+# -- what it is made of -----------------------------------------------------------------------------------------------
+
+
+def parameters(w: Writing) -> Iterator[Inlines]:
+    """`L = 10`: what it is, and its range."""
+    for p in w.task.parameters:
+        entry = w.section("parameters")[p.name]
+        value = w.values.get(p.name, p.value)
+        shown = m.Words(str(value)) if isinstance(value, str | bool) else w.declared(value)
+        content: list[Inline] = [formula(w.symbol(p.name), m.Sym("="), shown)]
+        if w.symbol(p.name) != m.Ident(p.name):
+            content += [Text(" ("), Code(p.name), Text(")")]
+        content += [Text(": "), *inlines(p.doc)] if p.doc else []
+        if any(entry.get(k) is not None for k in ("low", "high", "values")):
+            content += [Text(", in " if p.doc else " in "), Formula(w.domain(p.name, entry))]
+        yield tuple(content)
+
+
+def grids(w: Writing) -> Iterator[tuple[str, str]]:
+    """Text grids among the constants."""
+    for name, value in w.section("constants").items():
+        if isinstance(value, Mapping) and "grid" in value:
+            text = value["grid"] if isinstance(value["grid"], str) else "\n".join(value["grid"])
+            legend = ", ".join(f"{k} = {v}" for k, v in (value.get("legend") or {}).items())
+            yield f"{name} ({legend})", text
+
+
+def state(w: Writing) -> Iterator[Inlines]:
+    yield (formula(m.Ident("S", "calligraphic"), m.Sym("="), w.space("state")),)
+    yield from _components(w, "state", w.task.state)
+
+
+def actions(w: Writing) -> Iterator[Inlines]:
+    yield (formula(m.Ident("A", "calligraphic"), m.Sym("="), w.space("action")),)
+    yield from _components(w, "action", w.task.action)
+
+
+def _components(w: Writing, section: str, components: tuple[Component, ...]) -> Iterator[Inlines]:
+    """What each component is, and what its labels stand for."""
+    for c in components:
+        name = formula(w.symbol(c.name))
+        if len(components) > 1:
+            domain = (m.Sym("∈"), w.domain(c.name, w.section(section)[c.name]))
+            name = formula(w.symbol(c.name), *domain)
+        doc = inlines(c.doc)
+        labels = _labels(w, c)
+        if doc or labels:
+            yield (name, *((Text(": "), *doc) if doc else ()), *((Text("; " if doc else ": "), *labels) if labels else ()))
+
+
+def _labels(w: Writing, c: Component) -> Inlines:
+    """Labels whose symbol or value says less than the word."""
+    if c.domain is None or len(c.domain.labels) > _MANY or not (c.domain.symbols or c.domain.values):
+        return ()
+    items: list[Inlines] = []
+    for i, label in enumerate(c.domain.labels):
+        mark = w.notation.labels[c.name][label]
+        value = c.domain.values[i] if c.domain.values else None
+        tree = mark if value is None or isinstance(mark, m.Num) else m.Row((mark, m.Sym("="), _value(w, value)))
+        word = isinstance(mark, m.Words | m.Num)
+        items.append((Formula(tree), *(() if word else (Text(f" {label.replace('_', ' ')}"),))))
+    plain = all(len(x) == 1 for x in items) and not c.domain.values
+    return () if plain else listing(items)
+
+
+def _value(w: Writing, value: Any) -> m.Math:
+    if isinstance(value, tuple):
+        return m.brackets(m.joined(_value(w, v) for v in value))
+    return w.declared(float(value) if not isinstance(value, bool | int | float) else value)
+
+
+# -- what is seen -----------------------------------------------------------------------------------------------------
+
+
+def observations(w: Writing) -> Iterator[Inlines]:
+    observation = w.task.observation
+    how = _SPACES.get(observation.space)
+    extra: Inlines = (Text(f", {how}"),) if how else ()
+    if observation.is_state:
+        yield (Text("the state "), formula(w.whole("state")), *extra)
+        return
+    exprs: Mapping[str, s.Expr] = w.parsed("observation")
+    whole = m.joined(w.symbol(name) for name in exprs)
+    yield (formula(m.brackets(whole) if len(exprs) > 1 else whole), *extra)
+    same = [n for n, e in exprs.items() if isinstance(e, s.Name) and e.id == n and not e.primed]
+    if same:
+        verb = " is that of the state" if len(same) == 1 else " are those of the state"
+        yield (*listing([(formula(w.symbol(n)),) for n in same]), Text(verb))
+    for name, expr in exprs.items():
+        if name not in same:
+            yield (Formula(w.equation(w.symbol(name), expr)),)
+
+
+# -- how long ---------------------------------------------------------------------------------------------------------
+
+
+def horizon(w: Writing) -> Iterator[Inlines]:
+    value = w.data.get("horizon")
+    content: Inlines = (Text("none"),) if value in (None, "none") else (Formula(w.declared(value)),)
+    if "discount" in w.data and w.data["discount"] != 1:
+        content += (Text(", discount "), formula(m.Ident("γ"), m.Sym("="), w.declared(w.data["discount"])))
+    yield content
+
+
+def termination(w: Writing) -> Iterator[Inlines]:
+    expr = w.parsed("terminal")
+    if expr is None:
+        return
+    if isinstance(expr, s.Boolean):
+        yield (Text("after every step" if expr.value else "never"),)
+    else:
+        yield (Text("when "), Formula(w.truth(expr)))
+    reward = w.parsed("absorbing_reward")
+    if reward is not None:
+        yield (Text("where terminal states absorb, each further step pays "), Formula(w.math(reward)))
+
+
+# -- what happens -----------------------------------------------------------------------------------------------------
+
+
+def definitions(w: Writing) -> Iterator[Inlines]:
+    """Constants, named expressions and functions, and noise."""
+    for name, value in w.section("constants").items():
+        if isinstance(value, Mapping) and "grid" in value:
+            continue
+        yield (Formula(w.equation(w.symbol(name), expression(value))),)
+    for written, expr in (w.parsed("definitions") or {}).items():
+        name, arguments = signature(written)
+        left = w.symbol(name)
+        if arguments is not None:
+            left = m.Row((left, m.brackets(m.joined(w.notation.symbol(a) for a in arguments))))
+        yield (Formula(w.equation(left, expr)),)
+    for name, expr in (w.parsed("noise") or {}).items():
+        yield (Formula(w.equation(w.symbol(name), expr)), Text(", drawn anew in every step"))
+
+
+def dynamics(w: Writing) -> Iterator[Inlines]:
+    exprs: Mapping[str, s.Expr] = w.parsed("dynamics") or {}
+    fixed = list(unchanged(w.task, exprs))
+    for component in w.task.state:
+        expr = exprs.get(component.name + "'")
+        if component.name not in fixed and expr is not None:
+            yield from _transition(w, component.name, expr)
+    if fixed:
+        verb = " keeps its value" if len(fixed) == 1 else " keep their values"
+        yield (*listing([(formula(w.symbol(n)),) for n in fixed]), Text(verb))
+
+
+def _transition(w: Writing, name: str, expr: s.Expr) -> Iterator[Inlines]:
+    actions = list(w.section("action"))
+    expr = w.put(expr)
+    alone = len(w.task.state) == 1
+    if alone and isinstance(expr, s.Table) and piecewise.has_arrows(expr, name, actions):
+        action = w.whole("action")
+        for line in piecewise.arrows(Writer(w.notation, name), expr, name, action, actions[0]):
+            yield (Formula(line),)
+    else:
+        yield (Formula(w.equation(w.symbol(name, primed=True), expr, name)),)
+
+
+def rewards(w: Writing) -> Iterator[Inlines]:
+    expr = w.parsed("reward")
+    arguments = w.arguments(expr)
+    left: m.Math = m.Ident("R")
+    if arguments:
+        left = m.Row((left, m.brackets(m.joined(arguments))))
+    yield (Formula(w.equation(left, expr)),)
+
+
+def initial(w: Writing) -> Iterator[Inlines]:
+    """One line each, constants that fit on one line together."""
+    for name, expr in (w.parsed("initial") or {}).items():
+        yield (Formula(w.equation(w.symbol(name), expr, name)),)
+    roles = w.data.get("roles")
+    if roles:
+        words = " and ".join(f"the {role} in {variant}" for role, variant in roles.items())
+        yield (Text(f"roles: {words}"),)
+
+
+def expert(w: Writing) -> Iterator[Inlines]:
+    match w.task.expert:
+        case None:
+            return
+        case "optimal":
+            yield (Text("an optimal policy of the exact model"),)
+        case Soft():
+            beta = w.parsed("expert")
+            value = w.math(beta.args[0]) if isinstance(beta, s.Call) else m.Num(f"{w.task.expert.beta:g}")
+            yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
+        case _:
+            found = w.parsed("expert")
+            names = list(w.section("action"))
+            pairs = found.items() if isinstance(found, Mapping) else [(names[0], found)]
+            for name, expr in pairs:
+                yield (Formula(w.equation(w.symbol(name), expr, name)),)

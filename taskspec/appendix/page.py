@@ -1,0 +1,122 @@
+"""The page of a task as data: sections in the order of a paper's appendix, each a list of lines of prose and mathematics.
+
+Everything is read off the task, so a page cannot say anything that the environment does not do. What exact analysis
+found (scores, verdicts on claims) comes in as `Facts`; without them the page leaves it out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any
+
+from taskspec.appendix import sections
+from taskspec.appendix.prose import Block, Cite, Inlines, blocks, inlines
+from taskspec.appendix.sections import Line, Section
+from taskspec.appendix.writing import Writing
+from taskspec.spec.task import Task
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What became of a claim; `holds` is None when it was not checked."""
+
+    holds: bool | None = None
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """Results of exact analysis, or of simulation where `exact` is false.
+
+    `scores` maps names ("optimal return") to numbers; `verdicts` follow the order of the task's claims.
+    """
+
+    scores: Mapping[str, int | float | Fraction] = field(default_factory=dict)
+    verdicts: Sequence[Verdict] = ()
+    states: int | None = None
+    exact: bool = True
+
+
+@dataclass(frozen=True)
+class Page:
+    """What is printed about one task. `columns` are the sets of parameter values shown beside the symbols."""
+
+    id: str
+    name: str
+    anchor: str
+    title: str
+    capability: str
+    summary: Inlines
+    description: tuple[Block, ...]
+    make: str
+    sections: tuple[Section, ...]
+    sources: tuple[Cite, ...]
+    source_text: str
+    source_name: str
+    task: Task
+    facts: Facts
+    columns: tuple[str, ...] = ()
+
+    def section(self, key: str) -> Section | None:
+        return next((s for s in self.sections if s.key == key), None)
+
+
+def page(task: Task, facts: Facts | None = None, columns: Sequence[Mapping[str, Any]] = ()) -> Page:
+    """The page of a task.
+
+    Args:
+        task: what to print, symbolic in its parameters.
+        facts: scores and verdicts; none are shown without.
+        columns: parameter values to show beside the symbols, each on top of the task's own.
+    """
+    facts = facts or Facts()
+    data = task.surface.data
+    shown = _with_columns(task, facts, columns)
+    return Page(
+        id=task.id, name=task.name, anchor=anchor(task.name), title=str(data.get("title") or task.name),
+        capability=str(data.get("capability") or ""), summary=inlines(data.get("summary")),
+        description=blocks(data.get("description")), make=make_line(task), sections=shown,
+        sources=tuple(Cite(x["key"], x.get("where")) for x in sections.sources(data)),
+        source_text=task.document.origin.text, source_name=task.document.origin.name.replace("\\", "/").rsplit("/")[-1],
+        task=task, facts=facts, columns=tuple(column_title(c) for c in columns),
+    )  # fmt: skip
+
+
+def anchor(name: str) -> str:
+    """A name as part of an address or a file name."""
+    return re.sub(r"[^a-z0-9]+", "-", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower()).strip("-") or "task"
+
+
+def make_line(task: Task) -> str:
+    """The line of Python that makes the environment, with the parameters that differ from their defaults."""
+    changed = "".join(f", {p.name}={p.value!r}" for p in task.parameters if p.value != p.default)
+    return f'gymnasium.make("{task.id}"{changed})'
+
+
+def column_title(values: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in values.items())
+
+
+def _with_columns(task: Task, facts: Facts, columns: Sequence[Mapping[str, Any]]) -> tuple[Section, ...]:
+    """The sections, with every line that the values change shown with them too."""
+    symbolic = sections.all_sections(Writing(task, {}), facts)
+    for values in columns:
+        concrete = sections.all_sections(Writing(task, {**task.values, **values}), facts)
+        found = {s.key: s for s in concrete}
+        symbolic = [_beside(s, found.get(s.key)) for s in symbolic]
+    return tuple(symbolic)
+
+
+def _beside(section: Section, concrete: Section | None) -> Section:
+    if concrete is None or len(concrete.lines) != len(section.lines):
+        return section
+    lines = [_line_beside(a, b) for a, b in zip(section.lines, concrete.lines, strict=True)]
+    return replace(section, lines=tuple(lines))
+
+
+def _line_beside(line: Line, concrete: Line) -> Line:
+    found = concrete.content if concrete.content != line.content else ()
+    return replace(line, values=(*line.values, found))

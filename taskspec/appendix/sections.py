@@ -1,0 +1,174 @@
+"""The sections of a page, one function each: what a task is, in lines of prose and mathematics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Protocol
+
+from taskspec.appendix import claims, lines
+from taskspec.appendix.prose import Cite, Formula, Inline, Inlines, Mark, Text, inlines
+from taskspec.appendix.writing import Writing
+from taskspec.printers import tree as m
+from taskspec.spec.task import Soft
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line of a section, and the same with each column of values (empty where nothing changes)."""
+
+    content: Inlines
+    values: tuple[Inlines, ...] = ()
+    verbatim: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A heading and its lines; with `lead` the first line follows the heading, the others are below it."""
+
+    key: str
+    title: str
+    lines: tuple[Line, ...]
+    lead: bool = True
+
+
+class Results(Protocol):
+    """What a page needs to know of exact results."""
+
+    @property
+    def scores(self) -> Mapping[str, int | float | Fraction]: ...
+
+    @property
+    def verdicts(self) -> Any: ...
+
+    @property
+    def states(self) -> int | None: ...
+
+    @property
+    def exact(self) -> bool: ...
+
+
+Maker = Callable[[Writing], Iterator[Inlines]]
+_SECTIONS: tuple[tuple[str, str, Maker, bool], ...] = (
+    ("parameters", "Configurable parameters", lines.parameters, False),
+    ("state", "State space", lines.state, True),
+    ("observations", "Observations", lines.observations, True),
+    ("actions", "Action space", lines.actions, True),
+    ("horizon", "Horizon", lines.horizon, True),
+    ("definitions", "Definitions", lines.definitions, False),
+    ("dynamics", "Dynamics", lines.dynamics, False),
+    ("rewards", "Rewards", lines.rewards, True),
+    ("termination", "Termination", lines.termination, True),
+    ("initial", "Initial state", lines.initial, False),
+    ("expert", "Expert", lines.expert, True),
+)
+
+
+def all_sections(w: Writing, facts: Results) -> list[Section]:
+    """Every section that has something to say."""
+    found = [Section(key, title, tuple(Line(x) for x in make(w)), lead) for key, title, make, lead in _SECTIONS]
+    grids = Section("maps", "Maps", tuple(Line((Text(name),), verbatim=text) for name, text in lines.grids(w)), False)
+    found.insert(1, grids)
+    found += [
+        Section("scores", _scores_title(facts), tuple(_scores(facts)), False),
+        Section("claims", "Claims", tuple(_claims(w, facts)), False),
+        Section("errata", "Where the source is repaired", tuple(_errata(w)), False),
+        Section("sources", "Sources", tuple(_sources(w)), False),
+    ]
+    return [_single(s) for s in found if s.lines]
+
+
+def _single(section: Section) -> Section:
+    """A section of one line has it beside its heading."""
+    lead = section.lead or (len(section.lines) == 1 and section.lines[0].verbatim is None)
+    return Section(section.key, section.title, section.lines, lead)
+
+
+# -- results ----------------------------------------------------------------------------------------------------------
+
+
+def _scores_title(facts: Results) -> str:
+    return "Exact scores" if facts.exact else "Scores"
+
+
+def _scores(facts: Results) -> Iterator[Line]:
+    for name, value in facts.scores.items():
+        yield Line((Text(f"{name} "), Formula(number(value))))
+    if facts.states is not None:
+        yield Line((Text("reachable states "), Formula(number(facts.states))))
+
+
+def number(value: int | float | Fraction) -> m.Math:
+    """A number for people: short decimals and small fractions exactly, anything else to six digits."""
+    if value < 0:
+        return m.Row((m.Sym("−"), number(-value)))
+    if isinstance(value, Fraction) and not _terminates(value) and value.denominator < 1000:
+        whole, rest = divmod(value, 1)
+        frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
+        return m.Row((m.Num(str(whole)), m.Sym("+"), frac)) if whole else frac
+    exact = isinstance(value, int) or (float(value) == round(float(value), 10))
+    digits = f"{float(value):.12g}" if exact else f"{float(value):.6g}"
+    mantissa, mark, exponent = digits.partition("e")
+    if not mark:
+        return m.Num(digits)
+    power = str(int(exponent)).replace("-", "−")
+    return m.Row((m.Num(mantissa), m.Sym("×"), m.Script(m.Num("10"), sup=m.Num(power))))
+
+
+def _terminates(value: Fraction) -> bool:
+    d = value.denominator
+    for p in (2, 5):
+        while d % p == 0:
+            d //= p
+    return d == 1 and value.denominator <= 10**6
+
+
+def _claims(w: Writing, facts: Results) -> Iterator[Line]:
+    verdicts = list(facts.verdicts)
+    for i, claim in enumerate(w.task.claims):
+        found = verdicts[i] if i < len(verdicts) else None
+        content: list[Inline] = [*claims.sentence(w, claim.expr), *_cases(claim.cases)]
+        if found is not None and found.holds is not None:
+            word = "holds" if found.holds else "fails"
+            content += [Text(" "), Mark(found.holds, f"{word}{f': {found.detail}' if found.detail else ''}")]
+        yield Line(tuple(content))
+
+
+def _cases(cases: tuple[Mapping[str, Any], ...]) -> Inlines:
+    if not cases:
+        return ()
+    shown = "; ".join(", ".join(f"{k} = {v}" for k, v in case.items()) for case in cases)
+    return (Text(f" (for {shown})"),)
+
+
+# -- where it comes from ----------------------------------------------------------------------------------------------
+
+
+def _errata(w: Writing) -> Iterator[Line]:
+    for entry in w.data.get("errata") or ():
+        content: Inlines = (*_sentence(entry["source"]), Text(" Here: "), *inlines(entry["here"]))
+        if entry.get("because"):
+            content += (Text(", because "), *inlines(entry["because"]))
+        yield Line((*content, Text(".")))
+
+
+def _sentence(text: str) -> Inlines:
+    """A text that starts with a capital and ends with a stop."""
+    text = text.strip()
+    ended = text if text.endswith((".", "!", "?")) else f"{text}."
+    return inlines(ended[:1].upper() + ended[1:])
+
+
+def sources(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The sources of a spec; a bare key is short for an entry."""
+    return [x if isinstance(x, Mapping) else {"key": str(x)} for x in data.get("sources") or ()]
+
+
+def _sources(w: Writing) -> Iterator[Line]:
+    for entry in sources(w.data):
+        yield Line((Cite(str(entry["key"]), entry.get("where")),))
+
+
+def named_expert(soft: Soft | str) -> str:
+    return "optimal" if isinstance(soft, str) else f"Boltzmann-rational at {soft.beta:g}"

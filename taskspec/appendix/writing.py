@@ -1,0 +1,180 @@
+"""Equations and sets of one task, symbolic or with the values of parameters put in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
+from typing import Any
+
+from taskspec.appendix.draws import is_draw, shows_chances, take_apart
+from taskspec.lang import syntax as s
+from taskspec.printers import tree as m
+from taskspec.printers.idioms import interval
+from taskspec.printers.names import expression, of_task
+from taskspec.printers.notation import Notation, condition, mathematics, prime
+from taskspec.printers.substitute import substitute
+from taskspec.spec.build import signature
+from taskspec.spec.task import Task
+
+
+@dataclass(frozen=True)
+class Writing:
+    """Writes the parts of a task; `values` are put in the place of parameters."""
+
+    task: Task
+    values: Mapping[str, Any]
+
+    @cached_property
+    def notation(self) -> Notation:
+        return of_task(self.task)
+
+    @property
+    def data(self) -> Mapping[str, Any]:
+        return self.task.surface.data
+
+    def section(self, name: str) -> Mapping[str, Any]:
+        """Entries of a section as the author wrote them; empty when there is none."""
+        found = self.data.get(name)
+        return found if isinstance(found, Mapping) else {}
+
+    def parsed(self, name: str) -> Any:
+        return self.task.surface.sections.get(name)
+
+    # -- values ---------------------------------------------------------------------------------------------------
+
+    def put(self, expr: s.Expr) -> s.Expr:
+        return substitute(expr, self.values) if self.values else expr
+
+    def math(self, expr: s.Expr, of: str | None = None, notation: Notation | None = None) -> m.Math:
+        return mathematics(self.put(expr), notation or self.notation, of)
+
+    def truth(self, expr: s.Expr, notation: Notation | None = None) -> m.Math:
+        return condition(self.put(expr), notation or self.notation)
+
+    def declared(self, value: Any) -> m.Math:
+        """A bound or a length as declared."""
+        return self.math(expression(value))
+
+    def symbol(self, name: str, primed: bool = False) -> m.Math:
+        return prime(self.notation.symbol(name), primed)
+
+    def equation(self, left: m.Math, expr: s.Expr, of: str | None = None) -> m.Math:
+        """`left = expr`, or `left ~ expr` for a distribution; draws inside the expression get names."""
+        if is_draw(expr):
+            sign = "=" if shows_chances(expr) else "∼"
+            return m.Row((left, m.Sym(sign), self.math(expr, of)))
+        apart = take_apart(expr, self._free("xi"))
+        parts: list[m.Math] = [left, m.Sym("="), self.math(apart.expr, of)]
+        for name, draw in apart.draws:
+            parts += [m.Sym(","), m.Space("wide"), self.symbol(name), m.Sym("∼"), self.math(draw)]
+        return m.Row(tuple(parts))
+
+    def _free(self, name: str) -> str:
+        return name if name not in self.notation.symbols else "zeta"
+
+    # -- sets -----------------------------------------------------------------------------------------------------
+
+    def domain(self, name: str, entry: Mapping[str, Any]) -> m.Math:
+        """The set of values of a component or parameter."""
+        inner = self._scalar(name, entry)
+        shape = entry.get("shape")
+        lengths = shape if isinstance(shape, list) else [] if shape is None else [shape]
+        if not lengths or lengths == [1]:
+            return inner
+        return m.Script(inner, sup=m.joined((self.declared(n) for n in lengths), "×"))
+
+    def _scalar(self, name: str, entry: Mapping[str, Any]) -> m.Math:
+        low, high = (None if entry.get(k) is None else self.declared(entry[k]) for k in ("low", "high"))
+        match entry.get("type"):
+            case "bool":
+                return interval(m.Num("0"), m.Num("1"))
+            case "choice":
+                labels = self.notation.labels.get(name) or {str(v): m.Words(str(v)) for v in entry.get("values") or ()}
+                return m.braces(m.joined(labels.values()))
+            case "int":
+                return _integers(low, high)
+            case _:
+                return _reals(low, high)
+
+    def space(self, section: str) -> m.Math:
+        """The product of the components' sets, equal neighbours as a power."""
+        sets = [self.domain(name, entry) for name, entry in self.section(section).items()]
+        return m.joined((_power(same, len(list(group))) for same, group in groupby(sets)), "×")
+
+    def whole(self, section: str, primed: bool = False) -> m.Math:
+        """The state or the action as one thing: its component, or the tuple of its components."""
+        names = [self.symbol(name, primed) for name in self.section(section)]
+        return names[0] if len(names) == 1 else m.brackets(m.joined(names))
+
+    # -- what is read ---------------------------------------------------------------------------------------------
+
+    def reads(self, expr: s.Expr) -> set[str]:
+        """Names that an expression depends on, through definitions and noise, as written (with primes)."""
+        found: set[str] = set()
+        definitions = {signature(w)[0]: e for w, e in (self.parsed("definitions") or {}).items()}
+        definitions |= dict(self.parsed("noise") or {})
+        waiting: list[Any] = [expr]
+        while waiting:
+            for node in s.names(waiting.pop()):
+                name = node.function if isinstance(node, s.Call) else node.written
+                if name in definitions and name not in found:
+                    waiting.append(definitions[name])
+                found.add(name)
+        return found
+
+    def arguments(self, expr: s.Expr) -> tuple[m.Math, ...]:
+        """What a value is a function of: state, action, next state, time, in this order."""
+        used = self.reads(expr)
+        state, action = list(self.section("state")), list(self.section("action"))
+        names = [(n, False) for n in (*state, *action) if n in used]
+        names += [(n, True) for n in state if n + "'" in used]
+        names += [("t", False)] if "t" in used else []
+        return tuple(self.symbol(name, primed) for name, primed in names)
+
+
+def _integers(low: m.Math | None, high: m.Math | None) -> m.Math:
+    integers = m.Ident("Z", "blackboard")
+    match low, high:
+        case None, None:
+            return integers
+        case None, top if top is not None:
+            return m.Script(integers, m.Row((m.Sym("≤"), top)))
+        case bottom, None if bottom is not None:
+            return m.Script(integers, m.Row((m.Sym("≥"), bottom)))
+        case bottom, top:
+            assert bottom is not None and top is not None
+            return interval(bottom, top)
+
+
+def _reals(low: m.Math | None, high: m.Math | None) -> m.Math:
+    if low is None and high is None:
+        return m.Ident("R", "blackboard")
+    infinity = m.Ident("∞")
+    ends = m.joined((low or m.Row((m.Sym("−"), infinity)), high or infinity))
+    return m.Fence("[" if low else "(", ends, "]" if high else ")")
+
+
+def _power(base: m.Math, count: int) -> m.Math:
+    if count == 1:
+        return base
+    if isinstance(base, m.Script):
+        return m.Script(m.brackets(base), sup=m.Num(str(count)))
+    return m.Script(base, sup=m.Num(str(count)))
+
+
+def commas(items: Iterable[m.Math]) -> m.Math:
+    return m.joined(items)
+
+
+def unchanged(task: Task, dynamics: Mapping[str, s.Expr]) -> Iterator[str]:
+    """State components that keep their value."""
+    for component in task.state:
+        expr = dynamics.get(component.name + "'")
+        if expr is None or (isinstance(expr, s.Name) and expr.written == component.name):
+            yield component.name
+
+
+def assign(names: Sequence[m.Math], value: m.Math) -> m.Math:
+    return m.Row((*names, m.Sym("="), value))

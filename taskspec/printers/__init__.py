@@ -1,0 +1,16 @@
+"""Printing what authors wrote: back to text, and as mathematics for LaTeX and MathML.
+
+Mathematics goes through one tree (`printers.tree`), so that the two forms cannot say different things.
+"""
+
+from __future__ import annotations
+
+from taskspec.printers.latex import latex as latex
+from taskspec.printers.mathml import mathml as mathml
+from taskspec.printers.notation import Notation as Notation
+from taskspec.printers.notation import mathematics as mathematics
+from taskspec.printers.plain import plain as plain
+from taskspec.printers.tex import read as read_tex
+from taskspec.printers.text import text as text
+
+__all__ = ["Notation", "latex", "mathematics", "mathml", "plain", "read_tex", "text"]

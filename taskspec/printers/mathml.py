@@ -1,0 +1,137 @@
+"""The mathematics tree -> MathML Core, as browsers draw it without scripts."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import assert_never
+
+from taskspec.printers import characters as c
+from taskspec.printers import tree as m
+from taskspec.printers.plain import plain
+
+_FENCES = frozenset("()[]{}|‖⌊⌋⌈⌉⟨⟩")
+_SMALL_BASE = "mi"
+_DISPLAY = ' display="block"'
+
+
+def mathml(node: m.Math, block: bool = False) -> str:
+    """A `<math>` element; its alternative text is the plain form."""
+    display = _DISPLAY if block else ""
+    alt = escape(plain(node), quote=True)
+    return f'<math{display} alttext="{alt}">{_write(node)}</math>'
+
+
+def _write(node: m.Math) -> str:
+    match node:
+        case m.Ident():
+            return _ident(node)
+        case m.Num(text=text):
+            return f"<mn>{escape(text)}</mn>"
+        case m.Sym(text=text):
+            return _symbol(text)
+        case m.Words(text=text):
+            return f"<mtext>{escape(_held(text))}</mtext>"
+        case m.Space(width=gap):
+            return f'<mspace width="{"0.17em" if gap == "thin" else "1em"}"/>'
+        case m.Row(items=items):
+            return f"<mrow>{_items(items)}</mrow>"
+        case m.Frac(top=top, bottom=bottom):
+            return f"<mfrac>{_write(top)}{_write(bottom)}</mfrac>"
+        case m.Root(body=body):
+            return f"<msqrt>{_write(body)}</msqrt>"
+        case m.Script():
+            return _script(node)
+        case m.Fence(left=left, body=body, right=right):
+            return f"<mrow>{_delimiter(left, 'prefix')}{_write(body)}{_delimiter(right, 'postfix')}</mrow>"
+        case m.Cases(rows=rows):
+            return f'<mrow>{_delimiter("{", "prefix")}{_table(rows, "cases")}</mrow>'
+        case m.Matrix(rows=rows):
+            return f"<mrow>{_delimiter('(', 'prefix')}{_table(rows)}{_delimiter(')', 'postfix')}</mrow>"
+        case m.Arrow(over=over):
+            arrow = '<mo stretchy="true">→</mo>'
+            return f'<mover>{arrow}<mpadded lspace="0.4em" width="+0.8em">{_write(over)}</mpadded></mover>'
+        case m.Big():
+            return _big(node)
+        case m.Hole(name=name):
+            return f"<mtext>{escape(name)}</mtext>"
+        case _:
+            assert_never(node)
+
+
+def _items(items: tuple[m.Math, ...]) -> str:
+    """Neighbours, with the invisible gap after a function's name."""
+    return "".join(_write(item) for item in items)
+
+
+def _held(text: str) -> str:
+    """Spaces at the ends of words, which MathML would drop."""
+    inner = text.strip(" ")
+    lead, tail = text[: len(text) - len(text.lstrip(" "))], text[len(text.rstrip(" ")) :]
+    return "\u00a0" * len(lead) + inner + "\u00a0" * (len(tail) if inner else 0)
+
+
+def _ident(node: m.Ident) -> str:
+    text = node.text
+    match node.style:
+        case "blackboard":
+            return f'<mi mathvariant="normal">{escape(c.BLACKBOARD.get(text, text))}</mi>'
+        case "calligraphic":
+            return f'<mi mathvariant="normal">{escape(c.CALLIGRAPHIC.get(text, text))}</mi>'
+        case "upright":
+            variant = ' mathvariant="normal"' if len(text) == 1 else ""
+            return f"<mi{variant}>{escape(text)}</mi>"
+        case "bold":
+            return f'<mi class="bold">{escape(text)}</mi>'
+        case "typewriter":
+            return f"<mtext><code>{escape(text)}</code></mtext>"
+        case _:
+            return f"<mi>{escape(text)}</mi>"
+
+
+def _symbol(text: str) -> str:
+    if text == "mod":
+        return '<mo lspace="0.28em" rspace="0.28em">mod</mo>'
+    if text in _FENCES:
+        return f'<mo fence="true" stretchy="false">{escape(text)}</mo>'
+    if text == "⋅":
+        return '<mo lspace="0.15em" rspace="0.15em">⋅</mo>'
+    return f"<mo>{escape(text)}</mo>"
+
+
+def _delimiter(text: str, form: str) -> str:
+    return f'<mo fence="true" form="{form}">{escape(text)}</mo>' if text else ""
+
+
+def _script(node: m.Script) -> str:
+    base = _write(node.base)
+    above = "′" * node.primes
+    sup = f"<mo>{above}</mo>" if above and node.sup is None else None
+    if node.sup is not None:
+        sup = f"<mrow><mo>{above}</mo>{_write(node.sup)}</mrow>" if above else _write(node.sup)
+    if node.sub is not None and sup is not None:
+        return f"<msubsup>{base}{_write(node.sub)}{sup}</msubsup>"
+    if node.sub is not None:
+        return f"<msub>{base}{_write(node.sub)}</msub>"
+    return f"<msup>{base}{sup}</msup>" if sup is not None else base
+
+
+def _big(node: m.Big) -> str:
+    sign = f"<mo>{escape(node.symbol)}</mo>"
+    match node.sub, node.sup:
+        case None, None:
+            return sign
+        case sub, None if sub is not None:
+            return f"<munder>{sign}{_write(sub)}</munder>"
+        case None, sup if sup is not None:
+            return f"<mover>{sign}{_write(sup)}</mover>"
+        case sub, sup:
+            assert sub is not None and sup is not None
+            return f"<munderover>{sign}{_write(sub)}{_write(sup)}</munderover>"
+
+
+def _table(rows: tuple[tuple[m.Math, ...], ...], kind: str = "") -> str:
+    style = ' class="cases"' if kind else ""
+    lines = "".join(
+        f"<mtr>{''.join(f'<mtd>{_write(cell)}</mtd>' for cell in line)}</mtr>" for line in rows
+    )
+    return f"<mtable{style}>{lines}</mtable>"

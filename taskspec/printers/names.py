@@ -1,0 +1,80 @@
+"""The notation of a task: what its parameters, components, constants, definitions and labels look like."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from taskspec.lang import syntax as s
+from taskspec.lang.parse import literal, parse
+from taskspec.printers import tree as m
+from taskspec.printers.notation import Notation
+from taskspec.printers.symbols import label, symbol
+from taskspec.spec.build import signature
+from taskspec.spec.task import Component, Task
+
+
+def of_task(task: Task) -> Notation:
+    """The notation that every part of a task's printed form shares."""
+    data = task.surface.data
+    components = (*task.state, *task.action)
+    return Notation(
+        symbols=dict(_symbols(task)),
+        labels={c.name: dict(_labels(c)) for c in components if c.domain is not None},
+        singles=frozenset(c.name for c in components if c.type.shape == (1,)),
+        lengths={
+            name: expr
+            for section in ("state", "action")
+            for name, entry in data.get(section, {}).items()
+            if (expr := _length(entry.get("shape"))) is not None
+        },
+    )
+
+
+def _symbols(task: Task) -> Iterator[tuple[str, m.Math]]:
+    data = task.surface.data
+    for section in ("parameters", "state", "action"):
+        for name, entry in (data.get(section) or {}).items():
+            if isinstance(entry, Mapping):
+                yield name, symbol(name, entry.get("symbol"))
+    for section in ("constants", "noise"):
+        for name in data.get(section) or {}:
+            yield name, symbol(name)
+    for written in data.get("definitions") or {}:
+        name = signature(written)[0]
+        yield name, symbol(name)
+    yield "t", m.Ident("t")
+    yield "T", m.Ident("T")
+
+
+def _labels(component: Component) -> Iterator[tuple[str, m.Math]]:
+    domain = component.domain
+    assert domain is not None
+    for i, name in enumerate(domain.labels):
+        yield name, label(name, domain.symbols[i] if domain.symbols else None)
+
+
+def _length(shape: Any) -> s.Expr | None:
+    """The length of a component along its first axis, as the author wrote it."""
+    first = shape[0] if isinstance(shape, list) and shape else shape
+    return None if first in (None, []) else expression(first)
+
+
+def expression(value: Any) -> s.Expr:
+    """A value of a declaration (a bound, a length) as surface syntax; it has been checked, so it parses."""
+    if isinstance(value, list):
+        place = s.Place(nowhere(""), 0, 0)
+        return s.Vector(tuple(expression(v) for v in value), place)
+    written = nowhere(str(value))
+    if isinstance(value, bool | int | float):
+        return literal(value, written)
+    return parse(written)
+
+
+def nowhere(text: str) -> s.Text:
+    """A text that no file holds."""
+
+    def locate(start: int, end: int) -> Any:
+        return None
+
+    return s.Text(text, locate)

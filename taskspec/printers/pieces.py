@@ -1,0 +1,167 @@
+"""Parts of notation: a tree with its precedence, templates of the operator table, products, primes, indicators."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from taskspec.lang.functions import INFIX
+from taskspec.printers import tree as m
+from taskspec.printers.tex import read
+
+ATOM = 10
+POWER = INFIX["**"].precedence
+SIGN = 7
+PRODUCT = INFIX["*"].precedence
+SUM = INFIX["+"].precedence
+RELATION = INFIX["=="].precedence
+LOOSE = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A tree and how tightly its outermost operator binds."""
+
+    tree: m.Math
+    precedence: int = ATOM
+
+    def at(self, precedence: int) -> m.Math:
+        """The tree as an operand that must bind at least this tightly."""
+        return self.tree if self.precedence >= precedence else m.brackets(self.tree)
+
+
+def prime(tree: m.Math, primed: bool = True) -> m.Math:
+    """A symbol with a prime, between its subscript and whatever follows."""
+    if not primed:
+        return tree
+    if isinstance(tree, m.Script) and tree.sup is None:
+        return replace(tree, primes=tree.primes + 1)
+    return m.Script(tree, primes=1)
+
+
+def indicator(truth: m.Math) -> m.Math:
+    return m.Row((m.Ident("1", "blackboard"), m.Fence("[", truth, "]")))
+
+
+def multiply(trees: Sequence[m.Math]) -> m.Math:
+    """A product: letters and numbers stand side by side, anything else takes a dot."""
+    out: list[m.Math] = []
+    for left, tree in zip([None, *trees], trees, strict=False):
+        if left is not None and not _may_touch(left, tree):
+            out.append(m.Sym("⋅"))
+        elif left is not None and _is_name(tree):
+            out.append(m.Space())
+        out.append(tree)
+    return m.Row(tuple(out))
+
+
+def _may_touch(left: m.Math, right: m.Math) -> bool:
+    """Whether two factors can stand side by side without being read as something else."""
+    if isinstance(right, m.Script | m.Ident) and _letter(right):
+        return _letter(_unsigned(left)) or isinstance(_last(left), m.Num | m.Frac)
+    if isinstance(right, m.Fence) and right.left == "(":
+        return isinstance(_last(left), m.Num)
+    return _is_name(right) and (_letter(left) or isinstance(left, m.Num))
+
+
+def _letter(node: m.Math) -> bool:
+    """A single letter, with whatever is written around it."""
+    match node:
+        case m.Ident(text=text, style=style):
+            return len(text) == 1 and style == "italic"
+        case m.Script(base=base):
+            return _letter(base)
+        case _:
+            return False
+
+
+def _unsigned(node: m.Math) -> m.Math:
+    """A factor without its sign."""
+    if isinstance(node, m.Row) and len(node.items) == 2 and isinstance(node.items[0], m.Sym):
+        return node.items[1]
+    return node
+
+
+def _last(node: m.Math) -> m.Math:
+    """What a factor ends with: the 2 of -2."""
+    return _last(node.items[-1]) if isinstance(node, m.Row) and node.items else node
+
+
+def _is_name(node: m.Math) -> bool:
+    """A named function with its arguments, such as sin(x)."""
+    return (
+        isinstance(node, m.Row)
+        and len(node.items) == 2
+        and isinstance(node.items[0], m.Ident)
+        and isinstance(node.items[1], m.Fence)
+        and node.items[1].left == "("
+    )
+
+
+def fill(latex: str, holes: Iterable[tuple[str, m.Math]]) -> m.Math:
+    """A template of the operator table with trees in its holes."""
+    values = dict(holes)
+    return _tidy(_fill(parsed(latex, tuple(values)), values))
+
+
+@lru_cache(maxsize=512)
+def parsed(latex: str, names: tuple[str, ...]) -> m.Math:
+    return read(latex, frozenset((*names, "*")))
+
+
+def _fill(node: m.Math, values: Mapping[str, m.Math]) -> m.Math:
+    def go(x: m.Math) -> m.Math:
+        return _fill(x, values)
+
+    def maybe(x: m.Math | None) -> m.Math | None:
+        return None if x is None else go(x)
+
+    match node:
+        case m.Hole(name=name):
+            return values.get(name, node)
+        case m.Row(items=items):
+            return m.Row(tuple(go(i) for i in items))
+        case m.Frac(top=top, bottom=bottom):
+            return m.Frac(go(top), go(bottom))
+        case m.Root(body=body):
+            return m.Root(go(body))
+        case m.Fence(left=left, body=body, right=right):
+            return m.Fence(left, go(body), right)
+        case m.Script(base=base, sub=sub, sup=sup, primes=primes):
+            return m.Script(go(base), maybe(sub), maybe(sup), primes)
+        case m.Big(symbol=sign, sub=sub, sup=sup):
+            return m.Big(sign, maybe(sub), maybe(sup))
+        case m.Cases(rows=rows):
+            return m.Cases(tuple((go(a), go(b)) for a, b in rows))
+        case m.Matrix(rows=lines):
+            return m.Matrix(tuple(tuple(go(x) for x in line) for line in lines))
+        case m.Arrow(over=over):
+            return m.Arrow(go(over))
+        case _:
+            return node
+
+
+def exposed(template: m.Math) -> frozenset[str]:
+    """Arguments that stand in the open: not between delimiters, in a script, a root or a fraction."""
+    items = template.items if isinstance(template, m.Row) else (template,)
+    found = {x.name for x in items if isinstance(x, m.Hole)}
+    found |= {x.base.name for x in items if isinstance(x, m.Script) and isinstance(x.base, m.Hole)}
+    return frozenset(found)
+
+
+def is_infix(template: m.Math) -> bool:
+    return isinstance(template, m.Row) and isinstance(template.items[0], m.Hole) and len(template.items) > 2
+
+
+def _tidy(node: m.Math) -> m.Math:
+    """A filled template without what nobody writes: 1 squared."""
+    match node:
+        case m.Script(base=m.Num(text="0" | "1") as base, sub=None, primes=0):
+            return base
+        case m.Row(items=items):
+            return m.Row(tuple(_tidy(i) for i in items))
+        case m.Fence(left=left, body=body, right=right):
+            return m.Fence(left, _tidy(body), right)
+        case _:
+            return node
