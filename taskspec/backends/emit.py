@@ -2,34 +2,51 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from struct import Struct
 from typing import Any
 
+from taskspec.backends.invariant import Invariants, frozen_components
 from taskspec.backends.lane import UNROLLED, Lane, Value, literal, without_unused
 from taskspec.backends.phase import Phase, is_filled
 from taskspec.backends.spaces import Layout
 from taskspec.lang.ir import Node, Role
-from taskspec.lang.types import Kind
+from taskspec.lang.types import Kind, Type
 from taskspec.spec.task import Component, Task
 
 FLOAT_MAX = 3.4028234663852886e38
 
 
-def generate(
-    task: Task, reset: Phase, step: Phase, observation: Layout, action: Layout
-) -> tuple[str, dict[str, Any]]:
+@dataclass(frozen=True)
+class Parts:
+    """What a module is generated from."""
+
+    task: Task
+    invariants: Invariants
+    reset: Phase
+    step: Phase
+    observation: Layout
+    action: Layout
+
+
+def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     """Source of the module, and the constants it refers to."""
-    constants: dict[str, Any] = {}
+    task, constants = parts.task, dict[str, Any]()
     states = _names("s", task.state)
-    head = [f'"""{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}."""', ""]
-    lines = ["def lane(next_first, next_draws, bad_action, not_running):"]
-    lines += _indent([f"{', '.join(states)} = {', '.join('None' for _ in states)}", "t = 0", "alive = False", ""])
-    lines += _indent(_reset(task, reset, observation, states, constants)) + [""]
-    lines += _indent(_step(task, step, observation, action, states, constants)) + [""]
-    lines += _indent(_access(states)) + [""]
-    lines += _indent(["return reset, step, get, put"])
-    return "\n".join([*head, "", *lines, ""]), constants
+    head = [f'"""{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}."""']
+    step = _step(parts, states, constants)
+    reset = _reset(parts, states, "\n".join(step), constants)
+    kept = [*states, *_kept(parts)]
+    lines = [f"{', '.join(kept)} = {', '.join('None' for _ in kept)}", "t = 0", "alive = False", ""]
+    lines += [*reset, "", *step, "", *_access(parts, states, constants), "", "return reset, step, get, put"]
+    return "\n".join([*head, "", "", "def lane(next_first, next_draws, bad_action, not_running):", *_indent(lines), ""]), constants
+
+
+def _kept(parts: Parts) -> list[str]:
+    """Variables that hold what stays the same for an episode."""
+    return [*parts.invariants.names, *(["kept"] if parts.invariants.observation else [])]
 
 
 def _names(prefix: str, components: Sequence[Component]) -> list[str]:
@@ -40,20 +57,23 @@ def _indent(lines: Sequence[str]) -> list[str]:
     return [f"    {line}" if line else "" for line in lines]
 
 
-def _component_value(name: str, c: Component) -> Value:
-    """How a component is held: a number, or one tuple."""
-    return Value([name]) if c.type.is_scalar else Value(packed=name)
+def _held(name: str, type_: Type) -> Value:
+    """How a value is held in a variable: a number, or one flat sequence."""
+    return Value([name]) if type_.is_scalar else Value(packed=name)
 
 
-def _reads(task: Task, phase: Phase, states: Sequence[str], actions: Sequence[Value] | None) -> dict[tuple[Role, str], Value]:
-    names: dict[tuple[Role, str], Value] = {(Role.TIME, "t"): Value(["t"])}
+def _lane(parts: Parts, phase: Phase | None, states: Sequence[str], actions: Sequence[Value], constants: dict[str, Any]) -> Lane:
+    """An emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
+    task, names = parts.task, {(Role.TIME, "t"): Value(["t"])}
     for c, name in zip(task.state, states, strict=True):
-        names[Role.STATE, c.name] = _component_value(name, c)
-    for c, value in zip(task.action, actions or (), strict=False):
+        names[Role.STATE, c.name] = _held(name, c.type)
+    for c, value in zip(task.action, actions, strict=False):
         names[Role.ACTION, c.name] = value
-    for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True):
-        names[Role.VARIABLE, name] = Value([name]) if node.type.is_scalar else Value(packed=name)
-    return names
+    for node, name in zip(parts.invariants.nodes, parts.invariants.names, strict=True):
+        names[Role.VARIABLE, name] = _held(name, node.type)
+    for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True) if phase else ():
+        names[Role.VARIABLE, name] = _held(name, node.type)
+    return Lane(names, phase.words if phase else {}, task.builder.bounds, constants)
 
 
 def _unpack(phase: Phase, call: str) -> list[str]:
@@ -61,39 +81,51 @@ def _unpack(phase: Phase, call: str) -> list[str]:
     return [f"{', '.join(phase.names)} = {call}()"] if phase.names else []
 
 
-def _lane(task: Task, phase: Phase, states: Sequence[str], actions: Sequence[Value] | None, constants: dict[str, Any]) -> Lane:
-    return Lane(_reads(task, phase, states, actions), phase.words, task.builder.bounds, constants)
-
-
 # -- reset and step -----------------------------------------------------------------------------------------------
 
 
-def _reset(task: Task, phase: Phase, layout: Layout, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    lane = _lane(task, phase, states, None, constants)
+def _reset(parts: Parts, states: Sequence[str], step: str, constants: dict[str, Any]) -> list[str]:
+    task, phase = parts.task, parts.reset
+    lane = _lane(parts, phase, states, (), constants)
     values = lane.emit((*phase.roots, *phase.observation))
-    stored = [_stored(lane, n, v, c) for n, v, c in zip(phase.roots, values, task.state, strict=False)]
-    observation, statements = _observation(lane, layout, phase, values[len(phase.roots) :])
-    body = _unpack(phase, "next_first") + without_unused([*lane.lines, *statements], [*stored, observation])
-    body += [f"{', '.join(states)} = {', '.join(stored)}", "t = 0", "alive = True", f"return {observation}, {{}}"]
-    return ["def reset():", *_indent([f"nonlocal {', '.join([*states, 't', 'alive'])}", *body])]
+    types = [*(c.type for c in task.state), *(n.type for n in parts.invariants.nodes)]
+    stored = [_stored(lane, n, v) for n, v in zip(phase.roots, types, strict=True)]
+    observation, statements = _observation(lane, parts.observation, phase, values[len(phase.roots) :])
+    inner = without_unused([*lane.lines, *statements], [*stored, observation])
+    targets = [*states, *parts.invariants.names]
+    body = [*_unpack(phase, "next_first"), *_unwrapped(phase, inner, dict(zip(targets, stored, strict=True)), step), *inner]
+    body += [f"{', '.join(targets)} = {', '.join(stored)}"]
+    if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
+        body += [f"kept = {observation}"]
+        observation = "kept.copy()"
+    body += ["t = 0", "alive = True", f"return {observation}, {{}}"]
+    return ["def reset():", *_indent([f"nonlocal {', '.join([*states, *_kept(parts), 't', 'alive'])}", *body])]
 
 
-def _step(
-    task: Task, phase: Phase, layout: Layout, action: Layout, states: Sequence[str], constants: dict[str, Any]
-) -> list[str]:
-    reading, actions = _read_action(task, action)
-    lane = _lane(task, phase, states, actions, constants)
+def _unwrapped(phase: Phase, body: Sequence[str], stored: dict[str, str], step: str) -> list[str]:
+    """Arrays turned into lists of Python numbers, where something computes with their elements."""
+    inner = "\n".join(body)
+    used = [h for h in phase.wide if re.search(rf"\b{h}\b", inner)]
+    used += [h for name, h in stored.items() if h in phase.wide and re.search(rf"\b{name}\b", step)]
+    return [f"{h} = {h}.tolist()" for h in dict.fromkeys(used)]
+
+
+def _step(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
+    task, phase = parts.task, parts.step
+    reading, actions = _read_action(task, parts.action)
+    lane = _lane(parts, phase, states, actions, constants)
     values = lane.emit((*phase.roots, *phase.observation))
-    n = len(task.state)
-    changed = [i for i in range(n) if task.next[i] is not _unchanged(task, i)]
-    stored = {i: _stored(lane, phase.roots[i], values[i], task.state[i]) for i in changed}
+    n, frozen = len(task.state), frozen_components(task)
+    changed = [i for i in range(n) if task.state[i].name not in frozen]
+    stored = {i: _stored(lane, phase.roots[i], task.state[i].type) for i in changed}
     # The reward, the end and the observation may read the state, so they are worked out before it moves on.
     reward, terminal = (lane.assign(lane.scalar(root)) for root in phase.roots[n : n + 2])
-    observation, statements = _observation(lane, layout, phase, values[n + 2 :])
-    if layout.form != "discrete":
-        observation = _named(statements, observation)
-    else:
-        observation = lane.assign(observation)
+    observation, statements = ("kept.copy()", []) if parts.invariants.observation else _observation(
+        lane, parts.observation, phase, values[n + 2 :]
+    )  # fmt: skip
+    if not observation.isidentifier() and not parts.invariants.observation:
+        statements.append(f"seen = {observation}")
+        observation = "seen"
     end, flags = _ending(task, terminal)
     body = [*reading, "if not alive:", "    raise not_running()", *_unpack(phase, "next_draws")]
     body += without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal])
@@ -104,19 +136,6 @@ def _step(
     return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *body])]
 
 
-def _named(statements: list[str], observation: str) -> str:
-    """A name for an observation that is more than one."""
-    if observation.isidentifier():
-        return observation
-    statements.append(f"seen = {observation}")
-    return "seen"
-
-
-def _unchanged(task: Task, i: int) -> Node:
-    c = task.state[i]
-    return task.builder.read(Role.STATE, c.name, c.type, min(c.low), max(c.high))
-
-
 def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
     """Statements that keep `alive`, and the two flags of the result."""
     truncated = "False" if task.horizon is None else f"t >= {task.horizon}"
@@ -124,30 +143,33 @@ def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
         return [], "False, False"
     if terminal == "False":
         return [f"if {truncated}:", "    alive = False", "    end = True", "else:", "    end = False"], "False, end"
+    if terminal == "True":
+        return ["alive = False"], f"True, {truncated}"
     if truncated == "False":
         return [f"if {terminal}:", "    alive = False"], f"{terminal}, False"
     return [f"end = {truncated}", f"if end or {terminal}:", "    alive = False"], f"{terminal}, end"
 
 
-def _stored(lane: Lane, node: Node, value: Value, c: Component) -> str:
-    """A component's next value as it is kept: a number of its kind, or a tuple."""
-    if not c.type.is_scalar:
-        return lane.packed(node)
-    return lane.scalar(node)
+def _stored(lane: Lane, node: Node, type_: Type) -> str:
+    """A value as it is kept: a number of its kind, or a flat sequence."""
+    return lane.scalar(node) if type_.is_scalar else lane.packed(node)
 
 
-def _access(states: Sequence[str]) -> list[str]:
-    everything = ", ".join(states)
-    comma = "," * (len(states) == 1)
-    return [
-        "def get():",
-        f"    return ({everything}{comma}), t, alive",
-        "",
-        "def put(values, time, running):",
-        f"    nonlocal {everything}, t, alive",
-        f"    {everything}{comma} = values",
-        "    t, alive = time, running",
-    ]
+def _access(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
+    """Functions that read the state and set it; setting works out again what stays the same for an episode."""
+    everything = ", ".join(states) + "," * (len(states) == 1)
+    lane = _lane(parts, None, states, (), constants)
+    nodes = parts.task.observation.nodes if parts.invariants.observation else ()
+    values = lane.emit((*parts.invariants.nodes, *nodes))
+    fixed = [_stored(lane, n, n.type) for n in parts.invariants.nodes]
+    lines = [f"{name} = {source}" for name, source in zip(parts.invariants.names, fixed, strict=True)]
+    if nodes:
+        flat = [f"*{lane.packed(n)}" if n.type.shape else lane.scalar(n) for n in nodes]
+        lines.append(f"kept = np.array(({', '.join(flat)},), np.float32).reshape({parts.observation.shape})")
+    assert len(values) == len(parts.invariants.nodes) + len(nodes)
+    body = [f"nonlocal {', '.join([*states, *_kept(parts), 't', 'alive'])}", f"{everything} = values"]
+    body += [*lane.lines, *lines, "t, alive = time, running"]
+    return ["def get():", f"    return ({everything}), t, alive", "", "def put(values, time, running):", *_indent(body)]
 
 
 # -- observations -------------------------------------------------------------------------------------------------

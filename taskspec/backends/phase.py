@@ -43,7 +43,7 @@ class Phase:
         everything = (*roots, *observation)
         words = Layout.of(everything)
         free = _free(everything)
-        rows = layout.form == "box" and bool(layout.shape)
+        rows = layout.form == "box" and bool(layout.shape) and bool(observation)
         parts, inner = _row_parts(observation, free) if rows else ((), list(observation))
         hoisted = _maximal((*roots, *(n for n in inner if n is not None)), free)
         names = {id(n): f"h{i}" for i, n in enumerate(hoisted)}
@@ -59,6 +59,11 @@ class Phase:
         named = {d.site: tuple(f"w{d.site}_{k}" for k in range(words_of(d))) for d in staying}
         size = layout.size if rows else 0
         return cls(new_roots, new_observation, tuple(hoisted), tuple(names.values()), named, words, size, parts)
+
+    @property
+    def wide(self) -> list[str]:
+        """The hoisted values that come as arrays."""
+        return [name for name, n in zip(self.hoisted_names, self.hoisted, strict=True) if n.type.size > WIDE]
 
     @property
     def names(self) -> list[str]:
@@ -140,9 +145,15 @@ def _maximal(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
     return list(found.values())
 
 
+WIDE = 32
+"""Vectors above this are handed out as arrays: thousands of Python numbers waiting for their turn would miss the cache."""
+
+
 def _listed(node: Node, value: Any, count: int) -> list[Any]:
-    """A hoisted value for every item: Python scalars, or flat tuples."""
+    """A hoisted value for every item: Python scalars, flat tuples, or flat arrays where they are wide."""
     flat = np.broadcast_to(value.reshape(node.type.size, -1), (node.type.size, count))
     if node.type.is_scalar:
         return flat[0].tolist()  # type: ignore[no-any-return]
+    if node.type.size > WIDE:
+        return list(np.ascontiguousarray(flat.T))
     return list(map(tuple, flat.T.tolist()))

@@ -17,7 +17,8 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.backends import scalars
-from taskspec.backends.emit import generate
+from taskspec.backends.emit import Parts, generate
+from taskspec.backends.invariant import Invariants
 from taskspec.backends.phase import Phase
 from taskspec.backends.spaces import Layout, action_layout, observation_layout, pack
 from taskspec.spec.task import Task
@@ -75,9 +76,12 @@ class Lane:
 def compile_scalar(task: Task) -> Scalar:
     """Generate and compile the scalar program of a task."""
     observation, action = observation_layout(task), action_layout(task)
-    reset = Phase.of(task, task.initial, task.first_observation, observation)
-    step = Phase.of(task, (*task.next, task.reward, task.terminal), task.next_observation, observation)
-    source, constants = generate(task, reset, step, observation, action)
+    invariants = Invariants.of(task, observation.form == "box" and bool(observation.shape))
+    reset = Phase.of(task, (*task.initial, *invariants.at_reset), task.first_observation, observation)
+    roots = invariants.replaced(task, (*task.next, task.reward, task.terminal))
+    seen = () if invariants.observation else invariants.replaced(task, task.next_observation)
+    step = Phase.of(task, roots, seen, observation)
+    source, constants = generate(Parts(task, invariants, reset, step, observation, action))
     file = f"<taskspec {task.id} {task.content_hash[:12]}>"
     namespace = {**scalars.NAMESPACE, **constants, "np": np, "index": operator.index, "as_array": _as_array}
     exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text

@@ -119,3 +119,17 @@ def _entry(c: Component, flat: tuple[Any, ...]) -> Any:
     if c.is_finite and c.type.is_scalar:
         return int(flat[0])
     return np.array(flat, np.float32).reshape(c.type.shape)
+
+
+def unpack(layout: Layout, action: Any) -> list[tuple[Any, ...]]:
+    """A valid action (or observation) of a layout as flat component values."""
+    if layout.form == "dict":
+        return [tuple(np.asarray(action[c.name]).ravel().tolist()) for c in layout.components]
+    items = np.asarray(action).ravel().tolist()
+    if layout.form == "multi_discrete":
+        items = [item + start for item, start in zip(items, layout.starts, strict=True)]
+    flats, offset = [], 0
+    for c in layout.components:
+        flats.append(tuple(items[offset : offset + c.type.size]))
+        offset += c.type.size
+    return flats

@@ -15,7 +15,7 @@ from taskspec.lang.ir import Const, Node, Role, reads
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import BOOL, REAL, Domain, Kind, Refused, Type
-from taskspec.source import Document, Path
+from taskspec.source import Document, Path, read_text
 from taskspec.spec.declare import INSTANCE_SEED, Declarations
 from taskspec.spec.forms import Forms
 from taskspec.spec.merge import Merged, merge
@@ -43,6 +43,15 @@ def build(
     collector.extend(check_shape(document))
     collector.raise_if_errors()
     return _Build(merge(document, variant), collector).task(dict(parameters or {}), suite)
+
+
+def rebuild(
+    text: str, name: str, variant: str | None, values: dict[str, Any], suite: str, ending: str, observe_time: bool
+) -> Task:
+    """A task from the text it was built from; how tasks are unpickled."""
+    task = build(read_text(text, name), variant, values, suite)
+    task = task.absorbing() if ending == "absorb" else task
+    return task.observing_time() if observe_time else task
 
 
 class _Build:

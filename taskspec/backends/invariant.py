@@ -1,0 +1,81 @@
+"""What stays the same for a whole episode: expressions over components that no step changes, computed once at reset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, rewrite, walk
+from taskspec.spec.task import Task
+
+
+@dataclass(frozen=True)
+class Invariants:
+    """The invariants of a task's steps.
+
+    `nodes` read the state; `at_reset` are the same over the first state; `names` are the variables that hold them.
+    `observation` says that the whole observation is one.
+    """
+
+    nodes: tuple[Node, ...]
+    at_reset: tuple[Node, ...]
+    names: tuple[str, ...]
+    observation: bool
+
+    @classmethod
+    def of(cls, task: Task, rows: bool) -> Invariants:
+        """`rows`: whether observations are float32 arrays, which can be kept and copied."""
+        frozen = frozen_components(task)
+        roots = (*task.next, task.reward, task.terminal)
+        fixed = _fixed((*roots, *task.next_observation), frozen)
+        observed = rows and all(fixed[id(n)] for n in task.next_observation)
+        seen = () if observed else task.next_observation
+        nodes = _maximal((*roots, *seen), fixed)
+        first = {c.name: n for c, n in zip(task.state, task.initial, strict=True)}
+
+        def leaf(node: Node) -> Node | None:
+            return first[node.name] if isinstance(node, Read) and node.role is Role.STATE else None
+
+        at_reset = rewrite(nodes, leaf, task.builder.remake)
+        return cls(tuple(nodes), at_reset, tuple(f"k{i}" for i in range(len(nodes))), observed)
+
+    def replaced(self, task: Task, roots: Sequence[Node]) -> tuple[Node, ...]:
+        """Roots that read the variables instead of working the invariants out."""
+        names = {id(n): name for n, name in zip(self.nodes, self.names, strict=True)}
+
+        def leaf(node: Node) -> Node | None:
+            name = names.get(id(node))
+            return None if name is None else task.builder.read(Role.VARIABLE, name, node.type)
+
+        return rewrite(roots, leaf, task.builder.remake)
+
+
+def frozen_components(task: Task) -> frozenset[str]:
+    """Names of the state components that no step changes."""
+    pairs = zip(task.state, task.next, strict=True)
+    return frozenset(c.name for c, n in pairs if isinstance(n, Read) and n.role is Role.STATE and n.name == c.name)
+
+
+def _fixed(roots: Sequence[Node], frozen: frozenset[str]) -> dict[int, bool]:
+    """For every node, whether it draws nothing and reads frozen components only."""
+    fixed: dict[int, bool] = {}
+    for node in walk(roots):
+        match node:
+            case Draw():
+                own = False
+            case Read(role=role, name=name):
+                own = role is Role.STATE and name in frozen
+            case _:
+                own = True
+        fixed[id(node)] = own and all(fixed[id(c)] for c in children(node))
+    return fixed
+
+
+def _maximal(roots: Sequence[Node], fixed: dict[int, bool]) -> list[Node]:
+    """The largest fixed operations that the rest refers to; a bare read or constant is not worth a variable."""
+    found: dict[int, Node] = {}
+    users = [*roots, *(c for n in walk(roots) if not fixed[id(n)] for c in children(n))]
+    for node in users:
+        if fixed[id(node)] and isinstance(node, Apply):
+            found[id(node)] = node
+    return list(found.values())
