@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.exact.failure import refuse
 from taskspec.exact.transitions import Steps
 
 Array = np.ndarray[Any, Any]
@@ -21,8 +22,12 @@ class Visits:
     entered: Array
 
 
-def visits(steps: Steps) -> Visits:
-    """The states of all episodes, whatever the actions and draws. Steps out of the state space are passed over."""
+def visits(steps: Steps, limit: int | None = None) -> Visits:
+    """The states of all episodes, whatever the actions and draws. Steps out of the state space are passed over.
+
+    Raises:
+        SpecError: (E712) beyond `limit` states.
+    """
     horizon = steps.task.horizon
     level = np.unique(steps.starts()[0])
     acting, entered = level[:0], level
@@ -31,6 +36,8 @@ def visits(steps: Steps) -> Visits:
         acting = np.union1d(acting, level)
         going, ended = _successors(steps, level, t)
         entered = np.union1d(entered, np.union1d(going, ended))
+        if limit is not None and len(entered) > limit:
+            refuse(f"more than {limit:,} states can be reached", "choose smaller parameters")
         level = going if steps.uses_time else np.setdiff1d(going, acting, assume_unique=True)
         t += 1
     return Visits(acting, entered)
