@@ -18,7 +18,7 @@ from taskspec.lang.types import BOOL, REAL, Domain, Kind, Refused, Type
 from taskspec.source import Document, Path, read_text
 from taskspec.spec.declare import INSTANCE_SEED, Declarations
 from taskspec.spec.forms import Forms
-from taskspec.spec.merge import Merged, merge
+from taskspec.spec.merge import Merged, abstracted, merge
 from taskspec.spec.observe import Observed
 from taskspec.spec.reach import reach
 from taskspec.spec.schema import check_shape
@@ -52,6 +52,19 @@ def rebuild(
     task = build(read_text(text, name), variant, values, suite)
     task = task.absorbing() if ending == "absorb" else task
     return task.observing_time() if observe_time else task
+
+
+def build_abstract(task: Task) -> Task | None:
+    """The finite stand-in that a task's spec declares under `abstraction`, for the same parameters; None without one.
+
+    Raises:
+        SpecError: with every mistake found in it.
+    """
+    merged = abstracted(merge(task.document, task.variant))
+    if merged is None:
+        return None
+    found = _Build(merged, Collector()).task(task.values, task.suite)
+    return found.absorbing() if task.ending == "absorb" else found
 
 
 class _Build:
@@ -95,6 +108,7 @@ class _Build:
         absorbing = self._single("absorbing_reward", REAL, self._scope("absorbing"), default=0)
         expert = self._expert()
         self._check_unused()
+        self._abstraction()
         claims = self._claims()
         self._scope("claims")
         self.collector.raise_if_errors()
@@ -538,6 +552,16 @@ class _Build:
             name, arguments = signature(written)
             if arguments is None and not any(name in x.used for x in self.scopes):
                 self._resolve(scope.bindings[name])
+
+    def _abstraction(self) -> None:
+        """Read the functions that map a state to its finite stand-in."""
+        if self.data.get("abstraction"):
+            scope = self._scope("abstraction")
+            path = ("abstraction", "map")
+            self.exprs["abstraction"] = {n: self.forms.expr((*path, n)) for n in self.forms.value(path)}
+            for expr in self.exprs["abstraction"].values():
+                if expr is not None:
+                    self.checker.check(expr, scope)
 
     def _claims(self) -> Iterable[Claim]:
         claims = []

@@ -78,6 +78,23 @@ def merge(document: Document, variant: str | None = None) -> Merged:
     return Merged(document, task_name(name, chain[0]), chain[0], merged, moved)
 
 
+def abstracted(merged: Merged) -> Merged | None:
+    """The finite stand-in that a spec declares, as a spec of its own; None when it declares none.
+
+    The sections under `abstraction` (all but `map`) replace those of the same name.
+    """
+    over = merged.data.get("abstraction")
+    if not over:
+        return None
+    data = {key: value for key, value in merged.data.items() if key not in ("abstraction", "observation", "claims")}
+    moved = dict(merged.moved)
+    for section, value in over.items():
+        if section != "map" and value is not None:
+            data[section] = value
+            _move(moved, (section,), merged.source_path(("abstraction", section)))
+    return Merged(merged.document, merged.name, merged.variant, data, moved)
+
+
 def _key(document: Document, data: dict[str, Any], name: str, variant: str) -> str:
     keys = {str(key): str(key) for key in data.get("variants") or {}}
     keys |= {task_name(name, key): key for key in keys}

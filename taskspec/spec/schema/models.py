@@ -210,8 +210,14 @@ class Abstraction(Strict):
     state: dict[Name, Component] = Field(description="Components of the stand-in state.")
     map: dict[Name, Expression] = Field(description="Each of them as a function of the state.")
     initial: dict[Name, Expression] | None = Field(
-        None, description="Their initial values, where these cannot be computed."
+        None, description="Their initial values."
     )
+    dynamics: dict[Primed, Expression] | None = Field(
+        None, description="Their next values, where the task's own dynamics do not apply to them."
+    )
+    reward: Expression | None = Field(None, description="The reward in terms of them.")
+    terminal: Expression | None = Field(None, description="The end in terms of them.")
+    expert: Expert = Field(None, description="The expert in terms of them.")
 
 
 class Sections(Strict):
