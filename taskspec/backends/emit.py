@@ -25,6 +25,7 @@ class Parts:
 
     task: Task
     invariants: Invariants
+    cold: frozenset[str]
     reset: Phase
     step: Phase
     observation: Layout
@@ -39,7 +40,8 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     step = _step(parts, states, constants)
     reset = _reset(parts, states, "\n".join(step), constants)
     kept = [*states, *_kept(parts)]
-    lines = [f"{', '.join(kept)} = {', '.join('None' for _ in kept)}", "t = 0", "alive = False", ""]
+    lines = [f"{', '.join(kept)} = {', '.join('None' for _ in kept)}", "alive = False"]
+    lines += ["t = 0  # steps of this episode", "past = 0  # steps of the episodes before it", "episodes = 0", ""]
     lines += [*reset, "", *step, "", *_access(parts, states, constants), "", "return reset, step, get, put"]
     return "\n".join([*head, "", "", "def lane(next_first, next_draws, bad_action, not_running):", *_indent(lines), ""]), constants
 
@@ -90,6 +92,8 @@ def _reset(parts: Parts, states: Sequence[str], step: str, constants: dict[str, 
     values = lane.emit((*phase.roots, *phase.observation))
     types = [*(c.type for c in task.state), *(n.type for n in parts.invariants.nodes)]
     stored = [_stored(lane, n, v) for n, v in zip(phase.roots, types, strict=True)]
+    for i, c in enumerate(task.state):
+        stored[i] = "None" if c.name in parts.cold else stored[i]
     observation, statements = _observation(lane, parts.observation, phase, values[len(phase.roots) :])
     inner = without_unused([*lane.lines, *statements], [*stored, observation])
     targets = [*states, *parts.invariants.names]
@@ -98,8 +102,9 @@ def _reset(parts: Parts, states: Sequence[str], step: str, constants: dict[str, 
     if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
         body += [f"kept = {observation}"]
         observation = "kept.copy()"
-    body += ["t = 0", "alive = True", f"return {observation}, {{}}"]
-    return ["def reset():", *_indent([f"nonlocal {', '.join([*states, *_kept(parts), 't', 'alive'])}", *body])]
+    body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {{}}"]
+    targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
+    return ["def reset():", *_indent([f"nonlocal {', '.join(targets)}", *body])]
 
 
 def _unwrapped(phase: Phase, body: Sequence[str], stored: dict[str, str], step: str) -> list[str]:
@@ -120,9 +125,7 @@ def _step(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> lis
     stored = {i: _stored(lane, phase.roots[i], task.state[i].type) for i in changed}
     # The reward, the end and the observation may read the state, so they are worked out before it moves on.
     reward, terminal = (lane.assign(lane.scalar(root)) for root in phase.roots[n : n + 2])
-    observation, statements = ("kept.copy()", []) if parts.invariants.observation else _observation(
-        lane, parts.observation, phase, values[n + 2 :]
-    )  # fmt: skip
+    observation, statements = _seen(lane, parts, terminal, values[n + 2 :])
     if not observation.isidentifier() and not parts.invariants.observation:
         statements.append(f"seen = {observation}")
         observation = "seen"
@@ -134,6 +137,13 @@ def _step(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> lis
     body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {{}}"]
     nonlocals = [*(states[i] for i in changed), "t", "alive"]
     return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *body])]
+
+
+def _seen(lane: Lane, parts: Parts, terminal: str, values: Sequence[Value]) -> tuple[str, list[str]]:
+    """The observation of a step: the kept one where it stays the same, itself rather than a copy on what is always the last."""
+    if not parts.invariants.observation:
+        return _observation(lane, parts.observation, parts.step, values)
+    return ("kept" if terminal == "True" else "kept.copy()"), []
 
 
 def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
@@ -167,9 +177,10 @@ def _access(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> l
         flat = [f"*{lane.packed(n)}" if n.type.shape else lane.scalar(n) for n in nodes]
         lines.append(f"kept = np.array(({', '.join(flat)},), np.float32).reshape({parts.observation.shape})")
     assert len(values) == len(parts.invariants.nodes) + len(nodes)
-    body = [f"nonlocal {', '.join([*states, *_kept(parts), 't', 'alive'])}", f"{everything} = values"]
-    body += [*lane.lines, *lines, "t, alive = time, running"]
-    return ["def get():", f"    return ({everything}), t, alive", "", "def put(values, time, running):", *_indent(body)]
+    clock = "t, past, episodes, alive"
+    body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
+    body += [*lane.lines, *lines, f"{clock} = clock"]
+    return ["def get():", f"    return ({everything}), ({clock})", "", "def put(values, clock):", *_indent(body)]
 
 
 # -- observations -------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, rewrite, walk
+from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, reads, rewrite, walk
 from taskspec.spec.task import Task
 
 
@@ -48,6 +48,24 @@ class Invariants:
             return None if name is None else task.builder.read(Role.VARIABLE, name, node.type)
 
         return rewrite(roots, leaf, task.builder.remake)
+
+
+WIDE = 32
+"""Vectors above this are handled as arrays: thousands of Python numbers waiting for their turn would miss the cache."""
+
+
+def cold_components(task: Task, roots: Sequence[Node]) -> frozenset[str]:
+    """Wide components that no step changes and none of the roots reads: not worth keeping, since a reset can be replayed."""
+    read = reads(roots)
+    frozen = frozen_components(task)
+    return frozenset(c.name for c in task.state if c.name in frozen and c.type.size > WIDE and c.read not in read)
+
+
+def changing(task: Task, roots: Sequence[Node]) -> list[Node]:
+    """Roots of a step without those of components that stay as they are."""
+    n, frozen = len(task.state), frozen_components(task)
+    moving = [r for r, c in zip(roots[:n], task.state, strict=True) if c.name not in frozen]
+    return [*moving, *roots[n:]]
 
 
 def frozen_components(task: Task) -> frozenset[str]:

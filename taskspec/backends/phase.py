@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
+from taskspec.backends.invariant import WIDE
 from taskspec.backends.spaces import Layout as ValueLayout
 from taskspec.draws.blocks import block_sampler, stream
 from taskspec.draws.layout import Layout, words_of
@@ -75,7 +76,7 @@ class Phase:
         """Hands out the items of counters first, first + 1, ...; None where a phase needs none."""
         if not self.names:
             return None
-        width = self.layout.count + self.row_size
+        width = max(self.layout.count, self.row_size)
         return stream(lambda at, count: self._items(seed, phase, at, count), first, width)
 
     def _items(self, seed: int, phase: int, at: int, count: int) -> Sequence[Any]:
@@ -143,10 +144,6 @@ def _maximal(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
         if not free[id(node)]:
             found |= {id(c): c for c in children(node) if free[id(c)] and random[id(c)]}
     return list(found.values())
-
-
-WIDE = 32
-"""Vectors above this are handed out as arrays: thousands of Python numbers waiting for their turn would miss the cache."""
 
 
 def _listed(node: Node, value: Any, count: int) -> list[Any]:

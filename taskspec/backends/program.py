@@ -11,16 +11,19 @@ import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from taskspec import draws
 from taskspec.backends import scalars
 from taskspec.backends.emit import Parts, generate
-from taskspec.backends.invariant import Invariants
+from taskspec.backends.invariant import Invariants, changing, cold_components
 from taskspec.backends.phase import Phase
 from taskspec.backends.spaces import Layout, action_layout, observation_layout, pack
+from taskspec.draws.layout import Layout as DrawLayout
+from taskspec.draws.sample import sampler
+from taskspec.lang.evaluate import evaluate
 from taskspec.spec.task import Task
 
 Failure = Callable[..., Exception]
@@ -32,6 +35,18 @@ class Failures:
 
     action: Callable[[Any], Exception]
     not_running: Callable[[], Exception]
+
+
+class Clock(NamedTuple):
+    """Where an environment stands: steps of this episode, steps of those before it, resets, and whether it is running."""
+
+    time: int = 0
+    past: int = 0
+    episodes: int = 0
+    alive: bool = False
+
+
+_ZERO = Clock()
 
 
 @dataclass(frozen=True)
@@ -49,13 +64,20 @@ class Scalar:
     step_phase: Phase
     _namespace: dict[str, Any] = field(repr=False)
 
-    def start(self, seed: int, failures: Failures, episode: int = 0, step: int = 0) -> Lane:
-        """Functions of one environment whose draws begin at the given episode and step counters."""
-        first = self.reset_phase.stream(seed, draws.RESET, episode)
-        later = self.step_phase.stream(seed, draws.STEP, step)
+    def start(self, seed: int, failures: Failures, clock: Clock = _ZERO) -> Lane:
+        """Functions of one environment, whose draws go on from where a clock stands."""
+        first = self.reset_phase.stream(seed, draws.RESET, clock.episodes)
+        later = self.step_phase.stream(seed, draws.STEP, clock.past + clock.time)
         parts = self._namespace["lane"](first, later, failures.action, failures.not_running)
         return Lane(*parts)
 
+
+    def replay(self, seed: int, clock: Clock) -> list[Any]:
+        """The component values that the last reset gave."""
+        layout = DrawLayout.of((*self.task.initial, *self.task.first_observation))
+        words = draws.words(seed, draws.RESET, clock.episodes - 1, layout.count)
+        flats = evaluate(self.task.initial, {}, sampler(layout, words))
+        return [flat if c.type.shape else flat[0] for c, flat in zip(self.task.state, flats, strict=True)]
 
     def pack(self, flats: Sequence[tuple[Any, ...]]) -> Any:
         """Evaluated observation components, flat, as an observation."""
@@ -64,12 +86,15 @@ class Scalar:
 
 @dataclass(frozen=True)
 class Lane:
-    """One environment: `reset()`, `step(action)`, and its state as a flat tuple of component values, time and liveness."""
+    """One environment: `reset()`, `step(action)`, and its state (component values, clock) to get and put.
+
+    A value that `get` gives as None is that of the last reset (`Scalar.replay`); `put` needs all values.
+    """
 
     reset: Callable[[], tuple[Any, dict[str, Any]]]
     step: Callable[[Any], tuple[Any, float, bool, bool, dict[str, Any]]]
-    get: Callable[[], tuple[tuple[Any, ...], int, bool]]
-    put: Callable[[Sequence[Any], int, bool], None]
+    get: Callable[[], tuple[tuple[Any, ...], tuple[int, int, int, bool]]]
+    put: Callable[[Sequence[Any], tuple[int, int, int, bool]], None]
 
 
 @lru_cache(maxsize=64)
@@ -77,11 +102,13 @@ def compile_scalar(task: Task) -> Scalar:
     """Generate and compile the scalar program of a task."""
     observation, action = observation_layout(task), action_layout(task)
     invariants = Invariants.of(task, observation.form == "box" and bool(observation.shape))
-    reset = Phase.of(task, (*task.initial, *invariants.at_reset), task.first_observation, observation)
     roots = invariants.replaced(task, (*task.next, task.reward, task.terminal))
     seen = () if invariants.observation else invariants.replaced(task, task.next_observation)
+    cold = cold_components(task, (*changing(task, roots), *seen))
+    initial = [task.builder.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
+    reset = Phase.of(task, (*initial, *invariants.at_reset), task.first_observation, observation)
     step = Phase.of(task, roots, seen, observation)
-    source, constants = generate(Parts(task, invariants, reset, step, observation, action))
+    source, constants = generate(Parts(task, invariants, cold, reset, step, observation, action))
     file = f"<taskspec {task.id} {task.content_hash[:12]}>"
     namespace = {**scalars.NAMESPACE, **constants, "np": np, "index": operator.index, "as_array": _as_array}
     exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text

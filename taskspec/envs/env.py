@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import gymnasium
 
 from taskspec import draws
-from taskspec.backends.program import Failures, Lane, Scalar, compile_scalar
+from taskspec.backends.program import Clock, Failures, Lane, Scalar, compile_scalar
 from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
 from taskspec.envs import picture
@@ -57,10 +57,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self.observation_space = space(self._program.observation)
         self.action_space = space(self._program.action)
         self._seed: int | None = None
-        self._episodes = 0  # resets since the seed was set
-        self._steps = 0  # steps of the episodes before this one, since the seed was set
-        self._last: tuple[Any, Any, float | None] = (None, None, None)
-        self._start(0, 0, 0)
+        self._start(0, Clock())
 
     # -- Gymnasium ------------------------------------------------------------------------------------------------
 
@@ -76,15 +73,14 @@ class Environment(gymnasium.Env[Any, Any]):
         Raises:
             StateError: when an overridden component has no such value.
         """
+        if seed is None and options is None and self._seed is not None:
+            return self._first()  # the common case, which costs as much as a step
         if seed is not None:
             super().reset(seed=seed)
             self._restart(seed)
         elif self._seed is None:
             self._restart(int.from_bytes(os.urandom(8), "little"))
-        else:
-            self._steps += self._lane.get()[1]
         result = self._lane.reset()
-        self._episodes += 1
         override = None if options is None else options.get("state")
         return result if override is None else (self._begin_at(override), {})
 
@@ -101,7 +97,7 @@ class Environment(gymnasium.Env[Any, Any]):
         """The present state as text (`render_mode="ansi"`)."""
         if self.render_mode is None:
             return None
-        return picture.text(self.task, self.state, self._lane.get()[1])
+        return picture.text(self.task, self.state, self.time)
 
     # -- state ----------------------------------------------------------------------------------------------------
 
@@ -111,33 +107,43 @@ class Environment(gymnasium.Env[Any, Any]):
 
         Assigning a mapping sets the components that it names.
         """
-        values, _, _ = self._lane.get()
         if self._seed is None:
             raise NotRunningError("E707: there is no state before the first reset()")
-        return plain_state(self.task, values)
+        return plain_state(self.task, self._values())
 
     @state.setter
     def state(self, value: Mapping[str, Any]) -> None:
-        values, time, alive = self._lane.get()
         if self._seed is None:
             raise NotRunningError("E707: there is no state to change before the first reset()")
-        self._lane.put(flat_state(self.task, value, values), time, alive)
+        self._lane.put(flat_state(self.task, value, self._values()), self._clock)
+
+    def _values(self) -> tuple[Any, ...]:
+        """The present component values; what the program does not keep is replayed."""
+        values, clock = self._lane.get()
+        if self._seed is None or not any(v is None for v in values):
+            return values
+        first = self._program.replay(self._seed, Clock(*clock))
+        return tuple(f if v is None else v for v, f in zip(values, first, strict=True))
 
     @property
     def time(self) -> int:
         """Steps taken in this episode."""
-        return self._lane.get()[1]
+        return self._clock.time
+
+    @property
+    def _clock(self) -> Clock:
+        return Clock(*self._lane.get()[1])
 
     def _begin_at(self, override: Mapping[str, Any]) -> Any:
         """Override components of the first state, and observe the result with this episode's draws."""
         self.state = override
-        return self._observe(self._lane.get()[0])
+        return self._observe(self._values())
 
     def _observe(self, values: tuple[Any, ...]) -> Any:
         """The observation of a state at time 0, by the reference interpreter."""
         layout = Layout.of((*self.task.initial, *self.task.first_observation))
         assert self._seed is not None
-        words = draws.words(self._seed, draws.RESET, self._episodes - 1, layout.count)
+        words = draws.words(self._seed, draws.RESET, self._clock.episodes - 1, layout.count)
         reads: dict[tuple[Role, str], tuple[Any, ...]] = {(Role.TIME, "t"): (0,)}
         for c, value in zip(self.task.state, values, strict=True):
             reads[c.read] = tuple(value) if c.type.shape else (value,)
@@ -149,32 +155,33 @@ class Environment(gymnasium.Env[Any, Any]):
     def _restart(self, seed: int) -> None:
         if not 0 <= seed < SEED_MAX:
             raise ValueError(f"a seed lies between 0 and 2**64 - 1, not {seed}")
-        self._seed, self._episodes, self._steps = int(seed), 0, 0
-        self._start(self._seed, 0, 0)
+        self._seed = int(seed)
+        self._start(self._seed, Clock())
 
-    def _start(self, seed: int, episode: int, step: int) -> None:
+    def _start(self, seed: int, clock: Clock) -> None:
         failures = Failures(self._bad_action, self._not_running)
-        self._lane: Lane = self._program.start(seed, failures, episode, step)
+        self._lane: Lane = self._program.start(seed, failures, clock)
         # An attribute of the instance: calling the generated function directly saves a fifth of a step.
         self.__dict__["step"] = self._lane.step
+        self._first = self._lane.reset
 
     def _bad_action(self, action: Any) -> ActionError:
         return ActionError(f"E706: {action!r} is not an action of {self.task.id}; it needs {self.action_space}")
 
     def _not_running(self) -> NotRunningError:
-        if self._episodes == 0:
+        if self._clock.episodes == 0:
             return NotRunningError("E707: step() before the first reset(); call reset() first")
         return NotRunningError("E708: step() after the end of the episode; call reset() to start another")
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the generated functions, which are made again; the stream of draws goes on where it was."""
-        kept = {k: v for k, v in self.__dict__.items() if k not in ("step", "_lane", "_program")}
-        return {**kept, "lane_state": self._lane.get()}
+        kept = {k: v for k, v in self.__dict__.items() if k not in ("step", "_first", "_lane", "_program")}
+        return {**kept, "lane_state": (self._values(), self._clock)}
 
     def __setstate__(self, saved: dict[str, Any]) -> None:
-        values, time, alive = saved.pop("lane_state")
+        values, clock = saved.pop("lane_state")
         self.__dict__.update(saved)
         self._program = compile_scalar(self.task)
-        self._start(self._seed or 0, self._episodes, self._steps + time)
-        if self._episodes:
-            self._lane.put(values, time, alive)
+        self._start(self._seed or 0, Clock(*clock))
+        if self._seed is not None:
+            self._lane.put(values, clock)

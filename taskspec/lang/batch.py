@@ -76,7 +76,8 @@ def apply(node: Apply, args: Sequence[Array]) -> Array:
             return RUNTIME.concat(*args)
         case "slice":
             start, count, step = static
-            return args[0][[start + k * step for k in range(count)]]
+            stop = start + count * step
+            return args[0][start : None if stop < 0 else stop : step]
         case "element":
             return args[0][static[0]]
         case "reshape":
