@@ -18,7 +18,7 @@ import numpy as np
 from taskspec.lang import interval
 from taskspec.lang.batch import evaluate
 from taskspec.lang.dists import BASES
-from taskspec.lang.ir import Draw, Role
+from taskspec.lang.ir import Const, Draw, Role
 
 Array = np.ndarray[Any, Any]
 Reads = Mapping[tuple[Role, str], Array]
@@ -65,6 +65,8 @@ def _outcomes(draw: Draw, known: dict[int, interval.Interval]) -> float:
         case "index":
             most = max(1.0, interval.bounds(draw.args[0], known)[1])
             return most if shape == () else most ** min(draw.type.size, 100)
+        case "poisson":
+            return float(_poisson_most(draw)) ** min(draw.type.size, 100)
         case "permutation":
             return math.prod(float(math.factorial(min(shape[-1], 170))) for _ in range(draw.type.size // shape[-1]))
         case _:
@@ -72,7 +74,8 @@ def _outcomes(draw: Draw, known: dict[int, interval.Interval]) -> float:
 
 
 def is_finite(draw: Draw) -> bool:
-    return BASES[draw.base].finite
+    """Whether the outcomes can be enumerated. Those of a Poisson are, up to where a tail of 1e-16 is left."""
+    return BASES[draw.base].finite or draw.base == "poisson"
 
 
 def branches(
@@ -173,6 +176,23 @@ def clean(p: Array) -> Array:
     return p
 
 
+def _poisson_most(draw: Draw) -> int:
+    bound = draw.args[1]
+    assert isinstance(bound, Const)
+    rate = float(bound.value)
+    return int(rate + 10 * math.sqrt(rate) + 25)
+
+
+def _poisson(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
+    k = np.arange(_poisson_most(draw))
+    faculty = np.array([math.lgamma(n + 1) for n in k])
+    rows = []
+    for rate in _stretched(args[0], draw.type.size):
+        positive = np.maximum(rate, 1e-300)
+        rows.append(clean(np.exp(k[:, None] * np.log(positive) - positive - faculty[:, None])))
+    return _product(draw, rows, np.int64)
+
+
 def _permutation(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
     *outer, n = draw.type.shape
     one = np.array(list(itertools.permutations(range(n))), dtype=np.int64)
@@ -186,4 +206,5 @@ _TABLES: dict[str, Callable[[Draw, list[Array]], tuple[Array, Array]]] = {
     "bernoulli": _bernoulli,
     "categorical": _categorical,
     "permutation": _permutation,
+    "poisson": _poisson,
 }

@@ -48,6 +48,11 @@ class Rollout:
     def _step(self) -> Layout:
         return Layout.of([*self.task.next, self.task.reward, self.task.terminal, *self.task.next_observation])
 
+    @property
+    def words(self) -> int:
+        """Random words that a step or a start takes in one lane."""
+        return max(self._first.count, self._step.count)
+
     def start(self, episode: int = 0) -> State:
         words = draws.lanes_block(self.seeds, draws.RESET, episode, self._first.count)
         values = self._values(self.task.initial, {}, self._first, words)
