@@ -12,11 +12,11 @@ def need(module: str, extra: str) -> Any:
     """Import a module of an optional dependency.
 
     Raises:
-        SpecError: E701, when it is not installed.
+        SpecError: E705, when it is not installed.
     """
     try:
         return importlib.import_module(module)
     except ImportError as error:
         name = module.partition(".")[0]
         message = f"this needs `{name}`, which is not installed"
-        raise SpecError((Diagnostic("E701", None, message, f"pip install 'taskspec[{extra}]'"),)) from error
+        raise SpecError((Diagnostic("E705", None, message, f"pip install 'taskspec[{extra}]'"),)) from error

@@ -1,0 +1,76 @@
+"""Figures of a task, drawn from the task itself: graphs, grids, curves, bars; as SVG, TikZ, PNG, PDF or pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskspec.appendix.figures import raster
+from taskspec.appendix.figures.bars import bars
+from taskspec.appendix.figures.curve import curve
+from taskspec.appendix.figures.graph import graph
+from taskspec.appendix.figures.grid import grid
+from taskspec.appendix.figures.overlay import Overlay as Overlay
+from taskspec.appendix.figures.scene import Scene as Scene
+from taskspec.appendix.figures.svg import svg as svg
+from taskspec.appendix.figures.table import table
+from taskspec.appendix.figures.tikz import colors as tikz_colors
+from taskspec.appendix.figures.tikz import tikz as tikz
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.spec.task import Task
+
+__all__ = ["KINDS", "Overlay", "Scene", "figure", "render_frame", "scene", "svg", "tikz", "tikz_colors"]
+
+KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
+    "graph": graph, "grid": grid, "curve": curve, "bars": bars, "swaps": bars, "vector": bars,
+}  # fmt: skip
+
+
+def scene(task: Task, overlay: Overlay | None = None) -> Scene | None:
+    """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can."""
+    overlay = overlay or Overlay()
+    kind = (task.surface.data.get("figure") or {}).get("kind")
+    makers = [KINDS[kind]] if kind in KINDS else [graph]
+    return next((found for make in makers if (found := make(task, overlay)) is not None), None)
+
+
+def figure(task: Task, path: Path | str, overlay: Overlay | None = None) -> Path:
+    """Draw a task's figure to a file: `.svg`, `.tex` (TikZ), `.png` or `.pdf`.
+
+    Raises:
+        SpecError: when the task has no figure, the ending is another, or an extra is missing.
+    """
+    path = Path(path)
+    found = scene(task, overlay)
+    if found is None:
+        raise SpecError((Diagnostic("E709", None, f"{task.id} has no figure that can be drawn"),))
+    match path.suffix:
+        case ".svg":
+            path.write_text(svg(found) + "\n", encoding="utf-8")
+        case ".tex" | ".tikz":
+            path.write_text(f"{tikz_colors()}\n{tikz(found)}\n", encoding="utf-8")
+        case ".png" | ".pdf":
+            raster.save(found, path, path.suffix[1:])
+        case other:
+            message = f"'{other}' is not a format of figures"
+            raise SpecError((Diagnostic("E709", None, message, "use .svg, .tex, .png or .pdf"),))
+    return path
+
+
+def render_frame(
+    task: Task, state: Mapping[str, Any], title: str = "", dpi: int = 100
+) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    """One state as a picture (height, width, 3) of uint8; every task has one.
+
+    Args:
+        task: the task.
+        state: values by component; labels or their indices for choices.
+        title: a line of text above, such as the step.
+        dpi: pixels an inch.
+    """
+    overlay = Overlay(here=state)
+    found = scene(task, overlay) or table(task, state)
+    return raster.pixels(found, dpi)

@@ -1,0 +1,156 @@
+"""A grid world as a scene: cells, walls or letters of a map, marked cells, and the agent."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.appendix.figures.overlay import Overlay
+from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Role, Scene, fitted
+from taskspec.appendix.figures.values import Reads, all_states, at_states, compile_value, first_state, reads_of
+from taskspec.exact.space import Space
+from taskspec.exact.transitions import Steps
+from taskspec.lang.ir import Node
+from taskspec.lang.ir import Role as Reading
+from taskspec.printers import tree as m
+from taskspec.spec.task import Task
+
+CELL = 0.8
+LARGEST = 24
+_COLORS: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end"}
+Cell = tuple[int, int]
+
+
+def grid(task: Task, overlay: Overlay) -> Scene | None:
+    """The grid that a task's figure section places its states on."""
+    place = _place(task)
+    if place is None:
+        return None
+    world = all_states(task)
+    return _whole(task, place, *world, overlay) if world is not None else _window(task, place, overlay)
+
+
+def _place(task: Task) -> tuple[Node, ...] | None:
+    """Column and row of a state: two expressions, or one vector of two."""
+    at = (task.surface.data.get("figure") or {}).get("at")
+    nodes = [compile_value(task, x) for x in (at if isinstance(at, list) else [at])] if at is not None else []
+    if not nodes or any(n is None for n in nodes):
+        return None
+    return tuple(n for n in nodes if n is not None)
+
+
+def _cells(task: Task, place: tuple[Node, ...], reads: Reads, count: int) -> np.ndarray[Any, Any]:
+    """Column and row (count, 2) of states."""
+    found = [at_states(task, node, reads, count) for node in place]
+    return np.asarray(found[0] if len(found) == 1 else np.stack(found, axis=1)).astype(int)
+
+
+def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Role, np.ndarray[Any, Any]]]:
+    """Conditions (count,) or places (count, 2) to highlight, with their colours."""
+    figure = task.surface.data.get("figure") or {}
+    for name, written in (figure.get("highlight") or {}).items():
+        node = compile_value(task, written)
+        if node is not None and name in _COLORS:
+            yield _COLORS[name], at_states(task, node, reads, count)
+
+
+@dataclass
+class _Board:
+    """Cells from (0, 0), to be drawn."""
+
+    columns: int
+    rows: int
+    colors: dict[Cell, Role]
+    letters: Mapping[Cell, str]
+    agents: dict[Cell, float]
+    shades: dict[Cell, float]
+    values: dict[Cell, float]
+    open: bool = False  # the world goes on beyond the frame
+
+    def items(self) -> Iterator[Item]:
+        for y in range(self.rows):
+            for x in range(self.columns):
+                fill = self.colors.get((x, y), "paper")
+                shade = 1.0
+                if (x, y) in self.shades and fill == "paper":
+                    fill, shade = "accent", self.shades[x, y]
+                yield Box((x * CELL, y * CELL), CELL, CELL, fill, "faint", shade=shade)
+        if not self.open:
+            yield Box((0, 0), self.columns * CELL, self.rows * CELL, None, "ink")
+        for (x, y), text in self.letters.items():
+            yield Label(((x + 0.5) * CELL, (y + 0.5) * CELL), m.Words(text), 0.3, color="muted")
+        for (x, y), value in self.values.items():
+            yield Label(((x + 0.5) * CELL, (y + 0.5) * CELL), m.Num(f"{value:.3g}".replace("-", "−")), 0.24)
+        for (x, y), weight in self.agents.items():
+            yield from _agent((x + 0.5) * CELL, (y + 0.5) * CELL, weight)
+
+
+def _agent(x: float, y: float, weight: float) -> Iterator[Item]:
+    """The agent; where it may start among several cells, faint."""
+    shade = 1.0 if weight > 0.99 else 0.35
+    yield Circle((x, y), CELL * 0.27, "ink", None, shade)
+    for side in (-1, 1):
+        yield Circle((x + side * CELL * 0.09, y - CELL * 0.05), CELL * 0.045, "paper", None)
+
+
+def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overlay: Overlay) -> Scene | None:
+    cells = _cells(task, place, reads, count)
+    columns, rows = (int(v) + 1 for v in cells.max(axis=0))
+    if max(columns, rows) > LARGEST or cells.min() < 0:
+        return None
+    colors: dict[Cell, Role] = {}
+    for role, found in _marks(task, reads, count):
+        points = cells[found.astype(bool)] if found.ndim == 1 else found.astype(int)[:1]
+        colors |= {(int(x), int(y)): role for x, y in points}
+    by_code = {code: (int(x), int(y)) for code, (x, y) in enumerate(cells)}
+    agents = _agents(task, place, by_code, overlay)
+    board = _Board(columns, rows, colors, _letters(task, columns, rows), agents,
+                   {by_code[c]: v for c, v in overlay.occupancy.items()}, {by_code[c]: v for c, v in overlay.values.items()})  # fmt: skip
+    return fitted(board.items(), f"Grid of {task.name}: {columns} columns and {rows} rows")
+
+
+def _agents(task: Task, place: tuple[Node, ...], by_code: Mapping[int, Cell], overlay: Overlay) -> dict[Cell, float]:
+    if overlay.here is not None:
+        ((x, y),) = _cells(task, place, reads_of(task, overlay.here), 1)
+        return {(int(x), int(y)): 1.0}
+    codes, weights = Steps(task).starts()
+    found: dict[Cell, float] = {}
+    for code, p in zip(codes.tolist(), weights.tolist(), strict=True):
+        found[by_code[code]] = found.get(by_code[code], 0.0) + p
+    return found
+
+
+def _letters(task: Task, columns: int, rows: int) -> dict[Cell, str]:
+    """The characters of the map that `figure: map:` names, where it has a character for every cell."""
+    name = (task.surface.data.get("figure") or {}).get("map")
+    value = (task.surface.data.get("constants") or {}).get(name) if isinstance(name, str) else None
+    if not isinstance(value, Mapping) or "grid" not in value:
+        return {}
+    lines = value["grid"].splitlines() if isinstance(value["grid"], str) else value["grid"]
+    if len(lines) != rows or len(lines[0]) != columns:
+        return {}
+    return {(x, y): char for y, line in enumerate(lines) for x, char in enumerate(line) if char != " "}
+
+
+def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene | None:
+    """The part of a vast grid around one first state."""
+    state = overlay.here or first_state(task)
+    reads = reads_of(task, state)
+    ((ax, ay),) = _cells(task, place, reads, 1)
+    marks = [(role, found[0].astype(int)) for role, found in _marks(task, reads, 1) if found.shape == (1, 2)]
+    points = np.array([(ax, ay), *(p for _, p in marks)])
+    middle = np.round(points.mean(axis=0)).astype(int)
+    half = min(LARGEST // 2, max(4, int(np.abs(points - middle).max()) + 1))
+    corner = middle - half
+    colors: dict[Cell, Role] = {(int(p[0] - corner[0]), int(p[1] - corner[1])): role for role, p in marks}
+    agents = {(int(ax - corner[0]), int(ay - corner[1])): 1.0}
+    board = _Board(2 * half + 1, 2 * half + 1, colors, {}, agents, {}, {}, open=True)
+    return fitted(board.items(), f"Part of the grid of {task.name} around the agent", ("One start of many.",))
+
+
+def codes_of(task: Task) -> Space:
+    """The space whose codes overlays use."""
+    return Space(task.state, Reading.STATE)
