@@ -90,7 +90,11 @@ class Declarations:
         node = self.checker.constant(expr, scope, "a default")
         found = _convert(plain(node.value), kind) if node.type.is_scalar else None
         if found is None:
-            self.collector.add("E213", expr.place, f"the default is {node.type}, but the parameter is {_article(kind)}")
+            self.collector.add(
+                "E213",
+                expr.place,
+                f"the default is {node.type}, but the parameter is {_article(kind)}",
+            )
             raise Poisoned
         return found
 
@@ -233,9 +237,17 @@ class Declarations:
             raise Poisoned
         node = self.builder.stretch(self.checker.constant(expr, scope, f"'{key}'"), type_.shape)
         if node.type.shape != type_.shape or not isinstance(node, Const):
-            self.checker.fail("E307", expr, f"'{key}' has shape {list(node.type.shape)}, the component {list(type_.shape)}")
+            self.checker.fail(
+                "E307",
+                expr,
+                f"'{key}' has shape {list(node.type.shape)}, the component {list(type_.shape)}",
+            )
         flat = tuple(float(v) for v in node.flat)
-        if type_.kind is Kind.INT and node.type.kind is Kind.REAL and not all(v.is_integer() or math.isinf(v) for v in flat):
+        if (
+            type_.kind is Kind.INT
+            and node.type.kind is Kind.REAL
+            and not all(v.is_integer() or math.isinf(v) for v in flat)
+        ):
             self.checker.fail("E306", expr, f"'{key}' of an int component must be an int")
         return flat
 

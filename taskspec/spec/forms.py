@@ -95,7 +95,12 @@ class Forms:
         if "by" in value or "rows" in value:
             return self._table(value, path)
         if value.keys() & {"if", "then", "else"}:
-            self.collector.add("E209", self.place(path), "cases are written as a list", "- if: condition\n  then: value\n- else: value")
+            self.collector.add(
+                "E209",
+                self.place(path),
+                "cases are written as a list",
+                "- if: condition\n  then: value\n- else: value",
+            )
             return None
         return self._weights(value, path)
 
@@ -129,7 +134,11 @@ class Forms:
                 self.collector.add("E208", self.place(path), f"this table needs `{key}:`")
                 return None
         if not isinstance(value["rows"], dict) or not value["rows"]:
-            self.collector.add("E208", self.merged.span((*path, "rows")), "the rows of a table are a mapping: `key: value`")
+            self.collector.add(
+                "E208",
+                self.merged.span((*path, "rows")),
+                "the rows of a table are a mapping: `key: value`",
+            )
             return None
         by = value["by"] if isinstance(value["by"], list) else [value["by"]]
         columns = [

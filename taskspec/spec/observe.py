@@ -32,7 +32,9 @@ class Observed:
         edges = self._tight(list(zip(c.low, c.high, strict=True)), self.reached.get(c.name))
         return _bounded(c, edges)
 
-    def expression(self, name: str, value: Value, low: Sequence[float] | None, high: Sequence[float] | None) -> Component:
+    def expression(
+        self, name: str, value: Value, low: Sequence[float] | None, high: Sequence[float] | None
+    ) -> Component:
         """An observed expression; `low` and `high` are declared bounds, one for each element."""
         node = value.node
         edges = self.edges(node)
@@ -57,7 +59,10 @@ class Observed:
             case Apply(op="vector" | "concat", args=args):
                 return [edge for arg in args for edge in self.edges(arg)]
             case _:
-                return self._tight([self.builder.bounds(node)] * node.type.size, bounds(node, over([node], self.reached)))
+                return self._tight(
+                    [self.builder.bounds(node)] * node.type.size,
+                    bounds(node, over([node], self.reached)),
+                )
 
     def _tight(self, edges: Edges, reached: Interval | None) -> Edges:
         """Infinite bounds replaced by those of what can be reached."""

@@ -16,7 +16,10 @@ MAX_STEPS = 256
 
 
 def reach(
-    state: Sequence[Component], initial: Sequence[Node], following: Sequence[Node], horizon: int | None
+    state: Sequence[Component],
+    initial: Sequence[Node],
+    following: Sequence[Node],
+    horizon: int | None,
 ) -> dict[str, Interval]:
     """An interval for every component that holds all its elements at every time of an episode.
 
@@ -40,7 +43,10 @@ def reach(
 
 
 def _step(
-    state: Sequence[Component], following: Sequence[Node], reached: dict[str, Interval], declared: dict[str, Interval]
+    state: Sequence[Component],
+    following: Sequence[Node],
+    reached: dict[str, Interval],
+    declared: dict[str, Interval],
 ) -> dict[str, Interval]:
     known = over(following, reached)
     nexts = (_within(bounds(node, known), declared[c.name]) for c, node in zip(state, following, strict=True))
@@ -62,4 +68,4 @@ def _union(a: Interval, b: Interval) -> Interval:
 
 
 def finite(edge: Interval) -> bool:
-    return -INF < edge[0] and edge[1] < INF
+    return edge[0] > -INF and edge[1] < INF

@@ -221,7 +221,9 @@ class Task:
         time = self.builder.read(Role.TIME, "t", Type(Kind.INT), 0, high)
         clock = Component("t", Type(Kind.INT), (0,), (high,), doc="steps taken")
         seen = Observation(
-            (*self.observation.components, clock), (*self.observation.nodes, time), self.observation.space
+            (*self.observation.components, clock),
+            (*self.observation.nodes, time),
+            self.observation.space,
         )
         return dataclasses.replace(self, observation=seen, observe_time=True)
 

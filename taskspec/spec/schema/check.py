@@ -10,8 +10,8 @@ from typing import Annotated, Any, Protocol, Union, get_args, get_origin, get_ty
 from pydantic import BaseModel, ValidationError
 
 from taskspec.diagnostics import Collector, Diagnostic, Span, suggest
-from taskspec.source import Document, Path
 from taskspec.scan import REQUIRED
+from taskspec.source import Document, Path
 from taskspec.spec.merge import variant_names
 from taskspec.spec.schema import fields, values
 from taskspec.spec.schema.values import Problem

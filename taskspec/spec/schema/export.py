@@ -32,8 +32,7 @@ def _observation(form: str) -> dict[str, Any]:
         "type": "object",
         "properties": {
             "space": {
-                "description": "The kind of space: one box unless given, or Discrete for a single "
-                "finite value.",
+                "description": "The kind of space: one box unless given, or Discrete for a single finite value.",
                 "enum": list(SPACES),
             }
         },

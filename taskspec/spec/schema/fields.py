@@ -49,9 +49,7 @@ Horizon: TypeAlias = Annotated[Any, _check(values.horizon), _refer("Horizon")]
 Expert: TypeAlias = Annotated[Any, _check(values.expert), _refer("Expert")]
 Setting: TypeAlias = Annotated[Any, _check(values.setting), _refer("Setting")]
 Observation: TypeAlias = Annotated[Any, _check(values.observation), _refer("Observation")]
-PartialObservation: TypeAlias = Annotated[
-    Any, _check(values.partial_observation), _refer("PartialObservation")
-]
+PartialObservation: TypeAlias = Annotated[Any, _check(values.partial_observation), _refer("PartialObservation")]
 
 Name: TypeAlias = Annotated[
     str,

@@ -67,9 +67,7 @@ class Component(Typed):
     """A part of the state or of the action."""
 
     type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
-    shape: Shape = Field(
-        None, description="Lengths of a vector or matrix: `[L]`, `[2, 2]`. Without it: one number."
-    )
+    shape: Shape = Field(None, description="Lengths of a vector or matrix: `[L]`, `[2, 2]`. Without it: one number.")
     symbols: list[str] | None = Field(
         None, description="For a choice: how to print its labels in LaTeX, in the same order."
     )
@@ -181,12 +179,8 @@ class Claim(Strict):
     )
     under: str | None = Field(None, description="The decision model it is about: `soft(1)`.")
     where: str | None = Field(None, description="Where the source states it.")
-    tolerance: float | None = Field(
-        None, ge=0, strict=False, description="How far apart two equal numbers may be."
-    )
-    episodes: int | None = Field(
-        None, ge=1, description="How many episodes to simulate, when there is no exact model."
-    )
+    tolerance: float | None = Field(None, ge=0, strict=False, description="How far apart two equal numbers may be.")
+    episodes: int | None = Field(None, ge=1, description="How many episodes to simulate, when there is no exact model.")
 
 
 class Roles(Strict):
@@ -209,9 +203,7 @@ class Abstraction(Strict):
 
     state: dict[Name, Component] = Field(description="Components of the stand-in state.")
     map: dict[Name, Expression] = Field(description="Each of them as a function of the state.")
-    initial: dict[Name, Expression] | None = Field(
-        None, description="Their initial values."
-    )
+    initial: dict[Name, Expression] | None = Field(None, description="Their initial values.")
     dynamics: dict[Primed, Expression] | None = Field(
         None, description="Their next values, where the task's own dynamics do not apply to them."
     )
@@ -239,8 +231,7 @@ class Sections(Strict):
     )
     constants: dict[Name, Constant] = Field(
         default_factory=dict,
-        description="Fixed values and arrays, which may depend on parameters, or be drawn once "
-        "per instance.",
+        description="Fixed values and arrays, which may depend on parameters, or be drawn once per instance.",
     )
     definitions: dict[Defined, Expression] = Field(
         default_factory=dict,
@@ -249,12 +240,8 @@ class Sections(Strict):
     noise: dict[Name, Expression] = Field(
         default_factory=dict, description="Named draws, made once per step and shared by all uses."
     )
-    state: dict[Name, Component] = Field(
-        default_factory=dict, description="The components of the state."
-    )
-    action: dict[Name, Component] = Field(
-        default_factory=dict, description="The components of the action."
-    )
+    state: dict[Name, Component] = Field(default_factory=dict, description="The components of the state.")
+    action: dict[Name, Component] = Field(default_factory=dict, description="The components of the action.")
     observation: Observation = Field(
         default_factory=dict,
         description="What the agent sees, as `name: expression`, which may draw. Without it: the "
@@ -273,12 +260,8 @@ class Sections(Strict):
         default_factory=dict,
         description="Next value of each state component: `s': s + 1`. Those not named stay.",
     )
-    reward: Expression = Field(
-        None, description="Reward of a step; `s` is the state left, `s'` the state reached."
-    )
-    absorbing_reward: Expression = Field(
-        0, description="Reward per step after the end, when terminal states absorb."
-    )
+    reward: Expression = Field(None, description="Reward of a step; `s` is the state left, `s'` the state reached.")
+    absorbing_reward: Expression = Field(0, description="Reward per step after the end, when terminal states absorb.")
     expert: Expert = Field(
         None,
         description="Action of the expert, per component; or `optimal`; or `soft(beta)`.",

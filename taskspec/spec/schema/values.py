@@ -85,9 +85,7 @@ def primed(text: str) -> Iterator[Problem]:
     if text.endswith("'"):
         yield from name(text[:-1])
     else:
-        yield Problem(
-            "E215", (), f"`{text}` lacks its prime", f"write `{text}'` for the next value", True
-        )
+        yield Problem("E215", (), f"`{text}` lacks its prime", f"write `{text}'` for the next value", True)
 
 
 def definition(text: str) -> Iterator[Problem]:

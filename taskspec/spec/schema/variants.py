@@ -56,9 +56,7 @@ class PartialParameters(BaseModel):
     model_config = ConfigDict(strict=True, extra="allow", frozen=True)
     __pydantic_extra__: dict[str, PartialParameter | None]  # type: ignore[valid-type]
 
-    require: list[Requirement] | None = Field(
-        None, description="Conditions across parameters, each with its message."
-    )
+    require: list[Requirement] | None = Field(None, description="Conditions across parameters, each with its message.")
 
     @model_validator(mode="after")
     def _check(self) -> PartialParameters:

@@ -1,0 +1,129 @@
+"""What every part of a build shares: the merged spec, one builder, one collector, and the names resolved so far."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from taskspec.diagnostics import Collector
+from taskspec.lang import syntax as s
+from taskspec.lang.builder import Builder
+from taskspec.lang.check import Checker, Poisoned
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.scope import Binding, Lazy, Scope, Value
+from taskspec.lang.types import Domain, Kind, Refused
+from taskspec.spec.declare import Declarations
+from taskspec.spec.forms import Forms
+from taskspec.spec.merge import Merged
+from taskspec.spec.task import Component, Parameter
+
+
+class Context:
+    """The state of one build; its parts fill in the attributes in the order of the pipeline."""
+
+    def __init__(self, merged: Merged, collector: Collector) -> None:
+        self.merged, self.data, self.collector = merged, merged.data, collector
+        self.builder = Builder()
+        self.checker = Checker(self.builder, collector)
+        self.forms = Forms(merged, collector)
+        self.declare = Declarations(merged, self.builder, self.checker, self.forms)
+        self.parameters: list[Parameter] = []
+        self.constants: dict[str, Binding] = {}
+        self.state: tuple[Component, ...] = ()
+        self.action: tuple[Component, ...] = ()
+        self.domains: list[Domain] = []
+        self.horizon: int | None = None
+        self.exprs: dict[str, Any] = {}  # parsed sections
+        self.scopes: list[Scope] = []  # every scope made, for what was used
+        self.named_scopes: dict[str, Scope] = {}
+        self._busy: list[str] = []  # names that are being expanded
+
+    def constant_scope(self, why_no_draws: str | None = None) -> Scope:
+        """A scope of parameters and constants alone."""
+        scope = Scope(self.constants, draws=why_no_draws)
+        self.scopes.append(scope)
+        return scope
+
+    def place(self, *path: str) -> s.Place:
+        """A whole section as a place."""
+        return self.forms.place(path)
+
+    def read(self, c: Component, role: Role) -> Value:
+        """The present value of a component."""
+        return Value(self.builder.read(role, c.name, c.type, min(c.low), max(c.high)), c.domain)
+
+    # -- names worked out on first use ----------------------------------------------------------------------------
+
+    def guard(self, name: str, at: s.Expr) -> Callable[[], None]:
+        """Enter the expansion of a name; entering it twice is a circle. Returns what leaves it."""
+        if name in self._busy:
+            circle = " -> ".join([*self._busy[self._busy.index(name) :], name])
+            self.checker.fail("E310", at, f"'{name}' needs its own value: {circle}")
+        self._busy.append(name)
+        return lambda: self._busy.remove(name)
+
+    def lazy(self, name: str, make: Callable[[], Value]) -> Lazy:
+        """A binding worked out once, on first use; a circle is reported."""
+        known: list[Value | None] = []
+
+        def resolve(at: s.Name) -> Value:
+            if not known:
+                leave = self.guard(name, at)
+                try:
+                    known.append(make())
+                except Poisoned:
+                    known.append(None)
+                finally:
+                    leave()
+            if known[0] is None:
+                raise Poisoned
+            return known[0]
+
+        return Lazy(resolve)
+
+    def resolve(self, binding: Binding, place: s.Place) -> None:
+        """Work a lazy binding out for its mistakes."""
+        try:
+            if isinstance(binding, Lazy):
+                binding.resolve(s.Name("", False, place))
+        except Poisoned:
+            pass
+        except Refused as refused:
+            self.collector.add(refused.code, place, refused.message, refused.hint)
+
+    # -- values of components -------------------------------------------------------------------------------------
+
+    def assign(self, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
+        """An expression as a value of a component; None when it is broken (and reported)."""
+        value = self.checker.check(expr, scope, component.domain)
+        if value is None:
+            return None
+        try:
+            return self._fit(value, expr, component)
+        except Poisoned:
+            return None
+        except Refused as refused:
+            self.collector.add(refused.code, expr.place, refused.message, refused.hint)
+            return None
+
+    def _fit(self, value: Value, expr: s.Expr, c: Component) -> Node:
+        if c.domain is not None and value.domain != c.domain:
+            labels = ", ".join(c.domain.labels[:6])
+            self.checker.fail("E306", expr, f"'{c.name}' is a choice between {labels}; this is {_what(value)}")
+        node = value.node if c.domain is not None else self.checker.number_of(value, expr)
+        if node.type.kind > c.type.kind:
+            message = f"'{c.name}' is {_NAMED[c.type.kind]}, but this is {_NAMED[node.type.kind]}"
+            self.checker.fail("E306", expr, message, _TO_KIND[c.type.kind])
+        node = self.builder.stretch(self.builder.cast(node, c.type.kind), c.type.shape)
+        if node.type.shape != c.type.shape:
+            message = f"'{c.name}' has shape {list(c.type.shape)}, but this has {list(node.type.shape)}"
+            self.checker.fail("E307", expr, message)
+        return node
+
+
+_NAMED = {Kind.BOOL: "a bool", Kind.INT: "an int", Kind.REAL: "a real"}
+_TO_KIND = {Kind.INT: "`floor(x)` and `round(x)` give ints", Kind.BOOL: "compare it, e.g. `x > 0`"}
+
+
+def _what(value: Value) -> str:
+    return "a choice between other labels" if value.domain is not None else _NAMED[value.node.type.kind]

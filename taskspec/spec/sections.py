@@ -1,0 +1,224 @@
+"""The sections of a spec as core nodes: initial state, dynamics, reward, terminal condition, observation, expert, claims."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, Literal
+
+from taskspec.diagnostics import suggest
+from taskspec.lang import syntax as s
+from taskspec.lang.check import Poisoned
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.parse import parse_into
+from taskspec.lang.scope import Lazy, Scope, Value
+from taskspec.lang.types import BOOL, Type
+from taskspec.source import Path
+from taskspec.spec.context import Context
+from taskspec.spec.names import Names, poison
+from taskspec.spec.observe import Observed
+from taskspec.spec.reach import reach
+from taskspec.spec.task import Claim, Observation, Soft
+
+Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
+
+
+class Sections:
+    """Turns the sections of one build into nodes; mistakes go to the collector."""
+
+    def __init__(self, context: Context, names: Names) -> None:
+        self.context, self.names = context, names
+        self.collector, self.checker, self.builder = context.collector, context.checker, context.builder
+
+    def parse(self) -> None:
+        """Read the expressions of every section, reporting all syntax errors."""
+        context = self.context
+        for section in ("definitions", "noise", "initial", "dynamics", "observation"):
+            entries = context.data.get(section) or {}
+            names = [n for n in entries if not (section == "observation" and n == "space")]
+            context.exprs[section] = {name: self._entry(section, name, entries[name]) for name in names}
+        for section in ("reward", "terminal", "absorbing_reward"):
+            if section in context.data:
+                context.exprs[section] = context.forms.expr((section,))
+
+    def _entry(self, section: str, name: str, value: Any) -> s.Expr | None:
+        inner = section == "observation" and is_bounded(value)
+        return self.context.forms.expr((section, name, "value") if inner else (section, name))
+
+    # -- states ---------------------------------------------------------------------------------------------------
+
+    def initial(self) -> list[Node]:
+        """Nodes of the first state, in order; later lines see earlier ones."""
+        context, scope = self.context, self.names.initial_scope()
+        self._check_names("initial", [c.name for c in context.state])
+        components = {c.name: c for c in context.state}
+        found: dict[str, Node] = {}
+        for name, expr in context.exprs["initial"].items():
+            c = components.get(name)
+            node = None if expr is None or c is None else context.assign(expr, scope, c)
+            if node is not None and c is not None:
+                found[name] = node
+                self.names.define(scope, name, Value(node, c.domain))
+            elif c is not None:
+                self.names.define(scope, name, Lazy(poison))
+        for c in context.state:
+            if c.name not in context.exprs["initial"]:
+                span = context.merged.key_span(("state", c.name))
+                self.collector.add("E217", span, f"'{c.name}' has no value in `initial`")
+        return [found[c.name] for c in context.state if c.name in found]
+
+    def _check_names(self, section: str, known: list[str]) -> None:
+        for name in self.context.exprs[section]:
+            span = self.context.merged.key_span((section, name))
+            if name in known:
+                continue
+            if section == "dynamics" and name + "'" in known:
+                message = f"the next value of '{name}' is written with a prime"
+                self.collector.add("E215", span, message, f"{name}': ...")
+            else:
+                bare = name.removesuffix("'")
+                self.collector.add("E216", span, f"there is no state component '{bare}'", suggest(name, known))
+
+    def dynamics(self) -> list[Node]:
+        """Nodes of the next state, in order; a component that is not named keeps its value."""
+        self._check_names("dynamics", [c.name + "'" for c in self.context.state])
+        place = self.context.place("dynamics")
+        found = []
+        for c in self.context.state:
+            try:
+                found.append(self.names.next_value(c.name, s.Name(c.name, True, place)).node)
+            except Poisoned:
+                continue
+        return found
+
+    # -- single values --------------------------------------------------------------------------------------------
+
+    def single(self, section: str, type_: Type, scope: Scope, default: Any = None) -> Node | None:
+        """A section that is one value: the reward, the terminal condition."""
+        if section not in self.context.data:
+            return self.builder.const(default, type_)
+        expr = self.context.exprs[section]
+        try:
+            if expr is None:
+                return None
+            return self.checker.condition(expr, scope) if type_ == BOOL else self._number(expr, scope, section, type_)
+        except Poisoned:
+            return None
+
+    def _number(self, expr: s.Expr, scope: Scope, section: str, type_: Type) -> Node:
+        node = self.checker.numeric(expr, scope)
+        if not node.type.is_scalar:
+            message = f"the {section} is a single number, but this has shape {list(node.type.shape)}"
+            self.checker.fail("E307", expr, message, "`all(...)`, `any(...)` and `sum(...)` make one value of many")
+        return self.builder.cast(node, type_.kind)
+
+    # -- observation ----------------------------------------------------------------------------------------------
+
+    def observation(self, initial: list[Node], following: list[Node]) -> Observation:
+        context = self.context
+        space = (context.data.get("observation") or {}).get("space", "auto")
+        whole = len(initial) == len(following) == len(context.state)
+        reached = reach(context.state, initial, following, context.horizon) if whole else {}
+        observed = Observed(self.builder, context.state, reached)
+        declared = context.exprs["observation"]
+        if not declared:
+            nodes = tuple(context.read(c, Role.STATE).node for c in context.state)
+            return Observation(tuple(map(observed.state, context.state)), nodes, space, is_state=True)
+        scope = self.names.scope("observation")
+        values = {name: None if expr is None else self.checker.check(expr, scope) for name, expr in declared.items()}
+        found = {name: value for name, value in values.items() if value is not None}
+        edges = {name: [self._edge(name, key, v.node.type) for key in ("low", "high")] for name, v in found.items()}
+        components = tuple(observed.expression(name, v, *edges[name]) for name, v in found.items())
+        return Observation(components, tuple(v.node for v in found.values()), space)
+
+    def _edge(self, name: str, key: str, type_: Type) -> tuple[float, ...] | None:
+        """A declared bound of an observed expression, if there is one."""
+        entry = self.context.data["observation"][name]
+        if not is_bounded(entry) or entry.get(key) is None:
+            return None
+        scope = self.context.constant_scope("bounds are fixed")
+        try:
+            return self.context.declare.edge(entry, key, ("observation", name), type_, scope)
+        except Poisoned:
+            return None
+
+    # -- expert ---------------------------------------------------------------------------------------------------
+
+    def expert(self) -> Expert:
+        value = self.context.data.get("expert")
+        if value is None:
+            return None
+        components = self.context.action
+        if isinstance(value, dict) and not (len(components) == 1 and components[0].name not in value):
+            return self._expert_components(value)
+        return self._expert_expression()
+
+    def _expert_expression(self) -> Expert:
+        """`optimal`, `soft(beta)`, or the action itself where it has one component."""
+        context, scope = self.context, self.names.scope("expert")
+        expr = context.exprs["expert"] = context.forms.expr(("expert",))
+        match expr:
+            case None:
+                return None
+            case s.Name(id="optimal"):
+                return "optimal"
+            case s.Call(function="soft", args=(beta,)):
+                return self._soft(beta, scope)
+        if len(context.action) != 1:
+            names = ", ".join(f"{c.name}: ..." for c in context.action)
+            self.collector.add("E216", expr.place, f"an expert gives every action component: {{{names}}}")
+            return None
+        node = context.assign(expr, scope, context.action[0])
+        return None if node is None else (node,)
+
+    def _soft(self, beta: s.Expr, scope: Scope) -> Soft | None:
+        try:
+            return Soft(float(self.checker.constant(beta, scope, "the inverse temperature").value))
+        except Poisoned:
+            return None
+
+    def _expert_components(self, value: dict[str, Any]) -> Expert:
+        context, scope = self.context, self.names.scope("expert")
+        exprs = context.exprs["expert"] = {name: context.forms.expr(("expert", name)) for name in value}
+        known = [c.name for c in context.action]
+        for name in value.keys() - set(known):
+            span = context.merged.key_span(("expert", name))
+            self.collector.add("E216", span, f"there is no action component '{name}'", suggest(name, known))
+        nodes = []
+        for c in context.action:
+            if c.name not in value:
+                span = context.merged.key_span(("expert",))
+                self.collector.add("E216", span, f"the expert gives no '{c.name}'")
+            expr = exprs.get(c.name)
+            node = None if expr is None else context.assign(expr, scope, c)
+            nodes += [] if node is None else [node]
+        return tuple(nodes) if len(nodes) == len(context.action) else None
+
+    # -- abstraction and claims -----------------------------------------------------------------------------------
+
+    def abstraction(self) -> None:
+        """Read the functions that map a state to its finite stand-in."""
+        context = self.context
+        if context.data.get("abstraction"):
+            scope = self.names.scope("abstraction")
+            path = ("abstraction", "map")
+            context.exprs["abstraction"] = {n: context.forms.expr((*path, n)) for n in context.forms.value(path)}
+            for expr in context.exprs["abstraction"].values():
+                if expr is not None:
+                    self.checker.check(expr, scope)
+
+    def claims(self) -> Iterable[Claim]:
+        """The claims as surface syntax; they are evaluated on the exact model."""
+        context = self.context
+        for i, entry in enumerate(context.data.get("claims") or ()):
+            path: Path = ("claims", i) if isinstance(entry, str) else ("claims", i, "claim")
+            text = entry if isinstance(entry, str) else entry["claim"]
+            expr = parse_into(context.forms.text(path, str(text)), self.collector)
+            if expr is not None:
+                rest = {} if isinstance(entry, str) else {k: v for k, v in entry.items() if k not in ("claim", "for")}
+                cases = () if isinstance(entry, str) else tuple(entry.get("for") or ())
+                yield Claim(expr, str(text), cases, rest)
+
+
+def is_bounded(entry: Any) -> bool:
+    """Whether an observation is written `{value: expression, low: ..., high: ...}`."""
+    return isinstance(entry, dict) and "value" in entry and entry.keys() <= {"value", "low", "high"}
