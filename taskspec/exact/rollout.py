@@ -78,7 +78,7 @@ def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) ->
 
 
 def at_random(task: Task) -> Choose:
-    """Uniformly random actions; a range without an end is cut where samples are."""
+    """Uniformly random actions, of a range with ends."""
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]
@@ -122,7 +122,7 @@ def visited(task: Task, left_over: bool = True) -> Mapping[Key, Array]:
     """States, actions and times of a few episodes at random and, if there is one, by the expert."""
     parts = []
     rng = np.random.default_rng(0)
-    everyone = [_wild(task)] + ([by_expert(task)] if isinstance(task.expert, tuple) else [])
+    everyone = [sampled_actions(task)] + ([by_expert(task)] if isinstance(task.expert, tuple) else [])
     for choose in everyone:
         rollout = Rollout(task, LANES)
         state = rollout.start()
@@ -136,11 +136,12 @@ def visited(task: Task, left_over: bool = True) -> Mapping[Key, Array]:
     return columns(parts)
 
 
-def _wild(task: Task) -> Choose:
-    """Actions over the whole range, cut where it has no end."""
+def sampled_actions(task: Task) -> Choose:
+    """Actions over the whole range and at its ends; a range without an end is cut."""
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
-        return {c.name: sampled(c, LANES, rng) for c in task.action}
+        lanes = next(iter(state.values())).shape[-1]
+        return {c.name: sampled(c, lanes, rng) for c in task.action}
 
     return choose
 

@@ -1,0 +1,52 @@
+"""Which names of a spec nothing depends on: words of its expressions, followed from the sections that decide the task."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from taskspec.spec.task import Task
+
+NAMED = ("parameters", "constants", "definitions", "noise")
+ROOTS = (
+    "state", "action", "observation", "horizon", "terminal", "discount", "initial", "dynamics", "reward",
+    "absorbing_reward", "expert", "abstraction",
+)  # fmt: skip
+PROSE = frozenset({"doc", "symbol", "symbols", "message"})
+INSTANCE_SEED = "instance_seed"
+_WORD = re.compile(r"[^\W\d]\w*")
+
+
+def unused(task: Task) -> list[tuple[str, str]]:
+    """Section and written name of everything that no part of the task depends on, in order."""
+    data = task.surface.data
+    entries = {(section, str(name)): value for section in NAMED for name, value in (data.get(section) or {}).items()}
+    entries.pop(("parameters", "require"), None)
+    defined = {name.partition("(")[0].strip(): (section, name) for section, name in entries}
+    wanted = {word for section in ROOTS for word in _words(data.get(section))}
+    wanted |= set(_words((data.get("parameters") or {}).get("require")))
+    wanted.add(INSTANCE_SEED)
+    followed: set[str] = set()
+    while fresh := (wanted & defined.keys()) - followed:
+        for word in fresh:
+            followed.add(word)
+            wanted |= set(_words(entries[defined[word]])) - {word}
+    return [place for word, place in defined.items() if word not in followed]
+
+
+def _words(value: Any) -> Iterator[str]:
+    """Every word in the expressions of a section, keys included, prose excluded."""
+    match value:
+        case str():
+            yield from _WORD.findall(value)
+        case dict():
+            for key, inner in value.items():
+                if key not in PROSE:
+                    yield from _words(str(key))
+                    yield from _words(inner)
+        case list():
+            for inner in value:
+                yield from _words(inner)
+        case _:
+            return

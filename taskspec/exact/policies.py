@@ -1,0 +1,201 @@
+"""Policies as objects: experts with `predict`, and the value of whatever policy is handed in."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exact import solve
+from taskspec.exact.failure import refuse
+from taskspec.exact.model import Model
+from taskspec.exact.plans import Plan, stationary, timed
+from taskspec.exact.returns import Results, Return
+from taskspec.exact.rollout import State
+from taskspec.lang.batch import evaluate
+from taskspec.lang.ir import Read, Role, draws, reads
+from taskspec.spec.task import Task
+
+Array = np.ndarray[Any, Any]
+
+
+def policy_value(task: Task, policy: Any, episodes: int, seed: int) -> Return:
+    """The expected return of a policy: exact where the task has a model and the policy can be tabulated on it."""
+    results = Results(task, episodes, seed)
+    model = results.model
+    if isinstance(policy, np.ndarray | list | tuple):
+        if model is None:
+            refuse(f"a table of actions needs an exact model: {results.why_not}")
+        return Return(solve.policy_return(model, plan_of_table(model, np.asarray(policy))))
+    if hasattr(policy, "predict"):
+        return _predicted(task, policy, results)
+    if model is not None and model.task is task:
+        return Return(solve.policy_return(model, plan_of_function(model, policy)))
+    return results.simulated(lambda state, t, rng: policy(state, t))
+
+
+def plan_of_table(model: Model, table: Array) -> Plan:
+    """Actions (S,) or (T, S), or probabilities (A, S) or (T, A, S)."""
+    a, n = model.n_actions, model.n_states
+    if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (a, n):
+        hot = np.moveaxis(np.eye(a)[table], -1, -2)
+        return stationary(hot) if table.ndim == 1 else timed(list(hot))
+    if table.shape[-2:] != (a, n) or table.ndim > 3:
+        raise ValueError(f"a table of probabilities has shape ({a}, {n}) or (T, {a}, {n}), not {table.shape}")
+    if not np.allclose(table.sum(axis=-2), 1) or (table < 0).any():
+        raise ValueError("the probabilities of the actions in a state sum to 1")
+    return stationary(table) if table.ndim == 2 else timed(list(table))
+
+
+def plan_of_function(model: Model, policy: Callable[[State, int], Mapping[str, Any]]) -> Plan:
+    """A function from states by component, (*shape, S), and the time to actions by component."""
+
+    def at(t: int) -> Array:
+        states = {name: v for (role, name), v in model.reads(t).items() if role is Role.STATE}
+        chosen = policy(states, t)
+        values = [np.asarray(chosen[c.name]) for c in model.actions.components]
+        return one_hot(model, [np.broadcast_to(v, (*v.shape[:-1], model.n_states)) for v in values])
+
+    return at
+
+
+def one_hot(model: Model, values: list[Array]) -> Array:
+    """Actions by component (*shape, S) as probabilities (A, S)."""
+    code, outside = model.actions.encode(values, model.n_states)
+    if outside is not None and outside.any():
+        state = model.state_name(int(np.flatnonzero(outside)[0]))
+        raise SpecError([Diagnostic("E706", None, f"the policy chose an action outside the action space in {state}")])
+    table = np.zeros((model.n_actions, model.n_states))
+    table[code, np.arange(model.n_states)] = 1.0
+    return table
+
+
+# -- observations ---------------------------------------------------------------------------------
+
+
+def _spaces() -> Any:
+    """How observations and actions are laid out as Gymnasium values."""
+    return importlib.import_module("taskspec.backends.spaces")
+
+
+def _predicted(task: Task, policy: Any, results: Results) -> Return:
+    """The value of an object with `predict`, asked about every state at once, or in episodes."""
+    model = results.model
+    if model is None or model.task is not task or draws(task.observation.nodes):
+        return results.simulated(lambda state, t, rng: _ask(task, policy, state, t, rng))
+    timed_ = any(role is Role.TIME for role, _ in reads(task.observation.nodes))
+    states = {name: v for (role, name), v in model.reads().items() if role is Role.STATE}
+
+    def at(t: int) -> Array:
+        chosen = _ask(task, policy, states, t, np.random.default_rng(0))
+        return one_hot(model, [chosen[c.name] for c in model.actions.components])
+
+    return Return(solve.policy_return(model, at if timed_ else stationary(at(0))))
+
+
+def _ask(task: Task, policy: Any, state: State, t: int, rng: np.random.Generator) -> dict[str, Array]:
+    """The policy's actions for a batch of states."""
+    from taskspec.draws.batched import batch_sampler
+    from taskspec.draws.layout import Layout
+    from taskspec.exact.rollout import reads_of
+
+    lanes = next(iter(state.values())).shape[-1]
+    layout = Layout.of(task.observation.nodes)
+    words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
+    values = evaluate(task.observation.nodes, reads_of(state, {}, t), batch_sampler(layout, words))
+    flat = [np.broadcast_to(v, (*v.shape[:-1], lanes)).reshape(-1, lanes).T for v in values]
+    spaces = _spaces()
+    seen, done = spaces.observation_layout(task), spaces.action_layout(task)
+    packed = [spaces.pack(seen, [tuple(row[i].tolist()) for row in flat]) for i in range(lanes)]
+    batch = {k: np.stack([p[k] for p in packed]) for k in packed[0]} if isinstance(packed[0], dict) else np.stack(packed)
+    actions = np.asarray(policy.predict(batch, deterministic=True)[0])
+    rows = [spaces.unpack(done, action) for action in actions]
+    return {
+        c.name: np.array([row[i] for row in rows]).T.reshape(*c.type.shape, lanes) for i, c in enumerate(task.action)
+    }
+
+
+class Expert:
+    """The task's expert as a policy object, with the `predict` of Stable-Baselines3 and imitation.
+
+    The recurrent state that `predict` hands back counts the steps of each environment, so that
+    experts may depend on the time. `gap` certifies how far it is below the optimum.
+    """
+
+    def __init__(self, task: Task, seed: int = 0) -> None:
+        if task.expert is None:
+            refuse(f"{task.name} gives no expert")
+        self.task, self.results = task, Results(task)
+        self.rng = np.random.default_rng(seed)
+        spaces = _spaces()
+        self.observation, self.action = spaces.observation_layout(task), spaces.action_layout(task)
+        self.where = _where_states_are(task)
+
+    @property
+    def gap(self) -> float | None:
+        """The optimal return minus the expert's; None where there is no exact model."""
+        best, own = self.results.optimal, self.results.expert
+        return None if best is None or own is None else best.value - own.value
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[Any, Any]:
+        """Actions for one observation or a batch of them, and the steps taken so far in each.
+
+        Args:
+            state: what the last call handed back, or None.
+            episode_start: (N,) whether an episode begins with this observation.
+            deterministic: take the most likely action instead of drawing one.
+        """
+        single = not isinstance(observation, dict) and np.ndim(observation) == len(self.observation.shape)
+        batch = [observation] if single else list(observation)
+        steps = np.zeros(len(batch), np.int64) if state is None else np.asarray(state[0]).copy()
+        if episode_start is not None:
+            steps[np.asarray(episode_start, np.bool_).reshape(-1)] = 0
+        actions = [self._choose(one, int(t), deterministic) for one, t in zip(batch, steps, strict=True)]
+        packed = [_spaces().pack(self.action, action) for action in actions]
+        return (packed[0] if single else np.stack(packed)), (steps + 1,)
+
+    def _choose(self, observation: Any, t: int, deterministic: bool) -> list[tuple[Any, ...]]:
+        state = self._state(observation)
+        if isinstance(self.task.expert, tuple):
+            from taskspec.exact.rollout import by_expert
+
+            chosen = by_expert(self.task)(state, t, self.rng)
+            return [tuple(np.asarray(chosen[c.name]).reshape(-1).tolist()) for c in self.task.action]
+        return self._planned(state, t, deterministic)
+
+    def _planned(self, state: State, t: int, deterministic: bool) -> list[tuple[Any, ...]]:
+        model, plan = self.results.model, self.results.expert_plan
+        if model is None or plan is None:
+            refuse(f"the expert of {self.task.name} needs an exact model: {self.results.why_not}")
+        found = self.results.abstraction
+        mapped = state if found is None else found.map(state)
+        code, _ = model.states.encode([mapped[c.name] for c in model.states.components], 1)
+        row = plan(t)[:, int(np.searchsorted(model.codes, code[0]))]
+        action = int(row.argmax()) if deterministic else int(self.rng.choice(len(row), p=row / row.sum()))
+        values = model.actions.decode(np.array([action]))
+        return [tuple(values[Role.ACTION, c.name].reshape(-1).tolist()) for c in model.actions.components]
+
+    def _state(self, observation: Any) -> dict[str, Array]:
+        flats = _spaces().unpack(self.observation, observation)
+        state = {}
+        for c in self.task.state:
+            value = np.array(flats[self.where[c.name]]).reshape(*c.type.shape, 1)
+            state[c.name] = value if c.type.kind == 2 else np.rint(value).astype(np.int64)
+        return state
+
+
+def _where_states_are(task: Task) -> dict[str, int]:
+    """For every state component the number of the observed one that shows it as it is."""
+    found: dict[str, int] = {}
+    for i, node in enumerate(task.observation.nodes):
+        if isinstance(node, Read) and node.role is Role.STATE:
+            found.setdefault(node.name, i)
+    missing = [c.name for c in task.state if c.name not in found]
+    if missing:
+        refuse(f"the expert of {task.name} looks at {', '.join(missing)}, which the observation does not show")
+    return found

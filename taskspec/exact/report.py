@@ -1,0 +1,196 @@
+"""Everything there is to say about a task, and its scores, in one call each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
+from taskspec.exact.abstraction import unfaithful
+from taskspec.exact.claims import Verdict, verdicts
+from taskspec.exact.failure import is_installed
+from taskspec.exact.points import Method
+from taskspec.exact.returns import EPISODES, Results, Return, normalised
+from taskspec.exact.sense import sense
+from taskspec.exact.soundness import check_ranges, examine
+from taskspec.spec.task import Task
+
+Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What `check` found.
+
+    `method` says how soundness was decided; `cases` are the other parameter values that were tried;
+    `skipped` says what could not be done, and why (None: nothing).
+    """
+
+    task: Task
+    diagnostics: tuple[Diagnostic, ...]
+    method: Method
+    cases: tuple[Mapping[str, Any], ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+    skipped: str | None = None
+    results: Results | None = field(default=None, repr=False)
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        return tuple(d for d in self.diagnostics if d.severity == "error")
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        return tuple(d for d in self.diagnostics if d.severity == "warning")
+
+
+def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: bool = True) -> Report:
+    """Check a task: soundness always; other parameter values, sense and claims unless told otherwise.
+
+    Never raises for a wrong task: everything found is in the report.
+    """
+    sound = examine(task)
+    found = list(sound.diagnostics)
+    cases: tuple[Mapping[str, Any], ...] = ()
+    if ranges and task.parameters:
+        others = check_ranges(task)
+        found += others.diagnostics
+        cases = others.cases
+    if not is_installed("scipy"):
+        skipped = 'sense and claims need scipy: pip install "taskspec[exact]"' if with_sense or claims else None
+        return Report(task, in_order(found), sound.method, cases, skipped=skipped)
+    results = Results(task)
+    said: tuple[Verdict, ...] = ()
+    if with_sense:
+        found += _sense(task, results)
+    if claims and not sound.diagnostics:
+        said = tuple(verdicts(task, results))
+        found += [v.diagnostic for v in said if v.diagnostic is not None]
+    return Report(task, in_order(found), sound.method, cases, said, results=results)
+
+
+def _sense(task: Task, results: Results) -> list[Diagnostic]:
+    try:
+        found = list(sense(task, results))
+        stand_in = results.abstraction
+    except SpecError as error:
+        return list(error.diagnostics)
+    problem = None if stand_in is None else unfaithful(stand_in)
+    return found + ([] if problem is None else [problem])
+
+
+# -- scores ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Scores:
+    """The returns that a task's scores are measured between. None where one cannot be worked out."""
+
+    id: str
+    content_hash: str
+    parameters: Mapping[str, Any]
+    optimal: Return | None
+    random: Return | None
+    worst: Return | None
+    expert: Return | None
+    states: int | None = None
+    actions: int | None = None
+    why_not_exact: str | None = None
+
+    @property
+    def gap(self) -> float | None:
+        """How far the expert is below the optimum; None where one of them is not known exactly."""
+        if self.optimal is None or self.expert is None or not (self.optimal.exact and self.expert.exact):
+            return None
+        return self.optimal.value - self.expert.value
+
+    def normalise(self, value: float, floor: float | None = -1.0) -> float:
+        """A return as a score: 0 for random actions, 1 for the expert (the optimum where there is none)."""
+        top = self.expert or self.optimal
+        if top is None or self.random is None:
+            return float("nan")
+        return normalised(value, self.random.value, top.value, floor)
+
+    def record(self) -> dict[str, Any]:
+        """As plain data for JSON."""
+        return asdict(self) | {"parameters": dict(self.parameters), "gap": self.gap}
+
+    def save(self, path: str | Path) -> None:
+        """Keep the scores in a JSON file, under the task's content hash."""
+        Path(path).write_text(json.dumps(self.record(), indent=2, default=str) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: str | Path, task: Task) -> Scores:
+        """Scores from a file.
+
+        Raises:
+            StaleScores: when they were worked out for another version of the task.
+        """
+        data = json.loads(Path(path).read_text(encoding="utf-8"))
+        if data.get("content_hash") != task.content_hash or data.get("id") != task.id:
+            raise StaleScores(f"{path} holds scores of {data.get('id')} as it was; the task has changed since")
+        data.pop("gap", None)
+        for name in ("optimal", "random", "worst", "expert"):
+            data[name] = None if data[name] is None else Return(**data[name])
+        return cls(**data)
+
+
+class StaleScores(TaskspecError, ValueError):
+    """Scores in a file belong to another version of the task."""
+
+
+def scores(task: Task, episodes: int = EPISODES, seed: int = 0) -> Scores:
+    """Optimal, random, worst and expert return of a task: exact where it has a model, otherwise from episodes."""
+    results = Results(task, episodes, seed)
+    model = results.model
+    return Scores(
+        task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
+        None if model is None else int(model.entered.sum()), None if model is None else model.n_actions,
+        results.why_not,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Score:
+    """A policy's return and its place between random actions (0) and the expert (1)."""
+
+    value: Return
+    normalised: float
+    scores: Scores
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """The confidence interval of the normalised score."""
+        low, high = self.value.interval(confidence)
+        return self.scores.normalise(low), self.scores.normalise(high)
+
+
+def score(task: Task, policy: Any, episodes: int = EPISODES, seed: int = 0, known: Scores | None = None) -> Score:
+    """The score of a policy or of the returns of its episodes.
+
+    Args:
+        policy: returns of episodes (a sequence of numbers); a table of probabilities (A, S) or
+            (T, A, S), or of actions (S,), in the order of the exact model; a function from the state
+            by component (arrays, batch axis last) and the time to actions by component; or an object
+            with `predict(observation, ...)`, as Stable-Baselines3 models have.
+        known: scores that were worked out before.
+    """
+    from taskspec.exact.policies import policy_value
+
+    measured = known or scores(task, episodes, seed)
+    if is_returns(policy):
+        value = Return.estimated(np.asarray(policy, dtype=np.float64))
+    else:
+        value = policy_value(task, policy, episodes, seed)
+    return Score(value, measured.normalise(value.value), measured)
+
+
+def is_returns(policy: Any) -> bool:
+    """Whether a policy is given by the returns of its episodes: a flat sequence of reals."""
+    if not isinstance(policy, Sequence | np.ndarray) or isinstance(policy, str):
+        return False
+    array = np.asarray(policy)
+    return array.ndim == 1 and array.dtype.kind == "f"
