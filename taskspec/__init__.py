@@ -27,7 +27,16 @@ _DOORS = {
     "register": "taskspec.registry",
     "task_ids": "taskspec.registry",
 }
-__all__ = ["Diagnostic", "SpecError", "Task", "TaskspecError", "load", "make", "register", "task_ids"]
+__all__ = [
+    "Diagnostic",
+    "SpecError",
+    "Task",
+    "TaskspecError",
+    "load",
+    "make",
+    "register",
+    "task_ids",
+]
 __version__ = "0.1.0"
 
 

@@ -171,7 +171,7 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
 def render(
     diagnostics: Iterable[Diagnostic],
-    format: Format = "text",  # noqa: A002
+    format: Format = "text",
     color: bool = False,
 ) -> str:
     """Write diagnostics out: for a terminal, as a JSON array, or as GitHub workflow commands."""
@@ -228,10 +228,7 @@ def _excerpt(span: Span) -> tuple[str, str]:
 
 def _printable(text: str) -> str:
     """One column per tab, and nothing that a terminal would obey."""
-    return "".join(
-        " " if char == "\t" else "\N{REPLACEMENT CHARACTER}" if _is_control(char) else char
-        for char in text
-    )
+    return "".join(" " if char == "\t" else "\N{REPLACEMENT CHARACTER}" if _is_control(char) else char for char in text)
 
 
 def _clean(text: str) -> str:
@@ -244,10 +241,7 @@ def _is_control(char: str) -> bool:
 
 def _width(text: str) -> int:
     """Columns that a terminal gives to a text: wide characters take two, combining ones none."""
-    return sum(
-        0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in "WF")
-        for char in text
-    )
+    return sum(0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in "WF") for char in text)
 
 
 def _json(diagnostics: Iterable[Diagnostic]) -> str:

@@ -207,7 +207,13 @@ def _add(task_id: str, kwargs: dict[str, Any]) -> None:
         return
     registry.pop(task_id, None)
     # The environment checks order, horizon and actions itself, so that `gym.make` can return it bare.
-    add(task_id, "taskspec.registry:make_registered", order_enforce=False, disable_env_checker=True, kwargs=kwargs)
+    add(
+        task_id,
+        "taskspec.registry:make_registered",
+        order_enforce=False,
+        disable_env_checker=True,
+        kwargs=kwargs,
+    )
 
 
 def make_registered(
@@ -216,5 +222,14 @@ def make_registered(
     """What `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`."""
     source = task if path is None else Path(path)
     if source is None:
-        raise SpecError([Diagnostic("E713", None, f"{SPEC_ID} needs a spec", 'gym.make("taskspec/Spec-v0", path="my.yaml")')])
+        raise SpecError(
+            [
+                Diagnostic(
+                    "E713",
+                    None,
+                    f"{SPEC_ID} needs a spec",
+                    'gym.make("taskspec/Spec-v0", path="my.yaml")',
+                )
+            ]
+        )
     return make(source, variant, **options)

@@ -25,7 +25,14 @@ from taskspec.spec.task import Task
 SPECS = Path(__file__).parent / "specs"
 LOCAL = [(str(e.path), e.variant) for e in entries(SPECS)]
 EVERY: list[tuple[str, str | None]] = [*((task_id, None) for task_id in task_ids()), *LOCAL]
-SMALL = {"B": 12, "L": 8, "S": 6, "K": 4, "N": 8, "D": 6}  # keeps random parameters quick to enumerate and draw
+SMALL = {
+    "B": 12,
+    "L": 8,
+    "S": 6,
+    "K": 4,
+    "N": 8,
+    "D": 6,
+}  # keeps random parameters quick to enumerate and draw
 
 
 def name(case: tuple[str, str | None]) -> str:
@@ -48,7 +55,10 @@ def parameters(draw: st.DrawFn, task: Task) -> dict[str, Any]:
         elif p.kind == "bool":
             values[p.name] = draw(st.booleans())
         elif p.kind == "int":
-            low, high = int(p.low if p.low is not None else 0), min(p.high or 1e9, SMALL.get(p.name, 30))
+            low, high = (
+                int(p.low if p.low is not None else 0),
+                min(p.high or 1e9, SMALL.get(p.name, 30)),
+            )
             values[p.name] = draw(st.integers(low, max(low, int(high))))
         else:
             low, high = p.low if p.low is not None else -2.0, p.high if p.high is not None else 2.0

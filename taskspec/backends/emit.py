@@ -41,9 +41,31 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     reset = _reset(parts, states, "\n".join(step), constants)
     kept = [*states, *_kept(parts)]
     lines = [f"{', '.join(kept)} = {', '.join('None' for _ in kept)}", "alive = False"]
-    lines += ["t = 0  # steps of this episode", "past = 0  # steps of the episodes before it", "episodes = 0", ""]
-    lines += [*reset, "", *step, "", *_access(parts, states, constants), "", "return reset, step, get, put"]
-    return "\n".join([*head, "", "", "def lane(next_first, next_draws, bad_action, not_running):", *_indent(lines), ""]), constants
+    lines += [
+        "t = 0  # steps of this episode",
+        "past = 0  # steps of the episodes before it",
+        "episodes = 0",
+        "",
+    ]
+    lines += [
+        *reset,
+        "",
+        *step,
+        "",
+        *_access(parts, states, constants),
+        "",
+        "return reset, step, get, put",
+    ]
+    return "\n".join(
+        [
+            *head,
+            "",
+            "",
+            "def lane(next_first, next_draws, bad_action, not_running):",
+            *_indent(lines),
+            "",
+        ]
+    ), constants
 
 
 def _kept(parts: Parts) -> list[str]:
@@ -64,7 +86,13 @@ def _held(name: str, type_: Type) -> Value:
     return Value([name]) if type_.is_scalar else Value(packed=name)
 
 
-def _lane(parts: Parts, phase: Phase | None, states: Sequence[str], actions: Sequence[Value], constants: dict[str, Any]) -> Lane:
+def _lane(
+    parts: Parts,
+    phase: Phase | None,
+    states: Sequence[str],
+    actions: Sequence[Value],
+    constants: dict[str, Any],
+) -> Lane:
     """An emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
     task, names = parts.task, {(Role.TIME, "t"): Value(["t"])}
     for c, name in zip(task.state, states, strict=True):
@@ -97,7 +125,11 @@ def _reset(parts: Parts, states: Sequence[str], step: str, constants: dict[str, 
     observation, statements = _observation(lane, parts.observation, phase, values[len(phase.roots) :])
     inner = without_unused([*lane.lines, *statements], [*stored, observation])
     targets = [*states, *parts.invariants.names]
-    body = [*_unpack(phase, "next_first"), *_unwrapped(phase, inner, dict(zip(targets, stored, strict=True)), step), *inner]
+    body = [
+        *_unpack(phase, "next_first"),
+        *_unwrapped(phase, inner, dict(zip(targets, stored, strict=True)), step),
+        *inner,
+    ]
     body += [f"{', '.join(targets)} = {', '.join(stored)}"]
     if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
         body += [f"kept = {observation}"]
@@ -152,7 +184,13 @@ def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
     if terminal == "False" and truncated == "False":
         return [], "False, False"
     if terminal == "False":
-        return [f"if {truncated}:", "    alive = False", "    end = True", "else:", "    end = False"], "False, end"
+        return [
+            f"if {truncated}:",
+            "    alive = False",
+            "    end = True",
+            "else:",
+            "    end = False",
+        ], "False, end"
     if terminal == "True":
         return ["alive = False"], f"True, {truncated}"
     if truncated == "False":
@@ -180,7 +218,13 @@ def _access(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> l
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
     body += [*lane.lines, *lines, f"{clock} = clock"]
-    return ["def get():", f"    return ({everything}), ({clock})", "", "def put(values, clock):", *_indent(body)]
+    return [
+        "def get():",
+        f"    return ({everything}), ({clock})",
+        "",
+        "def put(values, clock):",
+        *_indent(body),
+    ]
 
 
 # -- observations -------------------------------------------------------------------------------------------------
@@ -216,7 +260,8 @@ def _shifted(atom: str, start: int) -> str:
 def _row(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, list[str]]:
     """Runs of elements written into the fresh row `o`; what the block filled in is left alone."""
     statements: list[str] = []
-    offset, run, start = 0, [], 0
+    run: list[Node] = []
+    offset = start = 0
     sizes = [c.type.size for c in layout.components]
     for node, size in zip([*nodes, None], [*sizes, 0], strict=True):
         if node is None or is_filled(node):
@@ -280,7 +325,12 @@ def _read_action(task: Task, layout: Layout) -> tuple[list[str], list[Value]]:
 def _read_discrete(name: str, c: Component) -> list[str]:
     low, high = int(c.low[0]), int(c.high[0])
     value = f"{name} != 0" if c.type.kind is Kind.BOOL else name
-    lines = ["try:", f"    {name} = index(action)", "except TypeError:", "    raise bad_action(action) from None"]
+    lines = [
+        "try:",
+        f"    {name} = index(action)",
+        "except TypeError:",
+        "    raise bad_action(action) from None",
+    ]
     lines += [f"if not {low} <= {name} <= {high}:", "    raise bad_action(action)"]
     return lines if value == name else [*lines, f"{name} = {value}"]
 
@@ -315,7 +365,10 @@ def _read_multi(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value
     for c in task.action:
         for count, start in zip(c.counts, c.low, strict=True):
             name = flat[k]
-            lines += [f"if {name}.__class__ is not int or not 0 <= {name} < {count}:", "    raise bad_action(action)"]
+            lines += [
+                f"if {name}.__class__ is not int or not 0 <= {name} < {count}:",
+                "    raise bad_action(action)",
+            ]
             shifted = f"{name} + {int(start)}" if start else name
             shifted = f"{name} != 0" if c.type.kind is Kind.BOOL else shifted
             lines += [f"{name} = {shifted}"] if shifted != name else []
@@ -329,8 +382,14 @@ def _read_box(task: Task, layout: Layout, names: Sequence[str]) -> tuple[list[st
     kinds = [c.type.kind for c in task.action for _ in range(c.type.size)]
     for name, low, high, kind in zip(flat, layout.low, layout.high, kinds, strict=True):
         low, high = max(low, -FLOAT_MAX), min(high, FLOAT_MAX)
-        lines += [f"if not {literal(low)} <= {name} <= {literal(high)}:", "    raise bad_action(action)"]
+        lines += [
+            f"if not {literal(low)} <= {name} <= {literal(high)}:",
+            "    raise bad_action(action)",
+        ]
         if kind is not Kind.REAL:
-            lines += [f"if {name} != int({name}):", "    raise bad_action(action)", f"{name} = int({name})"]
+            lines += [
+                f"if {name} != int({name}):",
+                "    raise bad_action(action)",
+                f"{name} = int({name})",
+            ]
     return lines, values
-

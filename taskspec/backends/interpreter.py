@@ -27,7 +27,10 @@ class Interpreter:
         self.state: list[Flat] = []
         self._reset_roots = (*task.initial, *task.first_observation)
         self._step_roots = (*task.next, task.reward, task.terminal, *task.next_observation)
-        self._reset_layout, self._step_layout = Layout.of(self._reset_roots), Layout.of(self._step_roots)
+        self._reset_layout, self._step_layout = (
+            Layout.of(self._reset_roots),
+            Layout.of(self._step_roots),
+        )
 
     def reset(self) -> list[Flat]:
         """The first observation of the next episode."""

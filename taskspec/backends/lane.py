@@ -143,7 +143,9 @@ class Lane:
         if node.type.size <= UNROLLED or all(self.values[id(a)].atoms is not None for a in node.args):
             columns = [self.atoms(a) if a.type.shape else [self.scalar(a)] * node.type.size for a in node.args]
             if node.type.shape:
-                columns = [c if a.type.shape else [self.assign(c[0])] * len(c) for c, a in zip(columns, node.args, strict=True)]
+                columns = [
+                    c if a.type.shape else [self.assign(c[0])] * len(c) for c, a in zip(columns, node.args, strict=True)
+                ]
             return Value([self._fill(template, row) for row in zip(*columns, strict=True)])
         items, sources, fills = [], [], []
         for i, arg in enumerate(node.args):
@@ -154,13 +156,19 @@ class Lane:
             else:
                 fills.append(self.assign(self.scalar(arg)))
         body = template.format(*fills)
-        loop = f"for {items[0]} in {sources[0]}" if len(items) == 1 else f"for {', '.join(items)} in zip({', '.join(sources)})"
+        loop = (
+            f"for {items[0]} in {sources[0]}"
+            if len(items) == 1
+            else f"for {', '.join(items)} in zip({', '.join(sources)})"
+        )
         return Value(packed=self.assign(f"[{body} {loop}]"))
 
     def _template(self, node: Apply, entry: Op) -> str:
         if entry.nonzero is not None and entry.lane_fast is not None:
             low, high = self.bounds(node.args[entry.nonzero])
-            finite = all(map(math.isfinite, self.bounds(node.args[0]))) or node.type.kind is Kind.INT or entry.name == "div"
+            finite = (
+                all(map(math.isfinite, self.bounds(node.args[0]))) or node.type.kind is Kind.INT or entry.name == "div"
+            )
             if (low > 0 or high < 0) and finite:
                 return entry.lane_fast
         real = any(a.type.kind is Kind.REAL for a in node.args)
@@ -223,7 +231,11 @@ class Lane:
         if row == 1 or step == 1:
             stop: int | None = (start + count * step) * row
             stop = None if stop is not None and stop < 0 else stop
-            return Value(packed=self.assign(f"{value.packed}[{start * row}:{'' if stop is None else stop}:{step if row == 1 else 1}]"))
+            return Value(
+                packed=self.assign(
+                    f"{value.packed}[{start * row}:{'' if stop is None else stop}:{step if row == 1 else 1}]"
+                )
+            )
         return Value(packed=self.assign(_tuple([f"{value.packed}[{p}]" for p in places])))
 
     def _element(self, node: Apply) -> Value:
@@ -354,7 +366,13 @@ _STRUCTURE: dict[str, Callable[[Lane, Apply], Value]] = {
     "put": Lane._put,
     "swap": Lane._swap,
 }
-_CHAINS = {"sum": (" + ", "0"), "prod": (" * ", "1"), "count": (" + ", "0"), "any": (" or ", "False"), "all": (" and ", "True")}
+_CHAINS = {
+    "sum": (" + ", "0"),
+    "prod": (" * ", "1"),
+    "count": (" + ", "0"),
+    "any": (" or ", "False"),
+    "all": (" and ", "True"),
+}
 _HELPERS = {
     "sum": "sum_", "prod": "prod", "count": "count", "any": "any", "all": "all", "min": "min_", "max": "max_",
     "argmin": "argmin", "argmax": "argmax", "sort": "sort", "argsort": "argsort", "cumsum": "cumsum",

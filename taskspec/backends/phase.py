@@ -52,14 +52,23 @@ class Phase:
         def leaf(node: Node) -> Node | None:
             return task.builder.read(Role.VARIABLE, names[id(node)], node.type) if id(node) in names else None
 
-        lane = [n for n in (*roots, *(n for n in inner if n is not None))]
+        lane = [*roots, *(n for n in inner if n is not None)]
         rewritten = iter(rewrite(lane, leaf, task.builder.remake))
         new_roots = tuple(next(rewritten) for _ in roots)
         new_observation = tuple(_FILLED if n is None else next(rewritten) for n in inner)
         staying = [n for n in walk([*new_roots, *new_observation]) if isinstance(n, Draw)]
         named = {d.site: tuple(f"w{d.site}_{k}" for k in range(words_of(d))) for d in staying}
         size = layout.size if rows else 0
-        return cls(new_roots, new_observation, tuple(hoisted), tuple(names.values()), named, words, size, parts)
+        return cls(
+            new_roots,
+            new_observation,
+            tuple(hoisted),
+            tuple(names.values()),
+            named,
+            words,
+            size,
+            parts,
+        )
 
     @property
     def wide(self) -> list[str]:
@@ -80,7 +89,11 @@ class Phase:
         return stream(lambda at, count: self._items(seed, phase, at, count), first, width)
 
     def _items(self, seed: int, phase: int, at: int, count: int) -> Sequence[Any]:
-        words = draws.block(seed, phase, at, count, self.layout.count).T if self.layout.count else np.empty((0, count), np.uint32)
+        words = (
+            draws.block(seed, phase, at, count, self.layout.count).T
+            if self.layout.count
+            else np.empty((0, count), np.uint32)
+        )
         columns: list[Sequence[Any]] = []
         parts = [node for _, node in self.row_parts]
         values = batch.evaluate((*self.hoisted, *parts), {}, block_sampler(self.layout, words))

@@ -71,7 +71,6 @@ class Scalar:
         parts = self._namespace["lane"](first, later, failures.action, failures.not_running)
         return Lane(*parts)
 
-
     def replay(self, seed: int, clock: Clock) -> list[Any]:
         """The component values that the last reset gave."""
         layout = DrawLayout.of((*self.task.initial, *self.task.first_observation))
@@ -110,7 +109,13 @@ def compile_scalar(task: Task) -> Scalar:
     step = Phase.of(task, roots, seen, observation)
     source, constants = generate(Parts(task, invariants, cold, reset, step, observation, action))
     file = f"<taskspec {task.id} {task.content_hash[:12]}>"
-    namespace = {**scalars.NAMESPACE, **constants, "np": np, "index": operator.index, "as_array": _as_array}
+    namespace = {
+        **scalars.NAMESPACE,
+        **constants,
+        "np": np,
+        "index": operator.index,
+        "as_array": _as_array,
+    }
     exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     return Scalar(task, source, observation, action, reset, step, namespace)

@@ -80,7 +80,7 @@ def bernoulli_threshold(p: Fraction | float) -> int:
 
 
 def _permutation(draw: Draw, args: list[Flat], words: Words) -> Flat:
-    *shape, n = draw.type.shape
+    n = draw.type.shape[-1]
     rows = draw.type.size // n
     return tuple(i for r in range(rows) for i in draws.permutation(words[r * n : (r + 1) * n]))
 

@@ -156,9 +156,7 @@ def lane_seeds(seed: int, lanes: int, first: int = 0) -> NDArray[np.uint64]:
     return np.arange(lanes, dtype=np.uint64) + np.uint64((seed + first) % 2**64)
 
 
-def lanes_block(
-    seeds: NDArray[np.uint64], phase: int, n: ArrayLike, count: int, out: Words | None = None
-) -> Words:
+def lanes_block(seeds: NDArray[np.uint64], phase: int, n: ArrayLike, count: int, out: Words | None = None) -> Words:
     """Words of many environments: uint32 ``(count, lanes)``, written to ``out`` if it is given.
 
     ``seeds``: uint64 (lanes,), see `lane_seeds`. ``n``: an integer, or integers (lanes,), modulo
@@ -174,9 +172,7 @@ def lanes_block(
     return result
 
 
-def _packed_lanes(
-    key: tuple[Words, Words], counter: tuple[Words, Words], shape: tuple[int, int], out: Words
-) -> Words:
+def _packed_lanes(key: tuple[Words, Words], counter: tuple[Words, Words], shape: tuple[int, int], out: Words) -> Words:
     fields = np.empty((4, *shape), "<u8")
     for field, values in zip(fields, (*key, *counter), strict=True):
         field[...] = values

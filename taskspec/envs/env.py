@@ -17,7 +17,7 @@ from taskspec.backends.program import Clock, Failures, Lane, Scalar, compile_sca
 from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
 from taskspec.envs import picture
-from taskspec.envs.errors import ActionError, NotRunningError, StateError
+from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.spaces import space
 from taskspec.envs.state import flat_state, plain_state
 from taskspec.lang.evaluate import evaluate
@@ -44,7 +44,12 @@ class Environment(gymnasium.Env[Any, Any]):
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi"], "render_fps": 4}  # type: ignore[misc]
 
     def __init__(
-        self, task: Task, *, render_mode: str | None = None, ending: str = "terminate", observe_time: bool = False
+        self,
+        task: Task,
+        *,
+        render_mode: str | None = None,
+        ending: str = "terminate",
+        observe_time: bool = False,
     ) -> None:
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise ValueError(f"render_mode must be None or one of {self.metadata['render_modes']}, not {render_mode!r}")
@@ -61,9 +66,7 @@ class Environment(gymnasium.Env[Any, Any]):
 
     # -- Gymnasium ------------------------------------------------------------------------------------------------
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Any, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Start an episode.
 
         Args:
@@ -93,7 +96,7 @@ class Environment(gymnasium.Env[Any, Any]):
         """
         return self._lane.step(action)  # replaced on each instance by the generated function itself
 
-    def render(self) -> str | None:  # type: ignore[override]
+    def render(self) -> str | None:
         """The present state as text (`render_mode="ansi"`)."""
         if self.render_mode is None:
             return None

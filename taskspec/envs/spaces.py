@@ -28,7 +28,7 @@ def space(layout: Layout) -> gymnasium.Space[Any]:
             return _box(layout.low, layout.high, layout.shape)
 
 
-def _discrete(c: Component) -> spaces.Discrete:
+def _discrete(c: Component) -> gymnasium.Space[Any]:
     return spaces.Discrete(c.counts[0], start=int(c.low[0]))
 
 
@@ -40,8 +40,8 @@ def _component(c: Component) -> gymnasium.Space[Any]:
 
 
 def _box(low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> spaces.Box:
-    bounds = (np.array(b, np.float32).reshape(shape) for b in (low, high))
-    return spaces.Box(*bounds, shape=shape, dtype=np.float32)
+    lows, highs = (np.array(b, np.float32).reshape(shape) for b in (low, high))
+    return spaces.Box(lows, highs, dtype=np.float32)
 
 
 def labels(c: Component, value: Any) -> Any:

@@ -40,7 +40,9 @@ def flat_state(task: Task, override: Mapping[str, Any], values: tuple[Any, ...])
         if name not in names:
             hint = suggest(str(name), names) or f"its components are {', '.join(names)}"
             raise StateError(f"E709: {task.id} has no state component {name!r}; {hint}")
-    return tuple(_flat(c, override[c.name]) if c.name in override else v for c, v in zip(task.state, values, strict=True))
+    return tuple(
+        _flat(c, override[c.name]) if c.name in override else v for c, v in zip(task.state, values, strict=True)
+    )
 
 
 def _flat(c: Component, value: Any) -> Any:

@@ -6,9 +6,9 @@ here: sizes of vectors, bits of integers and the number of nodes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from taskspec.lang import interval
 from taskspec.lang.evaluate import apply_flat
@@ -17,6 +17,7 @@ from taskspec.lang.ops import OPS
 from taskspec.lang.structure import STRUCTURES
 from taskspec.lang.types import BOOL, INT, REAL, Kind, Refused, Shape, Type, join
 
+N = TypeVar("N", bound=Node)
 MAX_ELEMENTS = 2_000_000
 MAX_NODES = 200_000
 MAX_BITS = 256
@@ -41,14 +42,21 @@ class Builder:
             if type.kind is Kind.INT and item.bit_length() > MAX_BITS:
                 raise Refused(f"this integer has more than {MAX_BITS} bits", "E314")
         key = (Const, type, tuple(map(repr, items)) if type.kind is Kind.REAL else items)
-        return self._intern(key, lambda: Const(items[0] if type.is_scalar else items, type))  # type: ignore[return-value]
+        return self._intern(key, lambda: Const(items[0] if type.is_scalar else items, type))
 
     def scalar(self, value: Any) -> Const:
         """A Python number as a constant of its own kind."""
         kind = Kind.BOOL if isinstance(value, bool) else Kind.INT if isinstance(value, int) else Kind.REAL
         return self.const(value, Type(kind))
 
-    def read(self, role: Role, name: str, type: Type, low: float = -interval.INF, high: float = interval.INF) -> Node:
+    def read(
+        self,
+        role: Role,
+        name: str,
+        type: Type,
+        low: float = -interval.INF,
+        high: float = interval.INF,
+    ) -> Node:
         return self._intern((Read, role, name, type, low, high), lambda: Read(role, name, type, low, high))
 
     def draw(self, base: str, args: Sequence[Node], type: Type) -> Node:
@@ -136,17 +144,16 @@ class Builder:
 
     # -- how ------------------------------------------------------------------------------------------------------
 
-    def _intern(self, key: Any, make: Any) -> Any:
-        node = self._nodes.get(key)
-        if node is None:
+    def _intern(self, key: Any, make: Callable[[], N]) -> N:
+        if key not in self._nodes:
             if len(self._nodes) >= MAX_NODES:
                 raise Refused(f"the task expands to more than {MAX_NODES} operations", "E314")
-            node = self._nodes[key] = make()
-        return node
+            self._nodes[key] = make()
+        return cast("N", self._nodes[key])
 
     def _apply(self, name: str, args: tuple[Node, ...], type: Type, static: tuple[int, ...]) -> Node:
         key = (name, static, type, *map(id, args))
-        return self._intern(key, lambda: Apply(name, args, type, static))  # type: ignore[no-any-return]
+        return self._intern(key, lambda: Apply(name, args, type, static))
 
     def _check_size(self, shape: Shape) -> None:
         size = Type(Kind.INT, shape).size
@@ -155,7 +162,18 @@ class Builder:
 
     def _promote(self, name: str, args: tuple[Node, ...], result: Type) -> tuple[Node, ...]:
         """Arguments cast to what the operator works on."""
-        if name in ("to_int", "to_real", "not", "and", "or", "any", "all", "count", "sort", "argsort"):
+        if name in (
+            "to_int",
+            "to_real",
+            "not",
+            "and",
+            "or",
+            "any",
+            "all",
+            "count",
+            "sort",
+            "argsort",
+        ):
             return args
         if name in ("eq", "ne", "lt", "le"):
             kind = join(*(a.type.kind for a in args))
@@ -176,7 +194,7 @@ class Builder:
 
     def _fold_power(self, base: Const, exponent: Const) -> Const | None:
         b, e = base.value, exponent.value
-        if exponent.type.kind is Kind.REAL or base.type.kind is Kind.REAL and not isinstance(b, Fraction):
+        if exponent.type.kind is Kind.REAL or (base.type.kind is Kind.REAL and not isinstance(b, Fraction)):
             return None
         if b == 0 and e < 0:
             return self.const(float("inf"), REAL)
@@ -248,4 +266,3 @@ class Builder:
                 return self.structure("element", [first], (args[1].value,))
             case _:
                 return None
-

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from taskspec.diagnostics import suggest
 from taskspec.lang import dists, sets, tables
 from taskspec.lang import syntax as s
-
 from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import FunctionDef, Scope, Value
@@ -39,9 +38,16 @@ def call(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> V
     if expr.function in SET_FUNCTIONS:
         checker.fail("E306", expr, f"`{expr.function}(...)` is a set, not a value",
                      f"use it in a comprehension: `{{x for x in {expr.function}(...)}}`")  # fmt: skip
-    known = (*FUNCTIONS, *dists.DIST_NAMES, *(n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef)))
+    known = (
+        *FUNCTIONS,
+        *dists.DIST_NAMES,
+        *(n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef)),
+    )
     checker.collector.add(
-        "E303", expr.name_place, f"there is no function '{expr.function}'", suggest(expr.function, known)
+        "E303",
+        expr.name_place,
+        f"there is no function '{expr.function}'",
+        suggest(expr.function, known),
     )
     return _poison(checker, expr, scope)
 
@@ -56,7 +62,12 @@ def _poison(checker: Checker, expr: s.Call, scope: Scope) -> Value:
 
 def _no_keywords(checker: Checker, expr: s.Call) -> None:
     for name, value in expr.keywords:
-        checker.fail("E305", value, f"'{expr.function}' takes no keyword arguments", f"write it without `{name}=`")
+        checker.fail(
+            "E305",
+            value,
+            f"'{expr.function}' takes no keyword arguments",
+            f"write it without `{name}=`",
+        )
 
 
 def _built_in(checker: Checker, expr: s.Call, scope: Scope) -> Node:
@@ -67,7 +78,11 @@ def _built_in(checker: Checker, expr: s.Call, scope: Scope) -> Node:
         checker.fail("E304", expr, f"{function.signature} was given {_count(len(nodes))}")
     for index in function.static:
         if not isinstance(nodes[index], Const):
-            checker.fail("E312", expr.args[index], f"'{function.arguments[index]}' of {expr.function} must be a constant")
+            checker.fail(
+                "E312",
+                expr.args[index],
+                f"'{function.arguments[index]}' of {expr.function} must be a constant",
+            )
     return function.build(checker.builder, nodes)
 
 
@@ -112,7 +127,11 @@ def _categorical(checker: Checker, expr: s.Call, scope: Scope) -> Node:
     nodes, shape = _bind(checker, dists.CATEGORICAL, expr, scope)
     p = nodes["p"]
     if len(p.type.shape) != 1:
-        checker.fail("E306", expr, "Categorical needs a vector of probabilities, or `{value: probability, ...}`")
+        checker.fail(
+            "E306",
+            expr,
+            "Categorical needs a vector of probabilities, or `{value: probability, ...}`",
+        )
     p = checker.builder.cast(p, Kind.REAL)
     tables.check_row(checker, p, expr)
     return dists.CATEGORICAL.build(checker.builder, {"p": p}, shape)
@@ -126,10 +145,17 @@ def _bind(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tup
     for argument in dist.arguments:
         if argument.name not in nodes:
             if argument.default is None:
-                checker.fail("E304", expr, f"{dist.name} needs '{argument.name}'", f"{dist.name}({', '.join(names)})")
+                checker.fail(
+                    "E304",
+                    expr,
+                    f"{dist.name} needs '{argument.name}'",
+                    f"{dist.name}({', '.join(names)})",
+                )
             nodes[argument.name] = checker.builder.scalar(argument.default)
         node, place = nodes[argument.name], given.get(argument.name, expr)
-        if argument.static and not (isinstance(node, Const) and node.type.is_scalar and node.type.kind is not Kind.REAL):
+        if argument.static and not (
+            isinstance(node, Const) and node.type.is_scalar and node.type.kind is not Kind.REAL
+        ):
             checker.fail("E312", place, f"'{argument.name}' of {dist.name} must be a constant int")
         if argument.vector and len(node.type.shape) != 1:
             checker.fail("E306", place, f"'{argument.name}' of {dist.name} must be a vector")
@@ -166,15 +192,17 @@ def static_shape(checker: Checker, expr: s.Expr, scope: Scope) -> Shape:
     return shape
 
 
-def _draw_shape(
-    checker: Checker, dist: dists.Dist, nodes: dict[str, Node], shape: Shape | None, expr: s.Call
-) -> Shape:
+def _draw_shape(checker: Checker, dist: dists.Dist, nodes: dict[str, Node], shape: Shape | None, expr: s.Call) -> Shape:
     if dist is dists.CATEGORICAL or not dist.shaped:
         return shape or ()
     shapes = {n.type.shape for n in nodes.values() if n.type.shape}
     found = shapes | ({shape} if shape is not None else set())
     if len(found) > 1:
-        checker.fail("E307", expr, f"the shapes {' and '.join(str(list(x)) for x in sorted(found))} do not match")
+        checker.fail(
+            "E307",
+            expr,
+            f"the shapes {' and '.join(str(list(x)) for x in sorted(found))} do not match",
+        )
     return found.pop() if found else ()
 
 
@@ -194,9 +222,18 @@ def _check_parameters(checker: Checker, dist: dists.Dist, nodes: dict[str, Node]
     if dist.name.startswith("Uniform") and all(isinstance(n, Const) and n.type.is_scalar for n in nodes.values()):
         bottom, top = nodes["low"].value, nodes["high"].value  # type: ignore[union-attr]
         if bottom > top:
-            checker.fail("E408", expr, f"'low' of {dist.name} is {float(bottom):g}, above 'high' {float(top):g}")
+            checker.fail(
+                "E408",
+                expr,
+                f"'low' of {dist.name} is {float(bottom):g}, above 'high' {float(top):g}",
+            )
     if dist.name == "UniformInt" and any(n.type.kind is Kind.REAL for n in nodes.values()):
-        checker.fail("E306", expr, "UniformInt needs ints", "`floor(x)` gives an int; `Uniform(low, high)` draws a real")
+        checker.fail(
+            "E306",
+            expr,
+            "UniformInt needs ints",
+            "`floor(x)` gives an int; `Uniform(low, high)` draws a real",
+        )
 
 
 # -- subscripts ---------------------------------------------------------------------------------------------------
@@ -212,7 +249,12 @@ def subscript(checker: Checker, expr: s.Subscript, scope: Scope) -> Node:
         return _cell(checker, node, expr, scope)
     if len(expr.indices) == 1:
         return _row(checker, node, expr.indices[0], scope)
-    checker.fail("E307", expr, "a slice cannot be mixed with other indices", "index twice: `x[a:b]`, then `[i]`")
+    checker.fail(
+        "E307",
+        expr,
+        "a slice cannot be mixed with other indices",
+        "index twice: `x[a:b]`, then `[i]`",
+    )
 
 
 def _row(checker: Checker, node: Node, index: s.Expr | s.Slice, scope: Scope) -> Node:
@@ -242,7 +284,12 @@ def _index(checker: Checker, expr: s.Expr, length: int, scope: Scope) -> Node:
     if isinstance(node, Const):
         for i in node.flat:
             if not -length <= i < length:
-                checker.fail("E315", expr, f"index {i} is outside a vector of {length}", f"indices go from 0 to {length - 1}")
+                checker.fail(
+                    "E315",
+                    expr,
+                    f"index {i} is outside a vector of {length}",
+                    f"indices go from 0 to {length - 1}",
+                )
     return checker.builder.position(node, length)
 
 

@@ -91,7 +91,12 @@ class Checker:
             case s.Table():
                 return tables.table(self, expr, scope, want)
             case s.SetOf() | s.Comprehension():
-                self.fail("E306", expr, "a set is not a value", "draw from it with `Uniform({...})`, or test with `x in {...}`")
+                self.fail(
+                    "E306",
+                    expr,
+                    "a set is not a value",
+                    "draw from it with `Uniform({...})`, or test with `x in {...}`",
+                )
             case _:
                 assert_never(expr)
 
@@ -142,7 +147,11 @@ class Checker:
         """An expression that must be known once parameters are."""
         node = self.numeric(expr, scope)
         if not isinstance(node, Const):
-            self.fail("E312", expr, f"{what} must be a constant: it may use parameters and constants, not the state")
+            self.fail(
+                "E312",
+                expr,
+                f"{what} must be a constant: it may use parameters and constants, not the state",
+            )
         return node
 
     def integer(self, expr: s.Expr, scope: Scope, what: str) -> int:
@@ -177,7 +186,12 @@ class Checker:
         if want is None and len(found) == 1:
             return Value(self.builder.scalar(found[0].labels.index(label)), found[0])
         if want is not None:
-            self.fail("E313", expr, f"'{label}' is not one of {', '.join(want.labels)}", suggest(label, want.labels))
+            self.fail(
+                "E313",
+                expr,
+                f"'{label}' is not one of {', '.join(want.labels)}",
+                suggest(label, want.labels),
+            )
         if found:
             self.fail("E313", expr, f"'{label}' is a label of several choices, and nothing here says which is meant",
                       "compare it with the component it belongs to")  # fmt: skip
@@ -204,12 +218,22 @@ class Checker:
             return Value(self.builder.scalar(CONSTANTS[expr.id]))
         if expr.primed:
             if scope.lookup(expr.id) is None:
-                self.fail("E302", expr, f"'{expr.written}' is not defined here", suggest(expr.id, scope.names()))
+                self.fail(
+                    "E302",
+                    expr,
+                    f"'{expr.written}' is not defined here",
+                    suggest(expr.id, scope.names()),
+                )
             self.fail("E308", expr, f"'{expr.id}' has no next value here", "a prime stands only on state components, "
                       "in `dynamics`, `reward` and `terminal`")  # fmt: skip
         if expr.id in ("true", "false"):
-            self.fail("E302", expr, f"'{expr.id}' is not defined here", f"write {expr.id.capitalize()} inside an expression")
-        if scope.labelled(expr.id) or want is not None and nearest(expr.id, want.labels):
+            self.fail(
+                "E302",
+                expr,
+                f"'{expr.id}' is not defined here",
+                f"write {expr.id.capitalize()} inside an expression",
+            )
+        if scope.labelled(expr.id) or (want is not None and nearest(expr.id, want.labels)):
             return self.label(expr.id, expr, scope, want)
         if calls.is_function(expr.id):
             self.fail("E304", expr, f"'{expr.id}' is a function; call it with arguments")
@@ -278,7 +302,12 @@ class Checker:
         return isinstance(expr, s.Quoted) or (isinstance(expr, s.Name) and scope.lookup(expr.written) is None)
 
     def select(
-        self, branches: Iterable[tuple[s.Expr, s.Expr]], otherwise: s.Expr, expr: s.Expr, scope: Scope, want: Domain | None
+        self,
+        branches: Iterable[tuple[s.Expr, s.Expr]],
+        otherwise: s.Expr,
+        expr: s.Expr,
+        scope: Scope,
+        want: Domain | None,
     ) -> Value:
         """The first branch whose condition holds."""
         branches = tuple(branches)

@@ -35,13 +35,28 @@ BASES: dict[str, Base] = {
     b.name: b
     for b in (
         Base("uniform", Kind.REAL, False, "A multiple of 2**-24 in [0, 1); one word."),
-        Base("normal", Kind.REAL, False, "Standard normal, Box-Muller in float32; one word each, in pairs."),
+        Base(
+            "normal",
+            Kind.REAL,
+            False,
+            "Standard normal, Box-Muller in float32; one word each, in pairs.",
+        ),
         Base("exponential", Kind.REAL, False, "Standard exponential; one word."),
         Base("gamma", Kind.REAL, False, "Gamma with the given shape and unit scale, Marsaglia-Tsang."),
         Base("poisson", Kind.INT, False, "Poisson with the given rate, by inversion of one word."),
         Base("index", Kind.INT, True, "Uniform on range(n); one word."),
-        Base("categorical", Kind.INT, True, "Index drawn with the given probabilities; one word against thresholds."),
-        Base("bernoulli", Kind.BOOL, True, "True with the given probability; one word against a threshold."),
+        Base(
+            "categorical",
+            Kind.INT,
+            True,
+            "Index drawn with the given probabilities; one word against thresholds.",
+        ),
+        Base(
+            "bernoulli",
+            Kind.BOOL,
+            True,
+            "True with the given probability; one word against a threshold.",
+        ),
         Base("permutation", Kind.INT, True, "A uniform permutation: the stable order of n words."),
     )
 }

@@ -22,9 +22,7 @@ def no_draws(draw: Draw, args: list[Flat]) -> Flat:
     raise AssertionError(f"a draw ({draw.base}) where none can be")
 
 
-def evaluate(
-    roots: Iterable[Node], reads: Mapping[tuple[Role, str], Flat], sample: Sampler = no_draws
-) -> list[Flat]:
+def evaluate(roots: Iterable[Node], reads: Mapping[tuple[Role, str], Flat], sample: Sampler = no_draws) -> list[Flat]:
     """Values of the roots.
 
     Args:

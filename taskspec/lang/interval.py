@@ -151,7 +151,10 @@ _RULES: dict[str, Callable[[list[Interval], Any], Interval]] = {
     "floordiv": _floor_quotient,
     "mod": _remainder,
     "abs": _magnitude,
-    "sign": lambda a, n: (-1 if a[0][0] < 0 else 0 if a[0][0] == 0 else 1, 1 if a[0][1] > 0 else min(0, a[0][1])),
+    "sign": lambda a, n: (
+        -1 if a[0][0] < 0 else 0 if a[0][0] == 0 else 1,
+        1 if a[0][1] > 0 else min(0, a[0][1]),
+    ),
     "min2": lambda a, n: _extreme(min, a, n),
     "max2": lambda a, n: _extreme(max, a, n),
     "where": _chosen,
@@ -160,7 +163,10 @@ _RULES: dict[str, Callable[[list[Interval], Any], Interval]] = {
     "round": _monotone(round),
     "to_int": _same,
     "to_real": _same,
-    "sqrt": lambda a, n: (math.sqrt(max(0.0, a[0][0])), math.sqrt(max(0.0, a[0][1])) if a[0][1] < INF else INF),
+    "sqrt": lambda a, n: (
+        math.sqrt(max(0.0, a[0][0])),
+        math.sqrt(max(0.0, a[0][1])) if a[0][1] < INF else INF,
+    ),
     "exp": lambda a, n: (0, INF),
     "sin": lambda a, n: (-1, 1),
     "cos": lambda a, n: (-1, 1),

@@ -106,7 +106,9 @@ def reads(roots: Iterable[Node]) -> frozenset[tuple[Role, str]]:
 
 
 def rewrite(
-    roots: Iterable[Node], leaf: Callable[[Node], Node | None], remake: Callable[[Node, tuple[Node, ...]], Node]
+    roots: Iterable[Node],
+    leaf: Callable[[Node], Node | None],
+    remake: Callable[[Node, tuple[Node, ...]], Node],
 ) -> tuple[Node, ...]:
     """Roots with every node for which `leaf` gives a replacement replaced, rebuilt bottom-up by `remake`."""
     roots = tuple(roots)

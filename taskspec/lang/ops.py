@@ -136,12 +136,46 @@ def _vector(kind: Callable[[Kind], Kind]) -> Rule:
     return rule
 
 
-_PAIRS = ((1, 2), (-7, 2), (7, -2), (0, 5), (-3, -3), (1.5, -0.25), (0.0, 3.0), (-2.5, 0.75), (2, 0.5))
+_PAIRS = (
+    (1, 2),
+    (-7, 2),
+    (7, -2),
+    (0, 5),
+    (-3, -3),
+    (1.5, -0.25),
+    (0.0, 3.0),
+    (-2.5, 0.75),
+    (2, 0.5),
+)
 _ZEROS = ((1, 0), (0, 0), (-4, 0), (1.0, 0.0), (0.0, 0.0), (-1.0, 0.0))
-_NANS = ((math.nan, 1.0), (1.0, math.nan), (math.nan, math.nan), (math.inf, 1.0), (-math.inf, math.nan))
-_REALS = ((0.0,), (0.5,), (-1.25,), (3.7,), (-100.0,), (math.inf,), (-math.inf,), (math.nan,), (1e9,), (2.5,), (-0.5,))
+_NANS = (
+    (math.nan, 1.0),
+    (1.0, math.nan),
+    (math.nan, math.nan),
+    (math.inf, 1.0),
+    (-math.inf, math.nan),
+)
+_REALS = (
+    (0.0,),
+    (0.5,),
+    (-1.25,),
+    (3.7,),
+    (-100.0,),
+    (math.inf,),
+    (-math.inf,),
+    (math.nan,),
+    (1e9,),
+    (2.5,),
+    (-0.5,),
+)
 _LOGIC = ((True, True), (True, False), (False, True), (False, False))
-_VECTORS = (((3, 1, 2),), ((1, 1, 0, 1),), ((5,),), ((2.5, -1.0, 2.5, 0.0),), ((-1.0, math.inf, -math.inf),))
+_VECTORS = (
+    ((3, 1, 2),),
+    ((1, 1, 0, 1),),
+    ((5,),),
+    ((2.5, -1.0, 2.5, 0.0),),
+    ((-1.0, math.inf, -math.inf),),
+)
 _NAN_VECTORS = (((math.nan, 1.0, 3.0),), ((1.0, math.nan, 3.0, 3.0),), ((math.nan, math.nan),))
 _MASKS = (((True, False, True),), ((False,),), ((True, True),))
 _BIG = ((800.0,), (-800.0,))
@@ -178,7 +212,7 @@ TABLE: tuple[Op, ...] = (
     Op("tan", real, ref.tan, "tan({0})", "xp.tan({0})", "Tangent (radians); nan at infinity.", _REALS),
     Op("tanh", real, ref.tanh, "tanh({0})", "xp.tanh({0})", "Hyperbolic tangent.", _REALS),
     Op("atan2", real, ref.atan2, "atan2({0}, {1})", "xp.arctan2({0}, {1})", "Angle of the point (x, y) as atan2(y, x).",
-       tuple((float(a), float(b)) for a, b in _PAIRS) + ((0.0, 0.0), (1.0, 0.0))),
+       (*tuple((float(a), float(b)) for a, b in _PAIRS), (0.0, 0.0), (1.0, 0.0))),
     # rounding and conversion
     Op("floor", to_integer, ref.floor, "floor({0})", "rt.to_int(xp.floor({0}))", "Rounded down, as an int.", _REALS),
     Op("ceil", to_integer, ref.ceil, "ceil({0})", "rt.to_int(xp.ceil({0}))", "Rounded up, as an int.", _REALS),

@@ -94,7 +94,12 @@ def _bound_tree(value: str, root: ast.AST) -> None:
 def _prepare(value: str) -> str:
     """The text with primes replaced, after checking its length, brackets and quotes."""
     if len(value) > MAX_LENGTH:
-        raise _Failure(0, 1, f"this expression has {len(value)} characters; the limit is {MAX_LENGTH}", code="E314")
+        raise _Failure(
+            0,
+            1,
+            f"this expression has {len(value)} characters; the limit is {MAX_LENGTH}",
+            code="E314",
+        )
     if not value.strip():
         raise _Failure(0, max(1, len(value)), "an expression is missing here")
     out: list[str] = []
@@ -158,7 +163,11 @@ def _explain(value: str, error: Exception) -> NoReturn:
     start = _offset(value, error.lineno or 1, error.offset or 1)
     end = _offset(value, error.end_lineno or error.lineno or 1, error.end_offset or error.offset or 1)
     if start >= len(value):
-        raise _Failure(max(0, len(value.rstrip()) - 1), len(value.rstrip()), "the expression ends too early here")
+        raise _Failure(
+            max(0, len(value.rstrip()) - 1),
+            len(value.rstrip()),
+            "the expression ends too early here",
+        )
     message = (error.msg or "invalid syntax").split(". Perhaps")[0]
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
@@ -248,7 +257,11 @@ class _Reader:
 
     def call(self, node: ast.Call, place: s.Place) -> s.Call:
         if not isinstance(node.func, ast.Name):
-            self.fail(node.func, "only a function's name can be called", "methods and nested calls are not part of it")
+            self.fail(
+                node.func,
+                "only a function's name can be called",
+                "methods and nested calls are not part of it",
+            )
         if node.func.id.endswith(PRIME):
             self.fail(node.func, "a function has no next value")
         keywords = []
@@ -264,9 +277,7 @@ class _Reader:
         start, stop, step = (None if x is None else self.expr(x) for x in (node.lower, node.upper, node.step))
         return s.Slice(start, stop, step, self.place(node))
 
-    def weights(
-        self, node: ast.Dict, keys: list[ast.expr | None], values: list[ast.expr], place: s.Place
-    ) -> s.Weights:
+    def weights(self, node: ast.Dict, keys: list[ast.expr | None], values: list[ast.expr], place: s.Place) -> s.Weights:
         pairs = []
         for key, value in zip(keys, values, strict=True):
             if key is None:
@@ -294,7 +305,11 @@ class _Reader:
             case ast.Attribute():
                 self.fail(node, "attributes (`a.b`) are not part of the language")
             case ast.Lambda():
-                self.fail(node, "`lambda` is not part of the language", "write a definition with arguments: `f(x): ...`")
+                self.fail(
+                    node,
+                    "`lambda` is not part of the language",
+                    "write a definition with arguments: `f(x): ...`",
+                )
             case ast.BinOp(op=ast.BitXor()):
                 self.fail(node, "`^` is not an operator here", "a power is written `x**2`")
             case ast.BinOp(op=ast.BitAnd() | ast.BitOr()) | ast.UnaryOp(op=ast.Invert()):

@@ -65,7 +65,7 @@ class Scope:
         self.bindings = bindings
         self.domains: tuple[Domain, ...] = tuple(domains) or (parent.domains if parent else ())
         self.parent = parent
-        self.draws = draws if parent is None else parent.draws
+        self.draws: str | None = draws if parent is None else parent.draws
         self.used: set[str] = parent.used if parent else set()
 
     def child(self, bindings: dict[str, Binding]) -> Scope:

@@ -32,7 +32,13 @@ class _Points:
     domain: Domain | None = None
 
 
-def uniform(checker: Checker, expr: s.SetOf | s.Comprehension, call: s.Expr, scope: Scope, want: Domain | None) -> Value:
+def uniform(
+    checker: Checker,
+    expr: s.SetOf | s.Comprehension,
+    call: s.Expr,
+    scope: Scope,
+    want: Domain | None,
+) -> Value:
     """A uniform draw from a finite set."""
     b = checker.builder
     table, domain = _table(checker, expr, scope, want)
@@ -84,11 +90,20 @@ def member(checker: Checker, left: s.Expr, right: s.Expr, scope: Scope) -> Node:
 def unroll(checker: Checker, expr: s.Comprehension, scope: Scope) -> list[Node]:
     """Elements of `[e for x in range(n)]`, one node each; the element may depend on the state."""
     if len(expr.clauses) != 1:
-        checker.fail("E306", expr, "a vector takes one `for`", "nest them: `[[... for j in ...] for i in ...]`")
+        checker.fail(
+            "E306",
+            expr,
+            "a vector takes one `for`",
+            "nest them: `[[... for j in ...] for i in ...]`",
+        )
     clause = expr.clauses[0]
     points = _candidates(checker, clause, scope)
     if len(points.rows) > MAX_UNROLLED:
-        checker.fail("E314", expr, f"{len(points.rows):,} elements are too many to write out; the limit is {MAX_UNROLLED:,}")
+        checker.fail(
+            "E314",
+            expr,
+            f"{len(points.rows):,} elements are too many to write out; the limit is {MAX_UNROLLED:,}",
+        )
     nodes = []
     for row in points.rows:
         inner = scope.child(_bind(checker, clause, row, points.domain, expr))
@@ -197,7 +212,11 @@ def _candidates(checker: Checker, clause: s.Clause, scope: Scope) -> _Points:
         case _:
             table, domain = checker.numeric(expr, scope), None
     if not isinstance(table, Const) or table.type.is_scalar:
-        checker.fail("E312", expr, "a comprehension goes over a constant: `range(n)`, `box(low, high, n)`, a set or a vector")
+        checker.fail(
+            "E312",
+            expr,
+            "a comprehension goes over a constant: `range(n)`, `box(low, high, n)`, a set or a vector",
+        )
     return _Points(batch.array(table)[..., 0], domain)
 
 
@@ -207,7 +226,11 @@ def _box(checker: Checker, low: s.Expr, high: s.Expr, n: s.Expr, expr: s.Expr, s
         checker.fail("E407", expr, f"box({a}, {b}, {axes}) has no points")
     count = (b - a + 1) ** min(axes, 64)
     if count > MAX_CANDIDATES:
-        checker.fail("E314", expr, f"box({a}, {b}, {axes}) has {count:,} points; the limit is {MAX_CANDIDATES:,}")
+        checker.fail(
+            "E314",
+            expr,
+            f"box({a}, {b}, {axes}) has {count:,} points; the limit is {MAX_CANDIDATES:,}",
+        )
     axis = np.arange(a, b + 1)
     grid = np.meshgrid(*[axis] * axes, indexing="ij")
     rows = np.stack([g.ravel() for g in grid], axis=1)

@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node, draws
@@ -34,7 +34,7 @@ def check_row(checker: Checker, p: Node, expr: s.Expr) -> None:
         checker.fail(*problem[:1], expr, *problem[1:])
 
 
-def row_problem(row: Sequence[Fraction | float]) -> tuple[str, str] | None:
+def row_problem(row: Sequence[Any]) -> tuple[str, str] | None:
     """Code and message for a row that is not a distribution, or None."""
     for value in row:
         if not 0 <= value <= 1:
@@ -87,7 +87,11 @@ def _outcomes(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None)
 def _same_shape(checker: Checker, nodes: Sequence[Node], expr: s.Expr) -> None:
     shapes = sorted({n.type.shape for n in nodes})
     if len(shapes) > 1:
-        checker.fail("E307", expr, f"these values have different shapes: {' and '.join(str(list(x)) for x in shapes)}")
+        checker.fail(
+            "E307",
+            expr,
+            f"these values have different shapes: {' and '.join(str(list(x)) for x in shapes)}",
+        )
 
 
 # -- decision tables ----------------------------------------------------------------------------------------------
@@ -199,7 +203,11 @@ def _grid(
         size *= MAX_CELLS + 1 if column.values is None else len(column.values)
     if size > MAX_CELLS:
         if keys[-1] != tuple(None for _ in columns):
-            checker.fail("E410", expr, "this table needs a last row `else:`, since its columns have endlessly many values")
+            checker.fail(
+                "E410",
+                expr,
+                "this table needs a last row `else:`, since its columns have endlessly many values",
+            )
         return None
     order = _by_precision(keys)
     exact = {keys[n]: n for n in order if None not in keys[n]}
@@ -210,9 +218,7 @@ def _grid(
         if cell is None:
             cell = next((n for key, n in general if _matches(key, values)), None)
         if cell is None:
-            missing = ", ".join(
-                f"{_name(c)} = {c.shown(v)}" for c, v in zip(columns, values, strict=True)
-            )
+            missing = ", ".join(f"{_name(c)} = {c.shown(v)}" for c, v in zip(columns, values, strict=True))
             checker.fail("E410", expr, f"this table has no row for {missing}", "add the row, or `else:`")
         grid.append(cell)
     return grid

@@ -80,8 +80,9 @@ class Declarations:
         value = entry.get("default")
         if kind == "choice":
             if value not in (labels or ()):
-                self.collector.add("E213", self.merged.span((*path, "default")), f"the default '{value}' is not one of "
-                                   f"{', '.join(map(str, labels or ()))}", suggest(str(value), map(str, labels or ())))  # fmt: skip
+                known = [str(label) for label in labels or ()]
+                message = f"the default '{value}' is not one of {', '.join(known)}"
+                self.collector.add("E213", self.merged.span((*path, "default")), message, suggest(str(value), known))
                 raise Poisoned
             return value
         expr = self.forms.expr((*path, "default"))

@@ -1,4 +1,4 @@
-"""YAML values -> surface syntax: texts, numbers, lists as vectors, `if:`/`then:` lists, `by:`/`rows:` tables, probabilities."""
+"""YAML values -> surface syntax: texts, numbers, vectors, `if:`/`then:` lists, `by:`/`rows:` tables, probabilities."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from taskspec.lang.parse import literal, parse_into
 from taskspec.source import Path
 from taskspec.spec.merge import Merged
 
-Tree = dict[str, Any] | list[Any] | str | int | float | bool
+Tree = dict[str, Any] | list[Any] | str | int | float | bool | None
 
 
 class Forms:
@@ -47,7 +47,7 @@ class Forms:
                 return self._list(value, path)
             case dict():
                 return self._mapping(value, path)
-            case _:
+            case None:
                 self.collector.add("E301", self.place(path), "an expression is missing here")
                 return None
 

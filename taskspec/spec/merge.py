@@ -72,7 +72,8 @@ def merge(document: Document, variant: str | None = None) -> Merged:
     if variant is None or variant == name:
         return Merged(document, name, None, base, {})
     chain = list(_chain(document, data, _key(document, data, name, variant)))
-    merged, moved = base, {}
+    merged = base
+    moved: dict[Path, Path] = {}
     for key in reversed(chain):
         merged = _overlay(merged, data["variants"][key] or {}, key, moved)
     return Merged(document, task_name(name, chain[0]), chain[0], merged, moved)

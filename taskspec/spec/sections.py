@@ -1,4 +1,4 @@
-"""The sections of a spec as core nodes: initial state, dynamics, reward, terminal condition, observation, expert, claims."""
+"""The sections of a spec as core nodes: first and next states, reward, end, observation, expert, claims."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A task: what a spec means for given parameters. Typed, closed, immutable; everything downstream takes a Task and nothing else."""
+"""A task: what a spec means for given parameters. Typed, closed, immutable; all that is downstream takes a Task."""
 
 from __future__ import annotations
 

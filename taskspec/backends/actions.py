@@ -1,0 +1,108 @@
+"""Actions of many environments: checked, and split into components with the lanes last."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.spaces import Layout
+from taskspec.lang.types import Kind
+from taskspec.spec.task import Component, Task
+
+Array = np.ndarray[Any, Any]
+FLOAT_MAX = 3.4028234663852886e38
+
+
+class BadActionError(Exception):
+    """Actions that are not in the batched action space; the environment layer says so in Gymnasium's terms."""
+
+
+Reader = Callable[[Any], tuple[Array, ...]]
+"""From a batch of actions to one array (*shape, lanes) for every action component, bool, int64 or float64."""
+
+
+def reader(task: Task, layout: Layout, lanes: int) -> Reader:
+    """The reader of a task's actions for a number of lanes; it raises `BadActionError`."""
+    return _READERS[layout.form](task, layout, lanes)
+
+
+def _array(actions: Any, shape: tuple[int, ...], kinds: str) -> Array:
+    array = np.asarray(actions)
+    if array.shape != shape or array.dtype.kind not in kinds:
+        raise BadActionError
+    return array
+
+
+def _discrete(task: Task, layout: Layout, lanes: int) -> Reader:
+    (c,) = task.action
+    low, high, is_bool = int(c.low[0]), int(c.high[0]), c.type.kind is Kind.BOOL
+    smallest, largest = np.minimum.reduce, np.maximum.reduce
+
+    def read(actions: Any) -> tuple[Array, ...]:
+        array = _array(actions, (lanes,), "iub")
+        if lanes and (smallest(array) < low or largest(array) > high):
+            raise BadActionError
+        return (array != 0,) if is_bool else (array if array.dtype == np.int64 else array.astype(np.int64),)
+
+    return read
+
+
+def _multi_discrete(task: Task, layout: Layout, lanes: int) -> Reader:
+    counts = np.array(layout.counts, np.uint64)
+    starts = np.array(layout.starts, np.int64)
+    shifted = bool(starts.any())
+
+    def read(actions: Any) -> tuple[Array, ...]:
+        array = _array(actions, (lanes, len(counts)), "iub").astype(np.int64, copy=False)
+        # A negative number is a huge one without a sign, so that one comparison serves both ends.
+        if not (array.view(np.uint64) < counts).all():
+            raise BadActionError
+        return _components(task, (array + starts if shifted else array).T)
+
+    return read
+
+
+def _box(task: Task, layout: Layout, lanes: int) -> Reader:
+    low = np.maximum(np.array(layout.low), -FLOAT_MAX).reshape(-1, 1)
+    high = np.minimum(np.array(layout.high), FLOAT_MAX).reshape(-1, 1)
+    whole = np.array([c.type.kind is not Kind.REAL for c in task.action for _ in range(c.type.size)])
+
+    def read(actions: Any) -> tuple[Array, ...]:
+        array = _array(actions, (lanes, *layout.shape), "iufb")
+        rows = array.reshape(lanes, -1).T.astype(np.float64)
+        if not (np.greater_equal(rows, low).all() and np.less_equal(rows, high).all()):
+            raise BadActionError
+        if whole.any() and (rows[whole] != np.trunc(rows[whole])).any():
+            raise BadActionError
+        return _components(task, rows)
+
+    return read
+
+
+def _components(task: Task, rows: Array) -> tuple[Array, ...]:
+    """Rows of elements as components of their kinds."""
+    parts, offset = [], 0
+    for c in task.action:
+        parts.append(_component(c, rows[offset : offset + c.type.size]))
+        offset += c.type.size
+    return tuple(parts)
+
+
+def _component(c: Component, rows: Array) -> Array:
+    shaped = rows[0] if c.type.is_scalar else rows.reshape(*c.type.shape, rows.shape[-1])
+    match c.type.kind:
+        case Kind.BOOL:
+            return shaped != 0
+        case Kind.INT:
+            return shaped.astype(np.int64, copy=False)
+        case Kind.REAL:
+            return shaped.astype(np.float64, copy=False)
+
+
+_READERS: dict[str, Callable[[Task, Layout, int], Reader]] = {
+    "discrete": _discrete,
+    "multi_discrete": _multi_discrete,
+    "box": _box,
+}

@@ -1,0 +1,127 @@
+"""Draws fetched ahead for many lanes: values of coming steps, and the first states of coming episodes.
+
+A call of NumPy costs the same for ten numbers and for a thousand, and the random words of one step take more than a
+hundred calls. So words, and what depends on them alone, are worked out for several steps at once, and starts for
+many lanes at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from taskspec import draws
+from taskspec.backends.buffers import Buffers
+from taskspec.backends.hoist import Hoisted
+from taskspec.draws.blocks import block_sampler
+from taskspec.draws.layout import Layout
+from taskspec.lang import batch
+from taskspec.lang.ir import Node
+
+Array = np.ndarray[Any, Any]
+WORDS = 49_152
+"""Random words worked out in one go, at most, unless a single step takes more."""
+STEPS = 64
+
+
+class Ahead:
+    """The hoisted values and named words of a phase, step after step, for the lanes of some buffers."""
+
+    def __init__(self, hoisted: Hoisted, buffers: Buffers) -> None:
+        self._hoisted, self._buffers = hoisted, buffers
+        self._words = hoisted.word_numbers
+        count = hoisted.layout.count
+        lanes = buffers.lanes
+        self._depth = max(1, min(STEPS, WORDS // max(1, count * lanes)))
+        self._lanes = np.arange(lanes)
+        self._items: list[Array] = []  # (*shape, depth, lanes) each
+        self._base = np.zeros(lanes, np.uint32)
+        self._at = self._depth  # the next row, while all lanes are at the same one
+        self._together = True
+
+    def restart(self, everywhere: bool) -> None:
+        """Forget what was fetched, since some lanes were seeded anew: all of them, or only some."""
+        self._at, self._together = self._depth, everywhere
+
+    def part_ways(self) -> None:
+        """From now on lanes may have taken different numbers of steps since they were seeded."""
+        if self._together:
+            self._together = False
+            if self._at < self._depth and len(self._items):
+                self._at = 0  # rows are found by each lane's own count
+
+    def take(self) -> list[Array]:
+        """The items of the present step, (*shape, lanes) each: hoisted values, then words."""
+        if not self._hoisted.names and not self._words:
+            return []
+        if self._together:
+            if self._at >= self._depth:
+                self._fetch()
+            row, self._at = self._at, self._at + 1
+            return [item[..., row, :] for item in self._items]
+        return self._own_rows()
+
+    def _own_rows(self) -> list[Array]:
+        rows = (self._buffers.steps - self._base).astype(np.int64)
+        if self._at >= self._depth or int(rows.max()) >= self._depth:
+            self._fetch()
+            self._at = 0
+            rows = np.zeros(len(self._lanes), np.int64)
+        places = rows * len(self._lanes) + self._lanes
+        return [np.take(i.reshape(*i.shape[:-2], -1), places, axis=-1, mode="clip") for i in self._items]
+
+    def _fetch(self) -> None:
+        steps, lanes, depth = self._buffers.steps, len(self._lanes), self._depth
+        self._base = steps.copy()
+        self._at = 0
+        n = (steps + np.arange(depth, dtype=np.uint32)[:, None]).ravel()
+        seeds = np.tile(self._buffers.seeds, depth)
+        words = draws.lanes_block(seeds, draws.STEP, n, self._hoisted.layout.count)
+        values = evaluated(self._hoisted.values, self._hoisted.layout, words)
+        named = [words[k].astype(np.int64) for k in self._words.values()]
+        shaped = [v.reshape(*v.shape[:-1], depth, lanes) for v in values]
+        self._items = [*shaped, *(w.reshape(depth, lanes) for w in named)]
+
+
+class Ready:
+    """The start of the next episode of every lane, worked out for many lanes at once and copied when one ends."""
+
+    def __init__(self, roots: Sequence[Node], buffers: Buffers) -> None:
+        self._roots, self._buffers = tuple(roots), buffers
+        self._layout = Layout.of(roots)
+        self.fixed = not self._layout.count
+        lanes = 1 if self.fixed else buffers.lanes
+        first = evaluated(self._roots, self._layout, np.zeros((self._layout.count, 1), np.uint32))
+        self.values = [np.broadcast_to(v, (*v.shape[:-1], lanes)).copy() for v in first]
+        self._stale = np.full(buffers.lanes, not self.fixed)
+
+    def forget(self, lanes: Any) -> None:
+        """The lanes (an index) were seeded anew."""
+        self._stale[lanes] = not self.fixed
+
+    def take(self, lanes: Array) -> list[Array]:
+        """Values (*shape, k) of the start of the next episode of the k lanes, or (*shape, 1)."""
+        if self.fixed:
+            return self.values
+        if self._stale[lanes].any():
+            self._refresh()
+        self._stale[lanes] = True
+        return [v[..., lanes] for v in self.values]
+
+    def _refresh(self) -> None:
+        """Work out the starts of all lanes that have used theirs, while there are calls to pay for anyway."""
+        stale = np.flatnonzero(self._stale)
+        seeds, episodes = self._buffers.seeds[stale], self._buffers.episodes[stale]
+        words = draws.lanes_block(seeds, draws.RESET, episodes, self._layout.count)
+        for held, new in zip(self.values, evaluated(self._roots, self._layout, words), strict=True):
+            held[..., stale] = new
+        self._stale[stale] = False
+
+
+def evaluated(nodes: Sequence[Node], layout: Layout, words: Array) -> list[Array]:
+    """Values of nodes that depend on draws alone, (*shape, columns), from words (count, columns)."""
+    values = batch.evaluate(nodes, {}, block_sampler(layout, words))
+    columns = words.shape[-1]
+    return [np.broadcast_to(v, (*n.type.shape, columns)) for n, v in zip(nodes, values, strict=True)]
