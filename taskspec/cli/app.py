@@ -1,0 +1,91 @@
+"""The `taskspec` program: its commands, and the one place where errors become messages and exit statuses."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from taskspec.cli import failures, listing
+from taskspec.cli.bench import bench
+from taskspec.cli.build import build
+from taskspec.cli.check import check
+from taskspec.cli.explain import explain
+from taskspec.cli.new import new
+from taskspec.cli.run import run as run_command
+from taskspec.cli.schema import schema
+from taskspec.cli.show import show
+
+READ, WRITE, USE = "Read tasks", "Write tasks", "Run tasks"
+COMMANDS = (
+    ("list", listing.list_tasks, READ),
+    ("show", show, READ),
+    ("explain", explain, READ),
+    ("new", new, WRITE),
+    ("check", check, WRITE),
+    ("build", build, WRITE),
+    ("schema", schema, WRITE),
+    ("run", run_command, USE),
+    ("bench", bench, USE),
+)
+
+
+class Commands(TyperGroup):
+    """The commands; whatever one of them raises ends in a message and a status, never in a traceback."""
+
+    def invoke(self, ctx: Any) -> Any:
+        with failures.reported():
+            return super().invoke(ctx)
+
+
+app = typer.Typer(
+    name="taskspec",
+    cls=Commands,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for _name, _function, _panel in COMMANDS:
+    app.command(_name, rich_help_panel=_panel)(_function)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from taskspec import __version__
+
+        typer.echo(f"taskspec {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def taskspec(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    """Tiny diagnostic reinforcement-learning tasks, each declared in one YAML file.
+
+    A TASK is an id ([cyan]derail/Branching-v0[/], or [cyan]Branching[/] where that is clear) or the path of a spec.
+    """
+
+
+def run() -> None:
+    """Run the program; a reader that goes away (`taskspec list | head`) is no error."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a terminal that lacks a letter shows a question mark
+            stream.reconfigure(errors="replace")
+    try:
+        app(prog_name="taskspec")
+    finally:
+        _flush()
+
+
+def _flush() -> None:
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

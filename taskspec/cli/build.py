@@ -1,0 +1,116 @@
+"""`taskspec build`: checks specs, and writes everything that comes from them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskspec.cli.options import Targets
+
+if TYPE_CHECKING:
+    from taskspec.cli.checking import Report
+    from taskspec.spec.task import Task
+
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write.", file_okay=False)]
+
+
+def build(targets: Targets = None, output: Output = Path("build")) -> None:
+    """Check specs and write what comes from them: an index, the generated code, the schema.
+
+    Nothing is written while a spec has an error.
+    """
+    from taskspec.cli.check import verdict
+    from taskspec.cli.checking import check_file, counts
+    from taskspec.cli.console import console
+    from taskspec.cli.targets import files_of
+
+    start = time.perf_counter()
+    reports = [check_file(file) for file in files_of(targets or [])]
+    errors, warnings = counts(d for report in reports for d in report.diagnostics)
+    _print_problems(reports)
+    out = console(wide=True)
+    out.print(_table(reports))
+    out.print()
+    out.print(verdict(reports, errors, warnings, time.perf_counter() - start))
+    if errors:
+        typer.echo("nothing was written", err=True)
+        raise typer.Exit(1)
+    for path, what in write(_tasks(reports), output):
+        typer.echo(f"wrote {path}  {what}")
+
+
+def _print_problems(reports: Sequence[Report]) -> None:
+    from taskspec.cli import failures
+
+    problems = [d for report in reports for d in report.diagnostics]
+    failures.show(problems, err=False)
+    if problems:
+        typer.echo()
+
+
+def _tasks(reports: Sequence[Report]) -> list[Task]:
+    return [each.task for report in reports for each in report.tasks if each.task is not None]
+
+
+def _table(reports: Sequence[Report]) -> Any:
+    """Every task with its size and how it was checked."""
+    from rich.text import Text
+
+    from taskspec.cli.check import mark
+    from taskspec.cli.console import columns
+    from taskspec.cli.records import size
+
+    table = columns("", "task", "size", "horizon", "checked", right=(2, 3))
+    table.columns[4].overflow = "ellipsis"
+    for each in (each for report in reports for each in report.tasks):
+        task = each.task
+        extent, horizon = ("", "") if task is None else (size(task), "none" if task.horizon is None else f"{task.horizon:,}")
+        how = Text(each.finding.summary, style="quiet")
+        table.add_row(mark(each.diagnostics), Text(each.name, style="name"), extent, horizon, how)
+    return table
+
+
+# -- writing ------------------------------------------------------------------------------------------------------
+
+
+def write(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
+    """Write everything that exists so far; gives the paths, each with a word on what it is."""
+    folder.mkdir(parents=True, exist_ok=True)
+    return [_schema(folder), _index(tasks, folder), _sources(tasks, folder)]
+
+
+def _schema(folder: Path) -> tuple[Path, str]:
+    from taskspec.spec.schema import json_schema
+
+    return _json(folder / "schema.json", json_schema()), "JSON Schema of specs, for editors"
+
+
+def _index(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
+    """Every task with its spaces, parameters and content hash."""
+    from taskspec import __version__
+    from taskspec.cli.records import record
+
+    data = {"taskspec": __version__, "tasks": [record(task) for task in tasks]}
+    return _json(folder / "tasks.json", data), f"{len(tasks)} tasks with spaces, parameters and content hashes"
+
+
+def _sources(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
+    """The generated module of every task, in a folder for each suite."""
+    from taskspec.backends.program import compile_scalar
+
+    for task in tasks:
+        path = folder / "source" / (task.suite or "tasks") / f"{task.name}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(compile_scalar(task).source, encoding="utf-8")
+    return folder / "source", "the generated code of every environment"
+
+
+def _json(path: Path, data: Any) -> Path:
+    from taskspec.cli.console import to_json
+
+    path.write_text(to_json(data) + "\n", encoding="utf-8")
+    return path

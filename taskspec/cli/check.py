@@ -1,0 +1,173 @@
+"""`taskspec check`: proves specs right, or says exactly where they are wrong."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskspec.cli.options import Json, Parameters, Targets, Variant
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from taskspec.cli.checking import Checked, Report
+    from taskspec.cli.targets import File
+
+FORMATS = ("text", "json", "github")
+Format = Annotated[
+    str,
+    typer.Option(
+        "--format", metavar="|".join(FORMATS), help="Text, JSON, or GitHub annotations.", autocompletion=lambda: FORMATS
+    ),
+]
+Strict = Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Soundness for the given parameters only; no sense, no claims.")]
+
+
+def check(
+    targets: Targets = None,
+    variant: Variant = None,
+    parameters: Parameters = None,
+    format: Format = "text",
+    json: Json = False,
+    strict: Strict = False,
+    quick: Quick = False,
+) -> None:
+    """Check specs: shape, meaning, soundness with counterexamples, sense, and the claims they make.
+
+    Every task and variant of the given files and folders is checked, for its default parameters (or those given
+    by [green]-p[/]) and at the ends of their ranges. Exit status 1 if there is an error.
+    """
+    from taskspec.cli.checking import check_file, counts
+    from taskspec.cli.proofs import examine
+    from taskspec.cli.targets import assignments, checked_choice, files_of
+
+    start = time.perf_counter()
+    format = "json" if json else checked_choice("format", format, FORMATS)  # noqa: A001
+    values = assignments(parameters or [])
+    files = [_narrowed(file, variant) for file in files_of(targets or [])]
+    reports = [check_file(file, values, lambda task: examine(task, not (quick or values), not quick)) for file in files]
+    errors, warnings = counts(d for report in reports for d in report.diagnostics)
+    _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
+    if errors or (strict and warnings):
+        raise typer.Exit(1)
+
+
+def _narrowed(file: File, variant: str | None) -> File:
+    from taskspec.cli.targets import File
+
+    return file if variant is None else File(file.path, file.suite, (variant,))
+
+
+# -- text ---------------------------------------------------------------------------------------------------------
+
+
+def _print_text(reports: Sequence[Report], errors: int, warnings: int, seconds: float) -> None:
+    from taskspec.cli import failures
+    from taskspec.cli.console import console
+
+    problems = [d for report in reports for d in report.diagnostics]
+    failures.show(problems, err=False)
+    out = console(wide=True)
+    if problems:
+        out.print()
+    out.print(table_of(reports))
+    out.print()
+    out.print(verdict(reports, errors, warnings, seconds))
+
+
+def table_of(reports: Sequence[Report]) -> Table:
+    """What was checked, file by file, and how."""
+    from rich.text import Text
+
+    from taskspec.cli.console import columns
+
+    table = columns("", "", "")
+    table.columns[2].overflow = "ellipsis"
+    for report in reports:
+        table.add_row(mark(report.diagnostics), Text(report.path, style="title"))
+        for each in report.tasks:
+            how = Text(each.finding.summary, style="quiet")
+            table.add_row(mark(each.diagnostics), Text(f"  {each.name}", style="name"), how)
+    return table
+
+
+def mark(diagnostics: Sequence[Any]) -> Any:
+    """A sign for errors, for warnings, for neither."""
+    from rich.text import Text
+
+    from taskspec.cli.checking import counts
+
+    errors, warnings = counts(diagnostics)
+    if errors:
+        return Text("✗", style="bad")
+    return Text("!", style="warn") if warnings else Text("✓", style="good")
+
+
+def verdict(reports: Sequence[Report], errors: int, warnings: int, seconds: float) -> Any:
+    """The last line: how many tasks, how many problems, how long."""
+    from taskspec.cli.console import line
+
+    tasks = sum(len(report.tasks) for report in reports)
+    what = f"{plural(tasks, 'task')} in {plural(len(reports), 'spec')}: "
+    found = [(plural(errors, "error"), "bad")] if errors else []
+    found += [(plural(warnings, "warning"), "warn")] if warnings else []
+    found = found or [("no errors, no warnings", "good")]
+    parts: list[tuple[str, str] | str] = [what]
+    for i, part in enumerate(found):
+        parts += [", ", part] if i else [part]
+    return line(*parts, (f"  ({seconds:.2f} s)", "quiet"))
+
+
+def plural(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+# -- for programs -------------------------------------------------------------------------------------------------
+
+
+def _print_json(reports: Sequence[Report], errors: int, warnings: int, seconds: float) -> None:
+    from taskspec.cli.console import write_json
+
+    found = [d for report in reports for d in report.diagnostics]
+    tasks = [_record(report.path, each) for report in reports for each in report.tasks]
+    write_json({
+        "errors": errors, "warnings": warnings, "seconds": round(seconds, 4), "diagnostics": records(found), "tasks": tasks,
+    })  # fmt: skip
+
+
+def records(diagnostics: Sequence[Any]) -> Any:
+    """Diagnostics as data, as `diagnostics.render` writes them."""
+    from json import loads
+
+    from taskspec.diagnostics import render
+
+    return loads(render(diagnostics, "json"))
+
+
+def _record(path: str, each: Checked) -> dict[str, Any]:
+    from taskspec.cli.checking import counts
+
+    errors, warnings = counts(each.diagnostics)
+    return {
+        "id": each.name if each.task else None, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
+        "method": each.finding.method, "other_parameter_values": each.finding.cases,
+        "claims_proved": each.finding.proved, "claims_supported": each.finding.supported, "skipped": each.finding.skipped,
+        "seconds": round(each.seconds, 6),
+    }  # fmt: skip
+
+
+def _print_github(reports: Sequence[Report], errors: int, warnings: int, seconds: float) -> None:
+    from taskspec.cli.console import console
+    from taskspec.diagnostics import render
+
+    text = render([d for report in reports for d in report.diagnostics], "github")
+    if text:
+        typer.echo(text)
+    console(err=True).print(verdict(reports, errors, warnings, seconds))
+
+
+_PRINTERS = {"text": _print_text, "json": _print_json, "github": _print_github}

@@ -1,0 +1,95 @@
+"""Checking files: every task and variant of each, every problem once, and what was done to find it."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from taskspec.cli.proofs import Finding, examine
+from taskspec.cli.specs import task_in, variants_of
+from taskspec.cli.targets import File
+from taskspec.diagnostics import Diagnostic, SpecError
+
+if TYPE_CHECKING:
+    from taskspec.spec.task import Task
+
+Examine = Callable[["Task"], Finding]
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """One task of a file: what was found, and in how many seconds. `task` is None where it could not be built."""
+
+    name: str
+    variant: str | None
+    task: Task | None
+    finding: Finding
+    seconds: float
+
+    @property
+    def diagnostics(self) -> tuple[Diagnostic, ...]:
+        return self.finding.diagnostics
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One file: its tasks, and each of its problems once."""
+
+    path: str
+    tasks: tuple[Checked, ...]
+    diagnostics: tuple[Diagnostic, ...]
+
+
+def check_file(file: File, parameters: Mapping[str, Any] | None = None, prove: Examine = examine) -> Report:
+    """Check all that a file defines; nothing is raised for what is wrong with it."""
+    path = str(file.path)
+    try:
+        variants = variants_of(file)
+    except SpecError as error:
+        return Report(path, (), error.diagnostics)
+    checked = tuple(check_task(file, variant, parameters, prove) for variant in variants)
+    return Report(path, checked, once(checked))
+
+
+def check_task(file: File, variant: str | None, parameters: Mapping[str, Any] | None, prove: Examine) -> Checked:
+    """Build one task, then prove what can be proved of it."""
+    start = time.perf_counter()
+    try:
+        task = task_in(file, variant, parameters)
+    except SpecError as error:
+        found = Finding(error.diagnostics, "")
+        return Checked(variant or file.path.stem, variant, None, found, time.perf_counter() - start)
+    return Checked(task.id, variant, task, prove(task), time.perf_counter() - start)
+
+
+def once(checked: Iterable[Checked]) -> tuple[Diagnostic, ...]:
+    """Problems in order of place; what several variants inherit is told once, with a note of who shares it."""
+    sharing: dict[tuple[Any, ...], list[str]] = {}
+    first: dict[tuple[Any, ...], Diagnostic] = {}
+    for each in checked:
+        for diagnostic in each.diagnostics:
+            span = diagnostic.span
+            place = None if span is None else (span.line, span.column, span.end_line, span.end_column)
+            key = (diagnostic.code, place or diagnostic.message)
+            first.setdefault(key, diagnostic)
+            names = sharing.setdefault(key, [])
+            if each.name not in names:
+                names.append(each.name)
+    told = [_with_note(diagnostic, sharing[key]) for key, diagnostic in first.items()]
+    return tuple(sorted(told, key=lambda d: (0, 0) if d.span is None else (d.span.line, d.span.column)))
+
+
+def _with_note(diagnostic: Diagnostic, names: list[str]) -> Diagnostic:
+    if len(names) < 2:
+        return diagnostic
+    note = f"the same in {', '.join(names[1:])}"
+    return dataclasses.replace(diagnostic, notes=(*diagnostic.notes, note))
+
+
+def counts(diagnostics: Iterable[Diagnostic]) -> tuple[int, int]:
+    """Errors and warnings."""
+    severities = [d.severity for d in diagnostics]
+    return severities.count("error"), severities.count("warning")

@@ -1,0 +1,121 @@
+"""What every command prints with: one theme, one idea of width, and no obedience to what a spec contains."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import unicodedata
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+STYLES = {
+    "title": "bold",
+    "head": "bold bright_blue",
+    "name": "cyan",
+    "value": "green",
+    "quiet": "bright_black",
+    "good": "green",
+    "bad": "bold red",
+    "warn": "bold yellow",
+    "expression": "default",
+}
+PAGE = 100
+"""Prose is not set wider than this."""
+PIPED = 4096
+"""The width of tables that no terminal shows: every row stays on one line."""
+
+
+@lru_cache(maxsize=4)
+def console(err: bool = False, wide: bool = False) -> Console:
+    """The console of an output stream.
+
+    Args:
+        err: for standard error.
+        wide: for tables, which may fill a terminal and keep to one line a row in a pipe; prose is set to `PAGE`.
+    """
+    from rich.console import Console
+    from rich.theme import Theme
+
+    stream = sys.stderr if err else sys.stdout
+    theme = Theme(STYLES)
+    found = Console(file=stream, theme=theme, highlight=False, emoji=False, markup=False, width=_piped(stream, wide))
+    if not wide and found.width > PAGE:
+        found.width = PAGE
+    return found
+
+
+def _piped(stream: Any, wide: bool) -> int | None:
+    """The width for a stream that is no terminal; None leaves it to the terminal, or to COLUMNS."""
+    if stream.isatty() or os.environ.get("COLUMNS", "").isdigit():
+        return None
+    return PIPED if wide else PAGE
+
+
+def colored(err: bool = False) -> bool:
+    """Whether a stream gets colours."""
+    stream = sys.stderr if err else sys.stdout
+    if os.environ.get("NO_COLOR"):
+        return False
+    return stream.isatty() or bool(os.environ.get("FORCE_COLOR"))
+
+
+def write_json(data: Any) -> None:
+    """Print data as JSON; what JSON cannot hold (infinities) becomes text."""
+    typer.echo(to_json(data))
+
+
+def to_json(data: Any) -> str:
+    return json.dumps(_finite(data), indent=2, ensure_ascii=False, default=str)
+
+
+def _finite(data: Any) -> Any:
+    match data:
+        case dict():
+            return {str(key): _finite(value) for key, value in data.items()}
+        case list() | tuple():
+            return [_finite(item) for item in data]
+        case float() if data != data or abs(data) == float("inf"):
+            return str(data)
+        case _:
+            return data
+
+
+def clean(text: str) -> str:
+    """A spec's words without anything that a terminal would obey."""
+    return "".join(c if c == "\n" or unicodedata.category(c) not in ("Cc", "Cf", "Cs") else " " for c in text)
+
+
+def line(*parts: tuple[str, str] | str) -> Text:
+    """A line of text in several styles: `("words", "style")` or plain words."""
+    from rich.text import Text
+
+    return Text.assemble(*parts, no_wrap=False)
+
+
+def columns(*headers: str, right: Iterable[int] = (), fold: Iterable[int] = ()) -> Table:
+    """A table without rules; columns in `right` are aligned to the right, those in `fold` may wrap."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=any(headers), header_style="quiet")
+    for i, header in enumerate(headers):
+        table.add_column(header, justify="right" if i in right else "left", no_wrap=i not in fold)
+    return table
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number for people: thousands apart, no more digits than say something, a real minus sign."""
+    if value != value or abs(value) == float("inf"):
+        return str(value).replace("inf", "∞").replace("-", "−")
+    text = f"{value:,.{digits}f}".rstrip("0").rstrip(".") if abs(value) < 1e15 else f"{value:.4g}"
+    if float(text.replace(",", "")) == 0 and value != 0:
+        text = f"{value:.3g}"
+    return text.replace("-", "−") if text != "-0" else "0"

@@ -1,0 +1,68 @@
+"""Errors as messages: what went wrong, on standard error, and an exit status."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+import typer
+
+from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, render
+
+DEBUG = "TASKSPEC_TRACEBACK"
+"""Set in the environment, this variable shows where an internal error comes from."""
+OUR_OWN = ("Exit", "Abort", "BrokenPipeError")  # by name: their modules differ between versions of typer
+
+
+@contextmanager
+def reported() -> Iterator[None]:
+    """Turn exceptions into messages: status 1 for what the user can mend, 130 for an interrupt, 70 for our own faults."""
+    try:
+        yield
+    except SpecError as error:
+        fail(error.diagnostics)
+    except (TaskspecError, OSError) as error:
+        if isinstance(error, BrokenPipeError):
+            raise
+        _say(_words(error))
+        raise typer.Exit(1) from None
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    except Exception as error:
+        if type(error).__name__ in OUR_OWN or hasattr(error, "exit_code") or os.environ.get(DEBUG):
+            raise
+        _say(f"internal error: {type(error).__name__}: {error}\n  This is a fault of taskspec; {DEBUG}=1 shows where.")
+        raise typer.Exit(70) from None
+
+
+def fail(diagnostics: Iterable[Diagnostic]) -> None:
+    """Report problems and end with status 1."""
+    show(diagnostics)
+    raise typer.Exit(1)
+
+
+def show(diagnostics: Iterable[Diagnostic], err: bool = True) -> None:
+    """Print problems, in colour on a terminal."""
+    from taskspec.cli.console import colored
+
+    color = colored(err)
+    text = "\n\n".join(render([each], color=color) for each in diagnostics)
+    if text:
+        typer.echo(text, err=err, color=color)
+
+
+def refuse(code: str, message: str, hint: str | None = None) -> SpecError:
+    """An error about how a command was called."""
+    return SpecError([Diagnostic(code, None, message, hint)])
+
+
+def _words(error: Exception) -> str:
+    if isinstance(error, OSError):
+        name = "" if error.filename is None else f"{error.filename}: "
+        return f"error[E711 file-unreadable]: {name}{error.strerror or error}"
+    return f"error: {error}"
+
+
+def _say(text: str) -> None:
+    typer.echo(text, err=True)

@@ -1,0 +1,85 @@
+"""`taskspec new`: a spec to start from."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from taskspec.cli.failures import refuse
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
+
+SCAFFOLD = """\
+# Completion and marks in an editor: run `taskspec schema -o taskspec.schema.json`, then make the next line
+# the first one:     # yaml-language-server: $schema=taskspec.schema.json
+taskspec: 1
+name: {name}
+title: {title}
+summary: Walk along a corridor to the goal at its end.        # one sentence
+description: |                                                # Markdown, with $math$
+  The agent starts at the left end of a corridor of $L$ steps and is paid once it stands at the right end.
+  What a learner must get right to do well here, and what cannot matter, belongs in this paragraph.
+capability: exploration              # the one thing this task isolates
+# sources:                           # where the task comes from
+#   - {{key: author2020title, where: section 3}}
+
+parameters:                          # knobs: `taskspec run FILE -p L=8`, and gym.make(..., L=8)
+  L: {{type: int, default: 5, low: 1, high: 100, doc: length of the corridor}}
+
+state:                               # types: int, real, bool, choice; bounds are inclusive
+  s: {{type: int, low: 0, high: L, doc: position}}
+action:
+  a: {{type: choice, values: {{left: -1, right: 1}}, doc: direction of the step}}
+# observation:                       # what the agent sees; the state itself unless given
+#   position: s / L
+
+horizon: 2 * L                       # the episode is cut off after so many steps; `none` for never
+initial:                             # distributions are drawn where they stand: `s: UniformInt(0, L)`
+  s: 0
+dynamics:                            # a prime marks the next value; what is not named stays as it is
+  s': clip(s + a, 0, L)
+reward: s' == L                      # a condition counts as 0 or 1
+terminal: s' == L                    # ends the episode
+
+expert:                              # or `optimal`, or `soft(1)`
+  a: right
+claims:                              # statements that `taskspec check` holds you to
+  - optimal_return == 1
+  - expert_return == optimal_return
+"""
+
+
+def new(
+    name: Annotated[str, typer.Argument(help="The name of the task, such as RiskyPath.", show_default=False)],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Where to write it; risky_path.yaml by default.", show_default=False),
+    ] = None,
+) -> None:
+    """Write a commented spec to start from. It passes [cyan]taskspec check[/] as it is."""
+    if not _NAME.fullmatch(name):
+        better = "".join(part[:1].upper() + part[1:] for part in re.findall(r"[A-Za-z0-9]+", name)).lstrip("0123456789")
+        hint = f"perhaps {better}" if better else None
+        raise refuse("E205", f"'{name}' cannot name a task: letters and digits only, a letter first", hint)
+    path = output or Path(f"{_words(name, '_')}.yaml")
+    if path.is_dir():
+        path = path / f"{_words(name, '_')}.yaml"
+    _write(path, SCAFFOLD.format(name=name, title=_words(name, " ").capitalize()))
+    typer.echo(f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render")
+
+
+def _words(name: str, between: str) -> str:
+    """RiskyPath as risky_path."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", between, name).lower()
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise refuse("E711", f"'{path}' exists already; it was left as it is", "`-o` gives another place") from None

@@ -1,0 +1,103 @@
+"""The arguments and options that several commands share, with their help and their shell completion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+MAX_OFFERED = 100
+
+
+def complete_targets(incomplete: str) -> list[tuple[str, str]]:
+    """Ids of known tasks, and specs and folders on disk, that start like this."""
+    from taskspec import registry
+
+    known = registry.known().values()
+    ids = [(e.id, e.path.name) for e in known if e.id.startswith(incomplete)]
+    names = [(e.name, e.id) for e in known if incomplete and e.name.startswith(incomplete)]
+    return (ids + names + complete_paths(incomplete))[:MAX_OFFERED]
+
+
+def complete_paths(incomplete: str) -> list[tuple[str, str]]:
+    """Specs, and folders, that a path may go on to."""
+    head, slash, tail = incomplete.rpartition("/")
+    folder = Path(head + slash or ".")
+    if not folder.is_dir():
+        return []
+    found = [p for p in sorted(folder.iterdir()) if p.name.startswith(tail) and (tail or not p.name.startswith("."))]
+    folders = [(f"{head}{slash}{p.name}/", "folder") for p in found if p.is_dir()]
+    return [(f"{head}{slash}{p.name}", "spec") for p in found if p.suffix in (".yaml", ".yml")] + folders
+
+
+def complete_parameters(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """`L=10` for the parameters of the task on the command line: with their defaults, and what they mean."""
+    task = _task_in(ctx)
+    if task is None:
+        return []
+    from taskspec.cli.records import show_value
+
+    name, sign, _ = incomplete.partition("=")
+    if sign:
+        values = next((p.values or () for p in task.parameters if p.name == name), ())
+        return [(f"{name}={v}", "") for v in values if f"{name}={v}".startswith(incomplete)]
+    return [(f"{p.name}={show_value(p.default)}", p.doc or p.kind) for p in task.parameters if p.name.startswith(incomplete)]
+
+
+def complete_variants(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """Variants of the spec on the command line."""
+    from taskspec import registry
+    from taskspec.scan import scan
+
+    target = _target_in(ctx)
+    if target is None:
+        return []
+    path = Path(target) if registry.is_path(target) else registry.find(target).path
+    found = scan(path.read_text(encoding="utf-8")).tasks
+    return [(variant, name) for name, variant in found if variant is not None and variant.startswith(incomplete)]
+
+
+def _target_in(ctx: typer.Context) -> str | None:
+    """The task that the words before the cursor name; completion must never fail, so neither does this."""
+    target = ctx.params.get("task") or ctx.params.get("targets")
+    if isinstance(target, list | tuple):
+        target = target[0] if target else None
+    return target if isinstance(target, str) else None
+
+
+def _task_in(ctx: typer.Context) -> Any:
+    from taskspec import registry
+
+    target = _target_in(ctx)
+    try:
+        return None if target is None else registry.load(target, ctx.params.get("variant"))
+    except (ValueError, OSError):
+        return None
+
+
+TaskArgument = Annotated[
+    str,
+    typer.Argument(metavar="TASK", help="An id, or the path of a spec.", autocompletion=complete_targets, show_default=False),
+]
+Targets = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[TASK|FOLDER]...",
+        help="Ids, specs, suites or folders of specs; all known tasks unless given.",
+        autocompletion=complete_targets,
+        show_default=False,
+    ),
+]
+Variant = Annotated[
+    str | None,
+    typer.Option("--variant", "-v", metavar="NAME", help="A variant of the spec.", autocompletion=complete_variants),
+]
+Parameters = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-p", "--param", metavar="NAME=VALUE", help="A parameter, such as [green]-p L=20[/]; may be repeated.",
+        autocompletion=complete_parameters,
+    ),
+]  # fmt: skip
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]

@@ -1,0 +1,244 @@
+"""A task as a page for the terminal: what it is, what is in it, how it moves, what is claimed of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console, Group, RenderableType
+from rich.markdown import Markdown
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from taskspec.backends.spaces import action_layout, observation_layout
+from taskspec.cli.console import clean
+from taskspec.cli.equations import body, colored
+from taskspec.cli.records import domain_words, show_value, space_words
+from taskspec.spec.task import Component, Parameter, Soft, Task
+
+_MATH = re.compile(r"\$([^$\n]+)\$")
+_KEYS = ("definitions", "noise", "initial", "dynamics")
+
+
+def print_page(task: Task, out: Console) -> None:
+    """Print everything that the spec says about a task."""
+    for part in _page(task, out.width):
+        out.print(part)
+
+
+def _page(task: Task, width: int) -> Iterable[RenderableType]:
+    data = task.surface.data
+    yield _title(task, width)
+    if data.get("summary"):
+        yield Text(_words(data["summary"]), style="italic")
+    if data.get("description"):
+        yield _indented(Markdown(_words(data["description"])), top=1)
+    yield from _section("Parameters", _parameters(task.parameters))
+    yield from _section("State", _components(task.state))
+    yield from _section("Action", _components(task.action), space_words(action_layout(task)))
+    yield from _section("Observation", _observation(task), space_words(observation_layout(task)))
+    yield from _section("Equations", _equations(task))
+    yield from _section("Claims", _claims(task))
+    yield from _section("Errata", _errata(data.get("errata") or ()))
+    yield from _section("Sources", _sources(data.get("sources") or ()))
+    yield Text()
+    yield _foot(task)
+
+
+# -- parts --------------------------------------------------------------------------------------------------------
+
+
+def _title(task: Task, width: int) -> RenderableType:
+    title = clean(str(task.surface.data.get("title") or task.name))
+    left = Text.assemble((task.id, "bold cyan"), "  ", (title, "bold"))
+    right = Text(clean(str(task.surface.data.get("capability") or "")), style="quiet")
+    line = Table.grid(expand=True, padding=(0, 2, 0, 0))
+    line.add_column(ratio=1)
+    line.add_column(justify="right")
+    line.add_row(left, right if left.cell_len + right.cell_len + 2 <= width else "")
+    return line
+
+
+def _section(title: str, content: RenderableType | None, note: str = "") -> Iterable[RenderableType]:
+    if content is None:
+        return
+    yield Text.assemble("\n", (title, "head"), (f"  {note}" if note else "", "quiet"))
+    yield _indented(content)
+
+
+def _indented(content: RenderableType, top: int = 0) -> Padding:
+    return Padding(content, (top, 0, 0, 2))
+
+
+def _words(text: Any) -> str:
+    """A spec's prose, with `$mathematics$` as plain characters."""
+    return _MATH.sub(lambda m: _plain(m[1]), clean(str(text))).strip()
+
+
+def _plain(tex: str) -> str:
+    from taskspec.printers import plain, read_tex
+
+    return plain(read_tex(tex))
+
+
+def _grid(*, last: str = "quiet") -> Table:
+    table = Table.grid(padding=(0, 2, 0, 0))
+    for style in ("cyan", "default", "default", last):
+        table.add_column(style=style, overflow="fold")
+    return table
+
+
+def _parameters(parameters: Sequence[Parameter]) -> RenderableType | None:
+    if not parameters:
+        return None
+    table = _grid()
+    for p in parameters:
+        value = Text(show_value(p.value), style="bold green" if p.value != p.default else "green")
+        table.add_row(p.name, value, domain_words(p), clean(p.doc or ""))
+    return table
+
+
+def _components(components: Sequence[Component]) -> RenderableType:
+    table = Table.grid(padding=(0, 2, 0, 0))
+    for style in ("cyan", "default", "quiet"):
+        table.add_column(style=style, overflow="fold")
+    for c in components:
+        table.add_row(c.name, domain_words(c), clean(c.doc or ""))
+    return table
+
+
+def _observation(task: Task) -> RenderableType:
+    if task.observation.is_state:
+        clock = ", and the time" if task.observe_time else ""
+        return Text(f"the state{clock}", style="quiet")
+    expressions = task.surface.sections.get("observation", {})
+    return _equation_grid([(name, expr) for name, expr in expressions.items()])
+
+
+# -- equations ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """The left and the right side of a line."""
+
+    name: str
+    content: RenderableType
+
+
+def _equations(task: Task) -> RenderableType:
+    parts: list[RenderableType] = []
+    for title, lines in _blocks(task):
+        table = Table.grid(padding=(0, 1, 0, 0))
+        table.add_column(min_width=12, style="quiet")
+        table.add_column(no_wrap=True)
+        table.add_column()
+        for i, shown in enumerate(lines):
+            table.add_row(title if i == 0 else "", _left(shown.name), shown.content)
+        parts.append(table)
+    return Group(*parts)
+
+
+def _left(name: str) -> Text:
+    return Text.assemble((name, "cyan"), " =") if name else Text()
+
+
+def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
+    """Sections in the order of a paper's appendix, with their lines."""
+    data, sections = task.surface.data, task.surface.sections
+    if data.get("constants"):
+        yield "constants", [_Shown(clean(str(name)), _constant(value)) for name, value in data["constants"].items()]
+    for key in _KEYS:
+        if sections.get(key):
+            yield key, _named(sections[key])
+    for key in ("reward", "terminal", "absorbing_reward"):
+        if sections.get(key) is not None:
+            yield key.replace("_", " "), [_Shown("", body(sections[key]))]
+    yield "horizon", [_Shown("", _horizon(task))]
+    if task.discount != 1:
+        yield "discount", [_Shown("", Text(f"{task.discount:g}"))]
+    yield "expert", _expert(task)
+
+
+def _named(expressions: Mapping[str, Any]) -> list[_Shown]:
+    return [_Shown(name, body(expr)) for name, expr in expressions.items() if expr is not None]
+
+
+def _equation_grid(pairs: Sequence[tuple[str, Any]]) -> Table:
+    table = Table.grid(padding=(0, 1, 0, 0))
+    for name, expr in pairs:
+        table.add_row(_left(name), body(expr))
+    return table
+
+
+def _horizon(task: Task) -> Text:
+    raw = task.surface.data["horizon"]
+    steps = "none" if task.horizon is None else f"{task.horizon:,}"
+    return colored(steps if isinstance(raw, int) or task.horizon is None else f"{raw} = {steps}")
+
+
+def _expert(task: Task) -> list[_Shown]:
+    match task.expert:
+        case None:
+            return [_Shown("", Text("not given", style="quiet"))]
+        case "optimal":
+            return [_Shown("", Text("optimal, by planning on the exact model"))]
+        case Soft(beta=beta):
+            return [_Shown("", Text(f"Boltzmann-rational with β = {beta:g}, by planning on the exact model"))]
+    found = task.surface.sections["expert"]
+    return _named(found) if isinstance(found, Mapping) else [_Shown(task.action[0].name, body(found))]
+
+
+def _constant(value: Any) -> RenderableType:
+    if isinstance(value, Mapping) and isinstance(value.get("grid"), list):
+        return Text("\n".join(clean(str(row)) for row in value["grid"]))
+    text = clean(str(value))
+    return colored(text if len(text) <= 300 else text[:300] + " …")
+
+
+# -- the rest -----------------------------------------------------------------------------------------------------
+
+
+def _claims(task: Task) -> RenderableType | None:
+    if not task.claims:
+        return None
+    lines = []
+    for claim in task.claims:
+        cases = "; ".join(", ".join(f"{k}={show_value(v)}" for k, v in case.items()) for case in claim.cases)
+        lines.append(Text.assemble(colored(clean(claim.text)), (f"  for {cases}" if cases else "", "quiet")))
+    return Group(*lines)
+
+
+def _errata(errata: Sequence[Mapping[str, Any]]) -> RenderableType | None:
+    if not errata:
+        return None
+    table = Table.grid(padding=(0, 1, 0, 0))
+    for style in ("quiet", "default"):
+        table.add_column(style=style)
+    for i, erratum in enumerate(errata):
+        for label, key in (("source", "source"), ("here", "here"), ("because", "because")):
+            if erratum.get(key):
+                table.add_row(label, _words(erratum[key]))
+        if i + 1 < len(errata):
+            table.add_row()
+    return table
+
+
+def _sources(sources: Sequence[Mapping[str, Any]]) -> RenderableType | None:
+    if not sources:
+        return None
+    lines = [Text.assemble((clean(str(x.get("key", ""))), "cyan"), f"  {clean(str(x.get('where') or ''))}") for x in sources]
+    return Group(*lines)
+
+
+def _foot(task: Task) -> Text:
+    from taskspec.spec.merge import variant_names
+
+    others = [name for name in variant_names(task.document.data) if name != task.name]
+    lines = [f"{task.document.origin.name}  {task.content_hash[:12]}"]
+    if others:
+        lines.append(f"the same spec defines {', '.join(others)}")
+    return Text("\n".join(lines), style="quiet")

@@ -1,0 +1,180 @@
+"""A task as plain data, for `--json`, for indexes, and for the tables that are printed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from taskspec.backends.spaces import Layout, action_layout, observation_layout
+from taskspec.cli.console import number
+from taskspec.lang.types import Kind
+from taskspec.spec.task import Component, Parameter, Soft, Task
+
+_SETS = {Kind.BOOL: "𝔹", Kind.INT: "ℤ", Kind.REAL: "ℝ"}
+_RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def record(task: Task) -> dict[str, Any]:
+    """What `list --json` says of a task."""
+    data = task.surface.data
+    return {
+        "id": task.id,
+        "name": task.name,
+        "suite": task.suite,
+        "version": task.version,
+        "variant": task.variant,
+        "path": task.document.origin.name,
+        **{key: data.get(key) for key in ("title", "summary", "capability")},
+        "parameters": [parameter(p) for p in task.parameters],
+        "states": count(task.state),
+        "actions": count(task.action),
+        "state": [component(c) for c in task.state],
+        "action": [component(c) for c in task.action],
+        "observation_space": space(observation_layout(task)),
+        "action_space": space(action_layout(task)),
+        "horizon": task.horizon,
+        "discount": task.discount,
+        "expert": expert_kind(task),
+        "content_hash": task.content_hash,
+    }
+
+
+def parameter(p: Parameter) -> dict[str, Any]:
+    named = ("name", "kind", "value", "default", "low", "high", "values", "symbol", "doc")
+    return {name: getattr(p, name) for name in named if getattr(p, name) is not None}
+
+
+def component(c: Component) -> dict[str, Any]:
+    found: dict[str, Any] = {"name": c.name, "type": str(c.type.kind), "shape": list(c.type.shape), "doc": c.doc}
+    if c.domain is not None:
+        return found | {"type": "choice", "labels": list(c.domain.labels)}
+    return found | {"low": _bound(c.low), "high": _bound(c.high)}
+
+
+def _bound(values: Sequence[float]) -> Any:
+    """One number where all elements share it."""
+    return values[0] if len(set(values)) == 1 else list(values)
+
+
+def expert_kind(task: Task) -> str | None:
+    match task.expert:
+        case None | "optimal":
+            return task.expert
+        case Soft(beta=beta):
+            return f"soft({beta:g})"
+        case _:
+            return "expression"
+
+
+# -- sizes and spaces ---------------------------------------------------------------------------------------------
+
+
+def count(components: Sequence[Component]) -> int | None:
+    """How many values components take together, or None where that is not finite."""
+    if not all(c.is_finite for c in components):
+        return None
+    return math.prod(n for c in components for n in c.counts)
+
+
+def size(task: Task) -> str:
+    """States times actions, or the sets that they come from: `21 × 2`, `ℝ⁵⁰ × 2`."""
+    return f"{_extent(task.state)} × {_extent(task.action)}"
+
+
+def _extent(components: Sequence[Component]) -> str:
+    finite = count([c for c in components if c.is_finite])
+    assert finite is not None
+    sets: dict[Kind, int] = {}
+    for c in components:
+        if not c.is_finite:
+            sets[c.type.kind] = sets.get(c.type.kind, 0) + c.type.size
+    parts = [f"{_SETS[kind]}{'' if n == 1 else str(n).translate(_RAISED)}" for kind, n in sets.items()]
+    return " ".join([*([_short(finite)] if finite > 1 or not parts else []), *parts])
+
+
+def _short(n: int) -> str:
+    """A count; beyond a million its order of magnitude."""
+    if n < 1_000_000:
+        return f"{n:,}"
+    digits = len(str(n)) - 1
+    return f"{n // 10 ** (digits - 1) / 10:.1f}·10{str(digits).translate(_RAISED)}"
+
+
+def space(layout: Layout) -> dict[str, Any]:
+    """A Gymnasium space as data."""
+    match layout.form:
+        case "discrete":
+            c = layout.components[0]
+            return {"space": "Discrete", "n": c.counts[0], "start": int(c.low[0])}
+        case "multi_discrete":
+            return {"space": "MultiDiscrete", "nvec": list(layout.counts)}
+        case "one_hot":
+            return {"space": "Box", "shape": list(layout.shape), "low": 0.0, "high": 1.0}
+        case "dict":
+            return {"space": "Dict", "keys": [c.name for c in layout.components]}
+        case "box":
+            low, high = _bound(layout.low), _bound(layout.high)
+            return {"space": "Box", "shape": list(layout.shape), "low": low, "high": high}
+
+
+def space_words(layout: Layout) -> str:
+    """A Gymnasium space in a few words: `Discrete(21)`, `Box(50) in [0, 1]`."""
+    found = space(layout)
+    match found:
+        case {"space": "Discrete", "n": n, "start": start}:
+            return f"Discrete({n})" if start == 0 else f"Discrete({n}, start={start})"
+        case {"space": "MultiDiscrete", "nvec": nvec}:
+            return f"MultiDiscrete({_listed(nvec)})"
+        case {"space": "Dict", "keys": keys}:
+            return f"Dict({', '.join(keys)})"
+        case {"shape": shape, "low": low, "high": high}:
+            bounds = f" in {interval(low, high)}" if not isinstance(low, list) and not isinstance(high, list) else ""
+            return f"Box({_listed(shape)}){bounds}"
+    raise AssertionError(found)
+
+
+def _listed(items: Sequence[Any]) -> str:
+    shown = [str(i) for i in items] if len(items) <= 6 else [*map(str, items[:5]), "…"]
+    return ", ".join(shown)
+
+
+def interval(low: float, high: float) -> str:
+    """`[0, 1]`; open where there is no bound."""
+    left, right = ("(" if math.isinf(low) else "["), (")" if math.isinf(high) else "]")
+    return f"{left}{number(low)}, {number(high)}{right}"
+
+
+def domain_words(c: Component | Parameter) -> str:
+    """What values a component or a parameter takes: `int 0..20`, `real in [0, 1]`, `choice of up, down`."""
+    if isinstance(c, Parameter):
+        labels, kind, shape = c.values, c.kind, ""
+        low, high = (-math.inf if c.low is None else c.low), (math.inf if c.high is None else c.high)
+    else:
+        labels, kind = (c.domain.labels if c.domain else None), str(c.type.kind)
+        shape = f"[{', '.join(map(str, c.type.shape))}]" if c.type.shape else ""
+        low, high = min(c.low), max(c.high)
+    if labels is not None:
+        return " | ".join(map(str, labels)) + shape
+    if kind == "bool":
+        return f"bool{shape}"
+    if math.isinf(low) and math.isinf(high):
+        return f"{kind}{shape}"
+    if kind == "int":
+        return f"int{shape} {_end(low)}..{_end(high)}"
+    return f"real{shape} in {interval(low, high)}"
+
+
+def _end(value: float) -> str:
+    return "" if math.isinf(value) else number(value).replace(",", "")
+
+
+def defaults(task: Task) -> str:
+    """`L=10 B=2`"""
+    return " ".join(f"{p.name}={show_value(p.value)}" for p in task.parameters)
+
+
+def show_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,164 @@
+"""`taskspec run`: rolls out a policy and says how it did."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskspec.cli.failures import refuse
+from taskspec.cli.options import Json, Parameters, TaskArgument, Variant, complete_paths
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from taskspec.cli.rollouts import Episode, Summary
+    from taskspec.spec.task import Task
+
+EPISODES, MAX_STEPS = 100, 10_000
+BAR_AFTER = 0.3
+"""Seconds; what is done sooner needs no progress bar."""
+
+
+def complete_policies(incomplete: str) -> list[tuple[str, str]]:
+    named = [("random", "uniform over the action space"), ("expert", "the spec's own")]
+    return [p for p in named if p[0].startswith(incomplete)] + complete_paths(incomplete)
+
+
+Policy = Annotated[
+    str,
+    typer.Option(
+        "--policy", metavar="NAME|FILE", help="random, expert, or a .json or .csv file of actions.",
+        autocompletion=complete_policies,
+    ),
+]  # fmt: skip
+Episodes = Annotated[
+    int | None,
+    typer.Option("--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.", show_default=False),
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="Episodes are a function of it.")]
+Render = Annotated[bool, typer.Option("--render", help="Show every state as text.")]
+MaxSteps = Annotated[int, typer.Option("--max-steps", min=1, help="Cuts episodes that have no end of their own.")]
+
+
+def run(
+    task: TaskArgument,
+    policy: Policy = "random",
+    episodes: Episodes = None,
+    seed: Seed = 0,
+    variant: Variant = None,
+    parameters: Parameters = None,
+    render: Render = False,
+    max_steps: MaxSteps = MAX_STEPS,
+    json: Json = False,
+) -> None:
+    """Roll out a policy: mean return with its 95 % confidence interval, lengths, and how episodes ended."""
+    from taskspec.cli.rollouts import Clock, summarize
+    from taskspec.cli.targets import task_of
+
+    if json and render:
+        raise refuse("E713", "--json and --render do not go together")
+    found = task_of(task, variant, parameters or [])
+    count = episodes or (1 if render else EPISODES)
+    clock = Clock()
+    done = list(_episodes(found, policy, seed, count, max_steps, render, quiet=json))
+    summary = summarize(done, clock.seconds)
+    if json:
+        _print_json(found, policy, seed, summary)
+    else:
+        _print(found, policy, seed, summary)
+
+
+def _episodes(
+    task: Task, policy: str, seed: int, count: int, max_steps: int, render: bool, quiet: bool
+) -> Iterator[Episode]:
+    """Episodes, shown step by step or behind a progress bar."""
+    from taskspec.cli.policies import policy_for
+    from taskspec.cli.rollouts import rollouts
+    from taskspec.envs import Environment
+
+    env = Environment(task, render_mode="ansi" if render else None)
+    acts = policy_for(policy, env, seed)
+    done = rollouts(env, acts, seed, count, max_steps, _watch if render else None)
+    return done if render or quiet else _with_bar(done, count)
+
+
+def _watch(text: str) -> None:
+    from taskspec.cli.console import clean
+
+    typer.echo(clean(text) + "\n")
+
+
+def _with_bar(done: Iterator[Episode], count: int) -> Iterator[Episode]:
+    """The same episodes; a progress bar appears on standard error when they take their time."""
+    from time import perf_counter
+
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from taskspec.cli.console import console
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    progress = Progress(*columns, console=console(err=True), transient=True, disable=not console(err=True).is_terminal)
+    bar, start = progress.add_task("episodes", total=count), perf_counter()
+    try:
+        for episode in done:
+            if not progress.live.is_started and perf_counter() - start > BAR_AFTER:
+                progress.start()
+            progress.advance(bar)
+            yield episode
+    finally:
+        progress.stop()
+
+
+# -- output -------------------------------------------------------------------------------------------------------
+
+
+def _print_json(task: Task, policy: str, seed: int, summary: Summary) -> None:
+    from taskspec.cli.console import write_json
+
+    about: dict[str, Any] = {"id": task.id, "parameters": task.values, "policy": policy, "seed": seed}
+    found = dataclasses.asdict(summary)
+    half = found.pop("half")
+    interval = None if half is None else [summary.mean - half, summary.mean + half]
+    write_json({**about, "content_hash": task.content_hash, **found, "confidence_95": interval})
+
+
+def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from taskspec.cli.console import console, line, number
+    from taskspec.cli.records import defaults
+
+    out = console()
+    settings = f" {defaults(task)}" if task.parameters else ""
+    who = policy if "." in policy else f"{policy} policy"
+    out.print(line((task.id, "name"), (settings, "value"), (f"  {who}, seed {seed}", "quiet")))
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(style="quiet")
+    table.add_row("  return", _mean(summary))
+    if summary.episodes > 1:
+        spread = f"{number(summary.lowest)} to {number(summary.highest)}, standard deviation {number(summary.deviation)}"
+        table.add_row("", Text(spread, style="quiet"))
+    if task.discount != 1:
+        table.add_row("  discounted", f"{number(summary.discounted)} at {task.discount:g}")
+    table.add_row("  length", f"{number(summary.length, 2)} steps")
+    table.add_row("  episodes", _endings(summary))
+    out.print(table)
+
+
+def _mean(summary: Summary) -> Any:
+    from taskspec.cli.console import line, number
+
+    if summary.half is None:
+        return line((number(summary.mean), "title"))
+    low, high = number(summary.mean - summary.half), number(summary.mean + summary.half)
+    return line((number(summary.mean), "title"), f" ± {number(summary.half)}", (f"   95 % confidence: {low} to {high}", "quiet"))
+
+
+def _endings(summary: Summary) -> str:
+    from taskspec.cli.rollouts import ENDINGS
+
+    parts = [f"{n:,} {ENDINGS[key]}" for key, n in sorted(summary.endings.items(), key=lambda item: -item[1])]
+    return ", ".join(parts)

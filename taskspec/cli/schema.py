@@ -1,0 +1,35 @@
+"""`taskspec schema`: the JSON Schema that lets an editor complete and check specs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Output = Annotated[
+    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write to this file.", dir_okay=False, show_default=False)
+]
+
+
+def schema(output: Output = None) -> None:
+    """Print the JSON Schema of specs, for editors.
+
+    With yaml-language-server (VS Code, Neovim, Helix, Emacs), write it beside your specs:
+
+        [cyan]taskspec schema -o taskspec.schema.json[/]
+
+    and let every spec begin with this line, which gives completion, documentation, and marks while typing:
+
+        [green]# yaml-language-server: $schema=taskspec.schema.json[/]
+    """
+    from taskspec.cli.console import to_json
+    from taskspec.spec.schema import json_schema
+
+    text = to_json(json_schema())
+    if output is None:
+        typer.echo(text)
+        return
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(text + "\n", encoding="utf-8")
+    typer.echo(f"wrote {output}", err=True)

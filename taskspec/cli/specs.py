@@ -1,0 +1,55 @@
+"""Specs as files: which tasks a file defines, read once however many there are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from taskspec.cli.targets import File
+from taskspec.source import Document, read_file
+
+if TYPE_CHECKING:
+    from taskspec.spec.task import Task
+
+
+@lru_cache(maxsize=256)
+def _document(path: str) -> Document:
+    """The document of a file whose shape is right."""
+    from taskspec.diagnostics import Collector
+    from taskspec.spec.schema import check_shape
+
+    document = read_file(path)
+    collector = Collector()
+    collector.extend(check_shape(document))
+    collector.raise_if_errors()
+    return document
+
+
+def variants_of(file: File) -> list[str | None]:
+    """The variants that make a task (None for the spec itself), in written order.
+
+    A spec that only its variants complete is no task itself; one that nothing completes stands for itself, so that
+    its author is told what is missing.
+
+    Raises:
+        SpecError: when the file cannot be read, or has not the shape of a spec.
+    """
+    from taskspec.spec.merge import merge, variant_names
+
+    if file.variants is not None:
+        return list(file.variants)
+    document = _document(str(file.path))
+    complete = [v for v in variant_names(document.data).values() if not merge(document, v).missing]
+    return complete or [None]
+
+
+def task_in(file: File, variant: str | None, parameters: Mapping[str, Any] | None = None) -> Task:
+    """One task of a file.
+
+    Raises:
+        SpecError: with every mistake found.
+    """
+    from taskspec.spec.build import build
+
+    return build(_document(str(file.path)), variant, parameters or {}, file.suite)
