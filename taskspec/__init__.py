@@ -5,8 +5,7 @@ One YAML spec gives a Gymnasium environment, an exact model and the printed appe
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # as in `typing`, which is not imported: `taskspec.autoload` runs whenever Python starts
 if TYPE_CHECKING:
     from taskspec.diagnostics import Diagnostic as Diagnostic
     from taskspec.diagnostics import SpecError as SpecError
@@ -40,13 +39,13 @@ __all__ = [
 __version__ = "0.1.0"
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import each door on first use, so that `import taskspec` costs next to nothing."""
     if name not in _DOORS:
         raise AttributeError(f"module 'taskspec' has no attribute {name!r}")
     from importlib import import_module
 
-    value = getattr(import_module(_DOORS[name]), name)
+    value: object = getattr(import_module(_DOORS[name]), name)
     globals()[name] = value
     return value
 
