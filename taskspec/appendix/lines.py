@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import groupby
 from typing import Any
 
+from taskspec.appendix.draws import is_draw
 from taskspec.appendix.prose import Code, Formula, Inline, Inlines, Text, inlines, listing
 from taskspec.appendix.writing import Writing, unchanged
 from taskspec.lang import syntax as s
@@ -12,6 +14,7 @@ from taskspec.printers import piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.names import expression
 from taskspec.printers.notation import Writer
+from taskspec.printers.text import text
 from taskspec.spec.build import signature
 from taskspec.spec.task import Component, Soft
 
@@ -32,16 +35,40 @@ def formula(*items: m.Math) -> Formula:
 def parameters(w: Writing) -> Iterator[Inlines]:
     """`L = 10`: what it is, and its range."""
     for p in w.task.parameters:
-        entry = w.section("parameters")[p.name]
-        value = w.values.get(p.name, p.value)
-        shown = m.Words(str(value)) if isinstance(value, str | bool) else w.declared(value)
-        content: list[Inline] = [formula(w.symbol(p.name), m.Sym("="), shown)]
+        content: list[Inline] = [formula(w.symbol(p.name), m.Sym("="), setting(w.values.get(p.name, p.value)))]
         if w.symbol(p.name) != m.Ident(p.name):
             content += [Text(" ("), Code(p.name), Text(")")]
-        content += [Text(": "), *inlines(p.doc)] if p.doc else []
-        if any(entry.get(k) is not None for k in ("low", "high", "values")):
-            content += [Text(", in " if p.doc else " in "), Formula(w.domain(p.name, entry))]
-        yield tuple(content)
+        content += [Text(", "), *inlines(p.doc)] if p.doc else []
+        yield (*content, *_range(w, p.name))
+
+
+def setting(value: Any) -> m.Math:
+    """The value of a parameter."""
+    match value:
+        case bool():
+            return m.upright("true" if value else "false")
+        case int() | float():
+            digits = f"{abs(value):.10g}".replace("inf", "∞")
+            return m.Row((m.Sym("−"), m.Num(digits))) if value < 0 else m.Num(digits)
+        case _:
+            return m.Words(str(value))
+
+
+def _range(w: Writing, name: str) -> Inlines:
+    """The allowed values of a parameter, in brackets."""
+    entry = w.section("parameters")[name]
+    low, high = entry.get("low"), entry.get("high")
+    if entry.get("values"):
+        return (Text(" ("), Formula(w.domain(name, entry)), Text(")"))
+    match low, high:
+        case None, None:
+            return ()
+        case bottom, None:
+            return (Text(" (at least "), Formula(w.declared(bottom)), Text(")"))
+        case None, top:
+            return (Text(" (at most "), Formula(w.declared(top)), Text(")"))
+        case bottom, top:
+            return (Text(" ("), Formula(w.declared(bottom)), Text(" to "), Formula(w.declared(top)), Text(")"))
 
 
 def grids(w: Writing) -> Iterator[tuple[str, str]]:
@@ -196,9 +223,13 @@ def rewards(w: Writing) -> Iterator[Inlines]:
 
 
 def initial(w: Writing) -> Iterator[Inlines]:
-    """One line each, constants that fit on one line together."""
-    for name, expr in (w.parsed("initial") or {}).items():
-        yield (Formula(w.equation(w.symbol(name), expr, name)),)
+    """A line for each component; neighbours that are drawn alike share one."""
+    found = list((w.parsed("initial") or {}).items())
+    for written, group in groupby(found, key=lambda item: text(item[1]) if is_draw(item[1]) else item[0]):
+        pairs = list(group)
+        names, (_, expr) = [w.symbol(name) for name, _ in pairs], pairs[0]
+        together = written != pairs[0][0] and len(pairs) > 1
+        yield (Formula(w.equation(m.joined(names), expr, pairs[0][0])), *((Text(", independently"),) if together else ()))
     roles = w.data.get("roles")
     if roles:
         words = " and ".join(f"the {role} in {variant}" for role, variant in roles.items())

@@ -8,36 +8,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from fractions import Fraction
+from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.appendix import sections
+from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import Block, Cite, Inlines, blocks, inlines
 from taskspec.appendix.sections import Line, Section
 from taskspec.appendix.writing import Writing
 from taskspec.spec.task import Task
-
-
-@dataclass(frozen=True, slots=True)
-class Verdict:
-    """What became of a claim; `holds` is None when it was not checked."""
-
-    holds: bool | None = None
-    detail: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Facts:
-    """Results of exact analysis, or of simulation where `exact` is false.
-
-    `scores` maps names ("optimal return") to numbers; `verdicts` follow the order of the task's claims.
-    """
-
-    scores: Mapping[str, int | float | Fraction] = field(default_factory=dict)
-    verdicts: Sequence[Verdict] = ()
-    states: int | None = None
-    exact: bool = True
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Protocol
+from typing import Any
 
 from taskspec.appendix import claims, lines
+from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import Cite, Formula, Inline, Inlines, Mark, Text, inlines
 from taskspec.appendix.writing import Writing
 from taskspec.printers import tree as m
-from taskspec.spec.task import Soft
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,22 +33,6 @@ class Section:
     lead: bool = True
 
 
-class Results(Protocol):
-    """What a page needs to know of exact results."""
-
-    @property
-    def scores(self) -> Mapping[str, int | float | Fraction]: ...
-
-    @property
-    def verdicts(self) -> Any: ...
-
-    @property
-    def states(self) -> int | None: ...
-
-    @property
-    def exact(self) -> bool: ...
-
-
 Maker = Callable[[Writing], Iterator[Inlines]]
 _SECTIONS: tuple[tuple[str, str, Maker, bool], ...] = (
     ("parameters", "Configurable parameters", lines.parameters, False),
@@ -65,7 +49,7 @@ _SECTIONS: tuple[tuple[str, str, Maker, bool], ...] = (
 )
 
 
-def all_sections(w: Writing, facts: Results) -> list[Section]:
+def all_sections(w: Writing, facts: Facts) -> list[Section]:
     """Every section that has something to say."""
     found = [Section(key, title, tuple(Line(x) for x in make(w)), lead) for key, title, make, lead in _SECTIONS]
     grids = Section("maps", "Maps", tuple(Line((Text(name),), verbatim=text) for name, text in lines.grids(w)), False)
@@ -88,15 +72,18 @@ def _single(section: Section) -> Section:
 # -- results ----------------------------------------------------------------------------------------------------------
 
 
-def _scores_title(facts: Results) -> str:
-    return "Exact scores" if facts.exact else "Scores"
+def _scores_title(facts: Facts) -> str:
+    return "Exact scores" if all(s.exact for s in facts.scores.values()) else "Scores"
 
 
-def _scores(facts: Results) -> Iterator[Line]:
-    for name, value in facts.scores.items():
-        yield Line((Text(f"{name} "), Formula(number(value))))
+def _scores(facts: Facts) -> Iterator[Line]:
+    for name, score in facts.scores.items():
+        content: list[Inline] = [Text(f"{name} "), Formula(number(score.value))]
+        if not score.exact:
+            content += [Text(" ± "), Formula(m.Num(f"{score.error:.2g}")), Text(f" (from {score.episodes} episodes)")]
+        yield Line(tuple(content))
     if facts.states is not None:
-        yield Line((Text("reachable states "), Formula(number(facts.states))))
+        yield Line((Text("states that can be reached "), Formula(number(facts.states))))
 
 
 def number(value: int | float | Fraction) -> m.Math:
@@ -124,14 +111,13 @@ def _terminates(value: Fraction) -> bool:
     return d == 1 and value.denominator <= 10**6
 
 
-def _claims(w: Writing, facts: Results) -> Iterator[Line]:
+def _claims(w: Writing, facts: Facts) -> Iterator[Line]:
     verdicts = list(facts.verdicts)
     for i, claim in enumerate(w.task.claims):
         found = verdicts[i] if i < len(verdicts) else None
         content: list[Inline] = [*claims.sentence(w, claim.expr), *_cases(claim.cases)]
         if found is not None and found.holds is not None:
-            word = "holds" if found.holds else "fails"
-            content += [Text(" "), Mark(found.holds, f"{word}{f': {found.detail}' if found.detail else ''}")]
+            content += [Text(" "), Mark(found.holds, found.words)]
         yield Line(tuple(content))
 
 
@@ -168,7 +154,3 @@ def sources(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
 def _sources(w: Writing) -> Iterator[Line]:
     for entry in sources(w.data):
         yield Line((Cite(str(entry["key"]), entry.get("where")),))
-
-
-def named_expert(soft: Soft | str) -> str:
-    return "optimal" if isinstance(soft, str) else f"Boltzmann-rational at {soft.beta:g}"

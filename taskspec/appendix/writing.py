@@ -112,16 +112,20 @@ class Writing:
 
     def reads(self, expr: s.Expr) -> set[str]:
         """Names that an expression depends on, through definitions and noise, as written (with primes)."""
+        defined = {signature(w)[0]: (e, signature(w)[1] or ()) for w, e in (self.parsed("definitions") or {}).items()}
+        defined |= {name: (e, ()) for name, e in (self.parsed("noise") or {}).items()}
         found: set[str] = set()
-        definitions = {signature(w)[0]: e for w, e in (self.parsed("definitions") or {}).items()}
-        definitions |= dict(self.parsed("noise") or {})
-        waiting: list[Any] = [expr]
+        expanded: set[str] = set()
+        waiting: list[tuple[Any, tuple[str, ...]]] = [(expr, ())]
         while waiting:
-            for node in s.names(waiting.pop()):
+            body, bound = waiting.pop()
+            for node in s.names(body):
                 name = node.function if isinstance(node, s.Call) else node.written
-                if name in definitions and name not in found:
-                    waiting.append(definitions[name])
-                found.add(name)
+                if name in defined and name not in expanded:
+                    expanded.add(name)
+                    waiting.append(defined[name])
+                if name not in bound:
+                    found.add(name)
         return found
 
     def arguments(self, expr: s.Expr) -> tuple[m.Math, ...]:

@@ -46,7 +46,7 @@ def figure(task: Task, path: Path | str, overlay: Overlay | None = None) -> Path
     path = Path(path)
     found = scene(task, overlay)
     if found is None:
-        raise SpecError((Diagnostic("E709", None, f"{task.id} has no figure that can be drawn"),))
+        raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn"),))
     match path.suffix:
         case ".svg":
             path.write_text(svg(found) + "\n", encoding="utf-8")
@@ -56,7 +56,7 @@ def figure(task: Task, path: Path | str, overlay: Overlay | None = None) -> Path
             raster.save(found, path, path.suffix[1:])
         case other:
             message = f"'{other}' is not a format of figures"
-            raise SpecError((Diagnostic("E709", None, message, "use .svg, .tex, .png or .pdf"),))
+            raise SpecError((Diagnostic("E713", None, message, "use .svg, .tex, .png or .pdf"),))
     return path
 
 

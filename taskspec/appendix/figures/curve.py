@@ -10,7 +10,7 @@ from taskspec.appendix.figures.values import at_states, compile_value, expert_pa
 from taskspec.lang.ir import Read, Role
 from taskspec.spec.task import Task
 
-WIDTH, HEIGHT, SAMPLES, SEED = 5.0, 3.2, 60, 3
+WIDTH, HEIGHT, SAMPLES, SEED = 5.0, 3.0, 60, 8
 
 
 def curve(task: Task, overlay: Overlay) -> Scene | None:
@@ -37,13 +37,15 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
 
 def _draw(task: Task, line: list[Point], dots: list[Point]) -> Scene:
     xs = [x for x, _ in (*line, *dots)]
-    ys = [y for _, y in (*line, *dots)] + [0.0]
+    ys = [y for _, y in (*line, *dots)]
     sx, sy = WIDTH / (max(xs) - min(xs) or 1.0), HEIGHT / (max(ys) - min(ys) or 1.0)
 
     def to(p: Point) -> Point:
         return (p[0] - min(xs)) * sx, (max(ys) - p[1]) * sy
 
-    items: list[Item] = [Line((to((min(xs), 0.0)), to((max(xs), 0.0))), color="muted", width=0.02)]
+    items: list[Item] = []
+    if min(ys) <= 0 <= max(ys):
+        items.append(Line((to((min(xs), 0.0)), to((max(xs), 0.0))), color="muted", width=0.02))
     if min(xs) <= 0 <= max(xs):
         items.append(Line((to((0.0, min(ys))), to((0.0, max(ys)))), color="muted", width=0.02))
     items.append(Line(tuple(map(to, line)), color="accent", width=0.07))

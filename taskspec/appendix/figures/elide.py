@@ -100,7 +100,7 @@ def _elided(machine: Machine, layers: list[list[Vertex]], arcs: list[Arc]) -> Dr
         kept = [_narrow(layer, goes_on) for layer in layers]
         return _cut(kept, arcs) if sum(map(len, kept)) <= 2 * MANY else None
     depth = len(layers) - 1
-    middle = [("dots", 2), *[v for v in layers[2] if not goes_on(v)]]
+    middle = [*[v for v in layers[2] if not goes_on(v)], ("dots", 2)]
     before = [v for v in layers[depth - 1] if goes_on(v)]
     kept = [_narrow(layers[0], goes_on), _narrow(layers[1], goes_on), _narrow(middle, lambda v: v == ("dots", 2)),
             _narrow(before, goes_on), _narrow(layers[depth], goes_on)]  # fmt: skip
@@ -116,14 +116,12 @@ def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool]) -> list[Vert
         return layer
     main = [v for v in layer if goes_on(v)][:2]
     others = [v for v in layer if v not in main]
-    ends = [others[0], ("dots", layer[0]), others[-1]] if len(others) > 2 else others
-    keep = {*main, *ends}
-    return [v for v in [others[0], ("dots", layer[0]), *layer[1:]] if v in keep]
+    if len(others) <= 2:
+        return layer
+    return [others[0], ("dots", layer[0]), others[-1], *main]
 
 
 def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = None) -> Drawing:
     shown = {v for layer in kept for v in layer}
     inside = [a for a in arcs if a.source in shown and a.target in shown and a.source != a.target]
-    wide = [Arc(a.source, v) for layer in kept for v in layer if isinstance(v, tuple) and v[0] == DOTS and v[1] != 2
-            for a in inside if a.target in layer][:1]  # fmt: skip
-    return Drawing(tuple(map(tuple, kept)), (*inside, *(links or ()), *wide[:0]), elided=True)
+    return Drawing(tuple(map(tuple, kept)), (*inside, *(links or ())), elided=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.appendix.figures.overlay import Overlay
-from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Role, Scene, fitted
+from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Role, Scene, fitted, scaled
 from taskspec.appendix.figures.values import Reads, all_states, at_states, compile_value, first_state, reads_of
 from taskspec.exact.space import Space
 from taskspec.exact.transitions import Steps
@@ -148,7 +148,7 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene | No
     colors: dict[Cell, Role] = {(int(p[0] - corner[0]), int(p[1] - corner[1])): role for role, p in marks}
     agents = {(int(ax - corner[0]), int(ay - corner[1])): 1.0}
     board = _Board(2 * half + 1, 2 * half + 1, colors, {}, agents, {}, {}, open=True)
-    return fitted(board.items(), f"Part of the grid of {task.name} around the agent", ("One start of many.",))
+    return fitted(scaled(board.items(), 0.55), f"Part of the grid of {task.name} around the agent", ("One start of many.",))
 
 
 def codes_of(task: Task) -> Space:

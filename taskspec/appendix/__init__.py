@@ -1,0 +1,16 @@
+"""The printed form of tasks: pages as data, figures, and their rendering as LaTeX, HTML and Markdown."""
+
+from __future__ import annotations
+
+from taskspec.appendix.facts import Facts as Facts
+from taskspec.appendix.facts import gather as gather
+from taskspec.appendix.figures import Overlay as Overlay
+from taskspec.appendix.figures import figure as figure
+from taskspec.appendix.figures import render_frame as render_frame
+from taskspec.appendix.figures import scene as scene
+from taskspec.appendix.page import Page as Page
+from taskspec.appendix.page import page as page
+from taskspec.appendix.write import FORMATS as FORMATS
+from taskspec.appendix.write import write as write
+
+__all__ = ["FORMATS", "Facts", "Overlay", "Page", "figure", "gather", "page", "render_frame", "scene", "write"]

@@ -1,0 +1,91 @@
+"""Bibliography entries: a small reader of BibTeX, enough for the regular form in which such files are kept."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+_ENTRY = re.compile(r"@(\w+)\s*\{\s*([\w:.+/-]+)\s*,")
+_FIELD = re.compile(r"(\w+)\s*=\s*")
+_ACCENTS = re.compile(r"\\['`^\"~=.uvHtcdb]\s*\{?(\w)\}?")
+NAME = "references.bib"
+
+
+@dataclass(frozen=True)
+class Reference:
+    """An entry: its kind, its key and its fields as written."""
+
+    kind: str
+    key: str
+    fields: Mapping[str, str]
+
+    def plain(self, field: str) -> str:
+        """A field as text, without TeX's braces and accents."""
+        text = _ACCENTS.sub(r"\1", self.fields.get(field, ""))
+        return re.sub(r"\s+", " ", text.replace("{", "").replace("}", "").replace("--", "–").replace("~", " ")).strip()
+
+    @property
+    def authors(self) -> str:
+        """Family names: `A and B`, `A, B and C`, `A et al.` for more than four."""
+        people = [p for p in self.plain("author").split(" and ") if p]
+        names = [p.partition(",")[0] if "," in p else p.rsplit(" ", 1)[-1] for p in people]
+        if len(names) > 4:
+            return f"{names[0]} et al."
+        return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]])) if names else ""
+
+    @property
+    def venue(self) -> str:
+        return next((self.plain(f) for f in ("journal", "booktitle", "howpublished", "publisher") if f in self.fields), "")
+
+    def bibtex(self) -> str:
+        inner = "".join(f"  {name} = {{{value}}},\n" for name, value in self.fields.items())
+        return f"@{self.kind}{{{self.key},\n{inner}}}\n"
+
+
+def read(text: str) -> dict[str, Reference]:
+    """The entries of a BibTeX text by key; what cannot be read is passed over."""
+    found = {}
+    for match in _ENTRY.finditer(text):
+        fields = dict(_fields(text, match.end()))
+        found[match[2]] = Reference(match[1].lower(), match[2], fields)
+    return found
+
+
+def _fields(text: str, at: int) -> Iterable[tuple[str, str]]:
+    while True:
+        found = re.compile(r"[\s,]*").match(text, at)
+        match = _FIELD.match(text, found.end() if found else at)
+        if match is None:
+            return
+        value, at = _value(text, match.end())
+        yield match[1].lower(), value
+
+
+def _value(text: str, at: int) -> tuple[str, int]:
+    """A value in braces, in quotes, or bare; and where it ends."""
+    if text[at : at + 1] == '"':
+        end = text.find('"', at + 1)
+        return (text[at + 1 : end], end + 1) if end > 0 else (text[at + 1 :], len(text))
+    if text[at : at + 1] != "{":
+        bare = re.compile(r"[^,}\s]*").match(text, at)
+        return (bare[0], bare.end()) if bare else ("", len(text))
+    depth, end = 0, at
+    while end < len(text):
+        depth += {"{": 1, "}": -1}.get(text[end], 0)
+        end += 1
+        if depth == 0:
+            break
+    return text[at + 1 : end - 1], end
+
+
+def beside(specs: Iterable[str | Path]) -> dict[str, Reference]:
+    """The entries of every `references.bib` that lies beside one of the specs."""
+    folders = dict.fromkeys(Path(spec).parent for spec in specs)
+    found: dict[str, Reference] = {}
+    for folder in folders:
+        path = folder / NAME
+        if path.is_file():
+            found |= read(path.read_text(encoding="utf-8"))
+    return found

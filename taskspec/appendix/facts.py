@@ -1,0 +1,77 @@
+"""Results of exact analysis, or of simulation, as a page shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from taskspec.exact import Return, verdicts
+from taskspec.exact import Results as Analysis
+from taskspec.exact import Verdict as Decision
+from taskspec.spec.task import Task
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """A return; `error` is its standard error when it was estimated from `episodes`."""
+
+    value: int | float | Fraction
+    error: float = 0.0
+    episodes: int = 0
+
+    @property
+    def exact(self) -> bool:
+        return self.episodes == 0
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What became of a claim; `holds` is None when it was not checked."""
+
+    holds: bool | None = None
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What a page tells beyond the task itself; `verdicts` follow the order of the task's claims."""
+
+    scores: Mapping[str, Score] = field(default_factory=dict)
+    verdicts: Sequence[Verdict] = ()
+    states: int | None = None
+
+
+def gather(task: Task) -> Facts:
+    """Scores and verdicts of a task, worked out now.
+
+    Raises:
+        SpecError: (E705) without scipy.
+    """
+    found = Analysis(task)
+    returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
+    shown = {f"{name} return": _score(value) for name, value in returns.items() if value is not None}
+    states = None if found.model is None else int(found.model.entered.sum())
+    return Facts(shown, tuple(_by_claim(task, verdicts(task, found))), states)
+
+
+def _score(found: Return) -> Score:
+    return Score(found.value, found.error, found.episodes)
+
+
+def _by_claim(task: Task, decisions: Iterable[Decision]) -> Iterable[Verdict]:
+    """One verdict for each claim: it holds when it holds in all its cases."""
+    waiting = iter(decisions)
+    for claim in task.claims:
+        found = [next(waiting) for _ in claim.cases or ({},)]
+        yield _together(found)
+
+
+def _together(found: Sequence[Decision]) -> Verdict:
+    wrong = next((d for d in found if not d.holds), None)
+    if wrong is not None:
+        undecided = wrong.status == "undecidable"
+        return Verdict(None if undecided else False, "not decided" if undecided else "does not hold")
+    if all(d.status == "proved" for d in found):
+        return Verdict(True, "proved")
+    return Verdict(True, f"not contradicted in {max(d.episodes for d in found)} episodes")

@@ -1,0 +1,202 @@
+"""Pages -> a static site: an index and a page a task, mathematics as MathML, no script and no network."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
+from typing import Any, assert_never
+
+from markupsafe import Markup
+
+from taskspec.appendix.bibliography import Reference
+from taskspec.appendix.extras import need
+from taskspec.appendix.figures import Scene, svg
+from taskspec.appendix.page import Page
+from taskspec.appendix.prose import (
+    Block, Bullets, Cite, Code, Emph, Formula, Inline, Inlines, Link, Mark, Paragraph, Text, is_safe,
+)  # fmt: skip
+from taskspec.appendix.render.environment import html_environment
+from taskspec.appendix.render.suite import Suite
+from taskspec.appendix.sections import Line, Section
+from taskspec.printers import tree as m
+from taskspec.printers.mathml import mathml
+from taskspec.printers.plain import plain
+
+BREAK_AFTER = 34.0
+_SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
+
+
+def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Files by name: `index.html` and one for each task.
+
+    Args:
+        suite: the pages.
+        links: names and addresses for the head of every page, such as the language reference.
+    """
+    env = html_environment()
+    safe = {name: address for name, address in (links or {}).items() if is_safe(address)}
+    common = {"suite": suite.title, "links": safe, "style": Markup(_style())}
+    files = {"index.html": env.get_template("index.html").render(cards=[_card(suite, p) for p in suite.pages], **common)}
+    for i, page in enumerate(suite.pages):
+        before = suite.pages[i - 1] if i else None
+        after = suite.pages[i + 1] if i + 1 < len(suite.pages) else None
+        files[f"{page.anchor}.html"] = env.get_template("task.html").render(
+            before=before, after=after, **_page(suite, page), **common
+        )
+    return files
+
+
+def _style() -> str:
+    source = html_environment().loader.get_source(html_environment(), "style.css")[0]  # type: ignore[union-attr]
+    return source + _highlight_style()
+
+
+def _page(suite: Suite, page: Page) -> dict[str, Any]:
+    writer = Writer(suite.cited)
+    scene = suite.scenes.get(page.anchor)
+    return {
+        "page": page,
+        "summary": writer.prose(page.summary),
+        "description": [writer.block(b) for b in page.description],
+        "sections": [writer.section(s, page) for s in page.sections],
+        "figure": Markup(svg(scene, css=True)) if scene else None,
+        "notes": scene.notes if scene else (),
+        "source": _highlighted(page.source_text),
+    }
+
+
+def _card(suite: Suite, page: Page) -> dict[str, Any]:
+    """A task in the index: its line of facts and its thumbnail."""
+    scene: Scene | None = suite.scenes.get(page.anchor)
+    writer = Writer(suite.cited)
+    spaces = [(name, section) for name, key in (("states", "state"), ("actions", "actions"), ("horizon", "horizon"))
+              if (section := page.section(key)) is not None]  # fmt: skip
+    facts = [(name, writer.prose(section.lines[0].content)) for name, section in spaces]
+    scores = page.section("scores")
+    found = [writer.prose(line.content) for line in scores.lines] if scores else []
+    names = ", ".join(f"{p.name} = {p.value}" for p in page.task.parameters)
+    return {
+        "page": page, "summary": writer.prose(page.summary), "facts": facts, "scores": found, "parameters": names,
+        "figure": Markup(svg(scene, css=True)) if scene else None,
+    }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Writer:
+    """Writes prose; sources that are known are cited by author and year."""
+
+    references: Mapping[str, Reference]
+
+    def section(self, section: Section, page: Page) -> dict[str, Any]:
+        lines = [self.line(line, page) for line in section.lines]
+        lead, rest = (lines[0], lines[1:]) if section.lead else (None, lines)
+        return {"key": section.key, "title": section.title, "lead": lead, "lines": rest}
+
+    def line(self, line: Line, page: Page) -> Markup:
+        out = self.prose(line.content)
+        if line.verbatim is not None:
+            out += Markup('<pre class="map">{}</pre>').format(line.verbatim)
+        for title, values in zip(page.columns, line.values, strict=True):
+            if values:
+                out += Markup('<span class="values">{}: {}</span>').format(title, self.prose(values))
+        return out
+
+    def prose(self, content: Inlines) -> Markup:
+        return Markup("").join(self.inline(piece) for piece in content)
+
+    def inline(self, piece: Inline) -> Markup:
+        match piece:
+            case Text(text=text):
+                return Markup(escape(text))
+            case Formula(math=math, display=display):
+                return formula(math, display)
+            case Code(text=text):
+                return Markup("<code>{}</code>").format(text)
+            case Emph(inner=inner, strong=strong):
+                tag = "strong" if strong else "em"
+                return Markup(f"<{tag}>{{}}</{tag}>").format(self.prose(inner))
+            case Link(address=address, inner=inner):
+                return Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, self.prose(inner))
+            case Cite():
+                return self.cite(piece)
+            case Mark(holds=holds, text=text):
+                sign, kind = ("✓", "holds") if holds else ("✗", "fails")
+                return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(kind, sign, text)
+            case _:
+                assert_never(piece)
+
+    def cite(self, cite: Cite) -> Markup:
+        found = self.references.get(cite.key)
+        where = Markup(", {}").format(cite.where) if cite.where else Markup("")
+        if found is None:
+            return Markup("{}").format(cite.key) + where
+        title = Markup("{}").format(found.plain("title"))
+        address = found.plain("url")
+        if address and is_safe(address):
+            title = Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, title)
+        venue = f", {found.venue}" if found.venue else ""
+        head = Markup("{} ({}). ").format(found.authors, found.plain("year"))
+        return head + title + Markup("{}").format(venue) + where
+
+    def block(self, block: Block) -> Markup:
+        match block:
+            case Paragraph(content=content):
+                return Markup("<p>{}</p>").format(self.prose(content))
+            case Bullets(items=items, ordered=ordered):
+                tag = "ol" if ordered else "ul"
+                inner = Markup("").join(Markup("<li>{}</li>").format(Markup("").join(map(self.block, i))) for i in items)
+                return Markup(f"<{tag}>{{}}</{tag}>").format(inner)
+            case _:
+                return Markup("<pre>{}</pre>").format(block.text)
+
+
+def formula(math: m.Math, display: bool = False) -> Markup:
+    """Mathematics in a line; a long formula in pieces, so that the browser can break the line between them."""
+    if display:
+        return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
+    pieces = _pieces(math) if m.width(math) > BREAK_AFTER else [math]
+    if len(pieces) == 1:
+        kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
+        return Markup(f'<span class="{kind}">{mathml(math)}</span>')
+    alt = escape(plain(math), quote=True)
+    inner = " ".join(mathml(piece) for piece in pieces)
+    return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
+
+
+def _pieces(math: m.Math) -> list[m.Math]:
+    """A row cut before its signs and after its commas."""
+    if not isinstance(math, m.Row):
+        return [math]
+    out: list[list[m.Math]] = [[]]
+    for item in math.items:
+        if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
+            out.append([])
+        out[-1].append(item)
+        if item == m.Sym(",") or isinstance(item, m.Space) and item.width == "wide":
+            out.append([])
+    return [m.row(*items) for items in out if items]
+
+
+# -- the source -------------------------------------------------------------------------------------------------------
+
+
+def _highlighted(text: str) -> Markup:
+    """YAML with its parts marked by class."""
+    pygments, lexers, formatters = (need(f"pygments{x}", "docs") for x in ("", ".lexers.data", ".formatters"))
+    formatter = formatters.HtmlFormatter(nowrap=True, classprefix="y-")
+    return Markup(pygments.highlight(text, lexers.YamlLexer(), formatter))
+
+
+_KINDS = {"nt": "key", "c1": "comment", "s": "text", "s1": "text", "s2": "text", "m": "number", "kc": "number", "p": "mark"}
+
+
+def _highlight_style() -> str:
+    rules = {"key": "var(--link)", "comment": "var(--muted)", "text": "var(--ink)", "number": "var(--number)", "mark": "var(--muted)"}
+    return "".join(f".y-{short}{{color:{rules[kind]}}}\n" for short, kind in _KINDS.items())
+
+
+def strip_tags(text: str) -> str:
+    """The words of a piece of HTML, for tests and search."""
+    return re.sub(r"<[^>]+>", "", text)

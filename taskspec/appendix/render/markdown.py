@@ -1,0 +1,129 @@
+"""Pages -> Markdown for a repository's documentation: mathematics between dollars, figures as files beside."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import assert_never
+from urllib.parse import quote
+
+from taskspec.appendix.page import Page
+from taskspec.appendix.prose import (
+    Block, Bullets, Cite, Code, Emph, Formula, Inline, Inlines, Link, Mark, Paragraph, Text,
+)  # fmt: skip
+from taskspec.appendix.render.environment import text_environment
+from taskspec.appendix.render.suite import Suite
+from taskspec.appendix.sections import Line, Section
+from taskspec.printers import tree as m
+from taskspec.printers.latex import latex
+
+_SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
+_NUMBERED = re.compile(r"^(\d+)([.)])")
+# Readers that take backslash escapes before mathematics would spoil these.
+_SPELLED = ((r"\taskspecone ", r"\mathbf{1}"), (r"\{", r"\lbrace "), (r"\}", r"\rbrace "), (r"\\", r"\cr "),
+            (r"\,", r"\thinspace "), (r"\%", r"\text{ per cent}"), (r"\#", r"\text{number of }"))  # fmt: skip
+
+
+def markdown(suite: Suite) -> dict[str, str]:
+    """Files by name: `index.md` and one for each task."""
+    env = text_environment()
+    writer = Writer(suite)
+    files = {f"{page.anchor}.md": writer.page(page) for page in suite.pages}
+    rows = [(escape(p.name), p.anchor, escape(p.capability), writer.prose(p.summary)) for p in suite.pages]
+    files["index.md"] = env.get_template("index.md").render(title=escape(suite.title), rows=rows)
+    return files
+
+
+def escape(text: str) -> str:
+    """Text for Markdown: no markup, no HTML, on one line."""
+    text = " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
+    return _NUMBERED.sub(r"\1\\\2", _SPECIAL.sub(r"\\\1", text).replace(r"\(", "(").replace(r"\)", ")").replace(r"\-", "-"))
+
+
+@dataclass(frozen=True)
+class Writer:
+    suite: Suite
+
+    def page(self, page: Page) -> str:
+        scene = self.suite.scenes.get(page.anchor)
+        return text_environment().get_template("task.md").render(
+            name=escape(page.name), title=escape(page.title), summary=self.prose(page.summary), make=page.make,
+            description=[self.block(b) for b in page.description], sections=[self.section(s, page) for s in page.sections],
+            figure=f"figures/{page.anchor}.svg" if scene else "", alt=escape(scene.alt) if scene else "",
+        )  # fmt: skip
+
+    def section(self, section: Section, page: Page) -> dict[str, object]:
+        lines = [self.line(line, page) for line in section.lines]
+        lead, rest = (lines[0], lines[1:]) if section.lead else ("", lines)
+        return {"title": escape(section.title), "lead": lead, "lines": rest}
+
+    def line(self, line: Line, page: Page) -> str:
+        text = self.prose(line.content)
+        if line.verbatim is not None:
+            text += " " + ", ".join(_code(row) for row in line.verbatim.splitlines())
+        for title, values in zip(page.columns, line.values, strict=True):
+            if values:
+                text += f" ({escape(title)}: {self.prose(values)})"
+        return text
+
+    def prose(self, content: Inlines) -> str:
+        return "".join(map(self.inline, content))
+
+    def inline(self, piece: Inline) -> str:
+        match piece:
+            case Text(text=text):
+                return _SPECIAL.sub(_inside, escape_entities(text))
+            case Formula(math=math):
+                return formula(math)
+            case Code(text=text):
+                return _code(text)
+            case Emph(inner=inner, strong=strong):
+                mark = "**" if strong else "*"
+                return f"{mark}{self.prose(inner)}{mark}"
+            case Link(address=address, inner=inner):
+                return f"[{self.prose(inner)}](<{quote(address, safe=':/?=&.,+-@!*;~%#')}>)"
+            case Cite():
+                return self.cite(piece)
+            case Mark(holds=holds, text=text):
+                return f"({'✓' if holds else '✗'} {escape(text)})"
+            case _:
+                assert_never(piece)
+
+    def cite(self, cite: Cite) -> str:
+        found = self.suite.cited.get(cite.key)
+        where = f", {escape(cite.where)}" if cite.where else ""
+        if found is None:
+            return escape(cite.key) + where
+        return f"{escape(found.authors)} ({escape(found.plain('year'))}). {escape(found.plain('title'))}{where}"
+
+    def block(self, block: Block) -> str:
+        match block:
+            case Paragraph(content=content):
+                return self.prose(content)
+            case Bullets(items=items):
+                return "\n".join("- " + " ".join(map(self.block, item)) for item in items)
+            case _:
+                return "\n".join(f"    {row}" for row in block.text.splitlines())
+
+
+def _inside(match: re.Match[str]) -> str:
+    """Marks that mean something inside a line."""
+    return match[1] if match[1] in "().-+!>#" else f"\\{match[1]}"
+
+
+def escape_entities(text: str) -> str:
+    return " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
+
+
+def _code(text: str) -> str:
+    """Code between as many backticks as it needs."""
+    ticks = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
+    pad = " " if text.startswith("`") or text.endswith("`") else ""
+    return f"{ticks}{pad}{text}{pad}{ticks}"
+
+
+def formula(math: m.Math) -> str:
+    text = latex(math)
+    for written, spelled in _SPELLED:
+        text = text.replace(written, spelled)
+    return f"${re.sub(r' +', ' ', text.replace(chr(92) + 'allowbreak', '')).strip()}$"

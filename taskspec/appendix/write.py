@@ -1,0 +1,118 @@
+"""Tasks -> files in a folder, in the formats asked for."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from taskspec.appendix import render
+from taskspec.appendix.bibliography import Reference, beside
+from taskspec.appendix.facts import Facts
+from taskspec.appendix.figures import scene, svg
+from taskspec.appendix.page import page
+from taskspec.appendix.render.suite import Suite
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.spec.task import Task
+
+LATEX_RUNS = 3
+_WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
+    "latex": lambda suite, links: render.document(suite),
+    "html": render.site,
+    "markdown": lambda suite, links: render.markdown(suite),
+    "svg": lambda suite, links: {},
+}
+FORMATS = (*_WRITERS, "pdf")
+
+
+def write(
+    tasks: Sequence[Task],
+    formats: Iterable[str],
+    folder: Path | str,
+    *,
+    title: str = "",
+    facts: Mapping[str, Facts] | None = None,
+    columns: Sequence[Mapping[str, Any]] = (),
+    references: Mapping[str, Reference] | None = None,
+    links: Mapping[str, str] | None = None,
+) -> list[Path]:
+    """Write the printed form of tasks; the same tasks give the same files.
+
+    Args:
+        tasks: in the order in which they are to appear.
+        formats: of `latex`, `html`, `markdown`, `svg` (the figures alone) and `pdf` (LaTeX, compiled).
+        folder: made if need be.
+        title: of the whole; by default the tasks' suite.
+        facts: results by id of the task (see `gather`); left out without.
+        columns: parameter values to show beside the symbols.
+        references: bibliography by key; by default the `references.bib` beside the specs.
+        links: names and addresses for the head of every HTML page.
+
+    Returns:
+        The files written, in order.
+
+    Raises:
+        SpecError: for another format, without an extra, or when there is no TeX for `pdf`.
+    """
+    wanted = list(dict.fromkeys(formats))
+    for unknown in (f for f in wanted if f not in FORMATS):
+        raise _refused(f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
+    if "pdf" in wanted and shutil.which("pdflatex") is None:
+        raise _refused("`pdf` needs pdflatex, which is not installed", "install TeX Live, or write `latex` and compile it elsewhere")
+    suite = gather_pages(tasks, title, facts or {}, columns, references)
+    files: dict[str, str] = {}
+    for name in dict.fromkeys("latex" if f == "pdf" else f for f in wanted):
+        files |= _WRITERS[name](suite, links or {})
+    if {"markdown", "svg"} & set(wanted):
+        files |= {f"figures/{anchor}.svg": svg(found) + "\n" for anchor, found in suite.scenes.items()}
+    written = _save(files, Path(folder))
+    return [*written, compile_pdf(Path(folder))] if "pdf" in wanted else written
+
+
+def gather_pages(
+    tasks: Sequence[Task],
+    title: str = "",
+    facts: Mapping[str, Facts] | None = None,
+    columns: Sequence[Mapping[str, Any]] = (),
+    references: Mapping[str, Reference] | None = None,
+) -> Suite:
+    """Pages and figures of tasks, ready to be rendered."""
+    pages = [page(task, (facts or {}).get(task.id), columns) for task in tasks]
+    scenes = {p.anchor: found for p in pages if (found := scene(p.task)) is not None}
+    known = beside(task.document.origin.name for task in tasks) if references is None else references
+    names = dict.fromkeys(task.suite for task in tasks if task.suite)
+    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", tuple(pages), scenes, known)
+
+
+def _save(files: Mapping[str, str], folder: Path) -> list[Path]:
+    written = []
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8", newline="\n")
+        written.append(path)
+    return written
+
+
+def compile_pdf(folder: Path) -> Path:
+    """Compile `document.tex` in a folder.
+
+    Raises:
+        SpecError: with the first error of TeX.
+    """
+    for command in ("pdflatex", "bibtex", "pdflatex", "pdflatex"):
+        options = ["document"] if command == "bibtex" else [
+            "-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "document.tex"]  # fmt: skip
+        if command == "bibtex" and (shutil.which("bibtex") is None or not (folder / "references.bib").read_text()):
+            continue
+        done = subprocess.run([command, *options], cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+        if done.returncode != 0 and command == "pdflatex":
+            problem = next((line for line in done.stdout.splitlines() if line.startswith("!")), "pdflatex failed")
+            raise _refused(f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log")
+    return folder / "document.pdf"
+
+
+def _refused(message: str, hint: str) -> SpecError:
+    return SpecError((Diagnostic("E713", None, message, hint),))
