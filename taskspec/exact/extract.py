@@ -180,7 +180,8 @@ def _escaping(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> _Row
             escaping[points[f.outside]] = True
             f = replace(f, weight=np.where(f.outside, 0.0, f.weight))
         kept.append(f)
-    return replace(_irregular(steps, codes, kept, n), escaping=escaping)
+    paid = _irregular(steps, codes, found, n).reward
+    return replace(_irregular(steps, codes, kept, n), reward=paid, escaping=escaping)
 
 
 def _regular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> _Rows:

@@ -45,10 +45,16 @@ def examine(task: Task, limit: int = MAX_POINTS) -> Soundness:
     methods = []
     for phase in phases(task, limit):
         examination = Examination(phase)
-        for violation in examination.violations():
+        for violation in _causes(list(examination.violations())):
             report(violation, examination, collector)
         methods.append(examination.method)
     return Soundness(collector.diagnostics, Method.joined(methods))
+
+
+def _causes(violations: list[Violation]) -> list[Violation]:
+    """Without values that are wrong where a distribution already is: one mistake, one message."""
+    drawn = {(v.check.section, v.check.entry) for v in violations if v.check.place is not None}
+    return [v for v in violations if v.check.place is not None or (v.check.section, v.check.entry) not in drawn]
 
 
 def soundness(task: Task) -> list[Diagnostic]:

@@ -29,7 +29,7 @@ def report(violation: Violation, examination: Examination, collector: Collector)
 
 
 def _where(violation: Violation, task: Task) -> str:
-    """`from s = 20 with a = 1, `: only what the value depends on, or everything when that is little."""
+    """`from s = 20 with a = 1, `: what the value depends on; of a step that is short to tell, everything."""
     check = violation.check
     needed = reads((check.node, *check.guards))
     states = _values(task.state, Role.STATE, violation, needed)
@@ -49,11 +49,12 @@ def _values(
     components: Iterable[Component], role: Role, violation: Violation, needed: frozenset[tuple[Role, str]]
 ) -> list[str]:
     components = list(components)
+    whole = violation.check.section == "dynamics" and len(components) == 1 and components[0].type.size <= 4
     return [
         f"{c.name} = {shown(c, violation.reads[role, c.name][..., 0])}"
         for c in components
         if (role, c.name) in violation.reads
-        and ((role, c.name) in needed or (len(components) == 1 and c.type.size <= 4))
+        and ((role, c.name) in needed or whole)
     ]
 
 

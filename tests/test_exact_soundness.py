@@ -1,0 +1,199 @@
+"""Soundness: each kind of mistake is found, at its place, with a counterexample; sound tasks stay silent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from taskspec import source
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exact.soundness import cases, check_ranges, examine, soundness
+from taskspec.spec.build import build
+from taskspec.spec.merge import variant_names
+from taskspec.spec.task import Task
+
+ROOT = Path(__file__).parents[1]
+SPECS = sorted((ROOT / "tasks").rglob("*.yaml")) + sorted((ROOT / "tests" / "specs").glob("*.yaml"))
+
+FINITE = """
+taskspec: 1
+name: Broken
+parameters:
+  n: {type: int, default: 4, low: 1, high: 9}
+state:
+  s: {type: int, low: 0, high: n}
+  m: {type: choice, values: [near, far]}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 20
+initial:
+  s: INITIAL
+  m: near
+dynamics:
+  s': DYNAMICS
+  m': MODE
+reward: REWARD
+terminal: TERMINAL
+observation:
+  o: OBSERVATION
+expert:
+  a: EXPERT
+"""
+SOUND = {
+    "INITIAL": "0", "DYNAMICS": "min(s + a, n)", "MODE": "m", "REWARD": "s' == n", "TERMINAL": "False",
+    "OBSERVATION": "s", "EXPERT": "1",
+}  # fmt: skip
+
+
+def written(**parts: str) -> Task:
+    text = FINITE
+    for name, value in (SOUND | parts).items():
+        text = text.replace(name, value)
+    return build(source.read_text(text, "broken.yaml"))
+
+
+def only(task: Task) -> Diagnostic:
+    found = soundness(task)
+    assert len(found) == 1, found
+    return found[0]
+
+
+def excerpt(found: Diagnostic) -> str:
+    assert found.span is not None
+    line = found.span.origin.line(found.span.line)
+    return line[found.span.column - 1 : found.span.end_column - 1]
+
+
+MISTAKES = [
+    ({"DYNAMICS": "s + a"}, "E403", "from s = 4 with a = 1, the next s is 5; it must be between 0 and 4", "s + a"),
+    ({"DYNAMICS": "s + a if a == 1 else s"}, "E403", "the next s is 5", "s + a"),
+    ({"INITIAL": "UniformInt(3, 5)"}, "E404", "s starts at 5; it must be between 0 and 4", "UniformInt(3, 5)"),
+    ({"REWARD": "1 / s"}, "E406", "in s = 0, the reward is inf", "1 / s"),
+    ({"REWARD": "1 / s'"}, "E406", "in s = 0 with a = 0, the reward is inf", "1 / s'"),
+    ({"OBSERVATION": "log(s - 1)"}, "E405", "in s = 0, o is nan, which is not a finite number", "log(s - 1)"),
+    ({"EXPERT": "s"}, "E409", "in s = 2, the expert's a is 2; it must be between 0 and 1", "s"),
+    ({"MODE": "'{near: s / 4, far: 1/2}'"}, "E401", "the sum of the probabilities is 0.5, not 1", None),
+    ({"REWARD": "Bernoulli(s / 3)"}, "E402", "in s = 4, 'p' of Bernoulli is 1.33333", "s / 3"),
+    ({"REWARD": "Normal(mean=0, std=s - 1)"}, "E408", "in s = 0, 'std' of Normal is -1", "s - 1"),
+    ({"REWARD": "Exponential(rate=s)"}, "E408", "in s = 0, 'rate' of Exponential is 0", "s"),
+    ({"REWARD": "UniformInt(s, 3)"}, "E408", "in s = 4, 'high' - 'low' of UniformInt is -1", "UniformInt(s, 3)"),
+]
+
+
+@pytest.mark.parametrize(("parts", "code", "message", "part"), MISTAKES, ids=lambda x: str(x)[:40])
+def test_a_mistake_is_shown_by_a_counterexample(
+    parts: dict[str, str], code: str, message: str, part: str | None
+) -> None:
+    parts = {k: v.strip("'") if k == "MODE" else v for k, v in parts.items()}
+    found = only(written(**parts))
+    assert found.code == code
+    assert message in found.message
+    assert part is None or excerpt(found) == part
+    assert "parameters: n = 4" in found.notes
+
+
+def test_labels_appear_by_name() -> None:
+    found = only(written(DYNAMICS="s + (m == near)"))
+    assert found.message.startswith("from s = 4, m = near with a = 0, the next s is 5")
+
+
+def test_a_table_row_is_the_place() -> None:
+    table = "{by: [m, a], rows: {near: {0: s, 1: s + 1}, far: s}}"
+    assert excerpt(only(written(DYNAMICS=table))) == "s + 1"
+
+
+def test_probabilities_in_a_branch_that_is_not_taken_do_not_matter() -> None:
+    assert soundness(written(REWARD="Bernoulli(s / 3) if s <= 3 else False")) == []
+    found = only(written(REWARD="False if s <= 3 else Bernoulli(s / 3)"))
+    assert (found.code, excerpt(found)) == ("E402", "s / 3")
+
+
+def test_a_state_that_ends_the_episode_needs_no_dynamics() -> None:
+    assert soundness(written(DYNAMICS="s + a", TERMINAL="s' == n")) == []
+    assert only(written(DYNAMICS="s + a", TERMINAL="s' == n and a == 0")).code == "E403"
+
+
+def test_a_state_that_no_episode_acts_in_is_declared_all_the_same() -> None:
+    found = only(written(DYNAMICS="s + 1 if s == 4 else s"))
+    assert found.code == "E403"
+    assert any("no episode acts in this state" in note for note in found.notes)
+
+
+def test_the_counterexample_is_one_that_episodes_meet() -> None:
+    found = only(written(DYNAMICS="1 if s == 0 else s", INITIAL="UniformInt(0, 1)", REWARD="1 / (s - 1) / (s - 3)"))
+    assert found.message.startswith("in s = 1, the reward is")
+
+
+def test_time_is_looked_at_where_it_matters() -> None:
+    found = only(written(REWARD="1 / (t - 7)"))
+    assert "at t = 7" in found.message
+
+
+def test_the_method_is_stated() -> None:
+    assert str(examine(written()).method) == "by bounds"
+    method = examine(written(DYNAMICS="s + a * (s < n)")).method
+    assert method.exact
+    assert (method.points, method.states) == (20, 10)
+    assert not examine(written(DYNAMICS="s + a * (s < n)"), limit=5).method.exact
+
+
+CONTINUOUS = """
+taskspec: 1
+name: Real
+state:
+  x: {type: real, low: -1, high: 1}
+action:
+  a: {type: real, low: -1, high: 1}
+horizon: 5
+initial:
+  x: Uniform(-1, 1)
+dynamics:
+  x': DYNAMICS
+reward: REWARD
+"""
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "reward", "codes", "proved"),
+    [
+        ("clip(x + a, -1, 1)", "-x**2", [], True),
+        ("x + 0.01 * a", "-x**2", ["E403"], False),
+        ("x * abs(a)", "sqrt(x)", ["E406"], False),
+        ("x * cos(10 * a)", "exp(x * a)", [], True),
+    ],
+)
+def test_reals_are_proved_by_bounds_or_sampled(dynamics: str, reward: str, codes: list[str], proved: bool) -> None:
+    text = CONTINUOUS.replace("DYNAMICS", dynamics).replace("REWARD", reward)
+    found = examine(build(source.read_text(text, "real.yaml")))
+    assert [d.code for d in found.diagnostics] == codes
+    assert found.method.exact is proved
+
+
+def test_parameters_are_tried_at_the_ends_of_their_ranges() -> None:
+    task = written(REWARD="1 / (n - 2)", DYNAMICS="min(s + a, 4)")
+    assert {"n": 1} in cases(task)
+    found = check_ranges(task)
+    assert "E403" in {d.code for d in found.diagnostics}
+    assert any("parameters: n = 1" in note for d in found.diagnostics for note in d.notes)
+
+
+def all_tasks() -> list[tuple[Path, str | None]]:
+    return [(path, v) for path in SPECS for v in variant_names(source.read(path).data).values()]
+
+
+def shipped() -> list[Task]:
+    found = []
+    for path, variant in all_tasks():
+        try:
+            found.append(build(source.read(path), variant))
+        except SpecError:
+            continue  # a base that only its variants complete
+    return found
+
+
+@pytest.mark.parametrize("task", shipped(), ids=lambda t: t.id)
+def test_every_task_is_sound(task: Task) -> None:
+    assert soundness(task) == []
+    if task.name != "RandomMDP":
+        assert check_ranges(task).diagnostics == ()
