@@ -52,3 +52,6 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted([*globals(), *_DOORS])
+
+
+from taskspec import autoload as _autoload  # noqa: E402, F401  # importing the package registers its tasks, too

@@ -1,8 +1,8 @@
-"""Makes `gym.make("derail/...")` work without `import taskspec`, also on Gymnasium 1.x, which no longer reads entry points.
+"""Makes `gym.make("derail/...")` work without `import taskspec`, also on Gymnasium 1.x, which reads no entry points.
 
-`taskspec.pth`, installed beside the package, imports this module when Python starts. It costs a fraction of a millisecond:
-it only waits for `gymnasium.envs.registration` to be imported, and registers the shipped tasks then. Set
-TASKSPEC_NO_AUTOLOAD=1 to switch it off; `import taskspec, gymnasium; taskspec.register_shipped()` does the same by hand.
+`taskspec-autoload.pth`, installed beside the package, imports the package whenever Python starts. That costs about a
+millisecond: nothing is read until `gymnasium.envs.registration` is imported, and then the shipped tasks are registered.
+Set TASKSPEC_NO_AUTOLOAD=1 to switch it off; `taskspec.registry.register_shipped()` does the same by hand.
 """
 
 import os

@@ -131,31 +131,40 @@ def find(task_id: str) -> Entry:
 
 
 def _load_file(path: Path, variant: str | None, parameters: dict[str, Any], suite: str | None = None) -> Task:
+    try:
+        stamp = path.stat()
+        version = (stamp.st_mtime_ns, stamp.st_size)
+    except OSError:
+        version = (0, 0)  # reading it will say what is wrong
+    suite = suite_of(path) if suite is None else suite
+    # 1, 1.0 and True are one key to a dictionary, but not one value to a parameter.
+    given = tuple((name, type(value).__name__, value) for name, value in parameters.items())
+    try:
+        hash(given)
+    except TypeError:  # a list, say: no parameter takes one, and the build says so
+        return _built.__wrapped__(str(path), version, variant, given, suite)
+    return _built(str(path), version, variant, given, suite)
+
+
+@lru_cache(maxsize=128)
+def _built(path: str, version: tuple[int, int], variant: str | None, given: tuple[Any, ...], suite: str) -> Task:
+    """A task of an unchanged file is built once: tasks are immutable."""
     from taskspec.spec.build import build
 
-    return build(_read(path), variant, parameters, suite_of(path) if suite is None else suite)
+    return build(_document(path, version), variant, {name: value for name, _, value in given}, suite)
+
+
+@lru_cache(maxsize=64)
+def _document(path: str, version: tuple[int, int]) -> Document:
+    from taskspec.source import read_file
+
+    return read_file(path)
 
 
 def suite_of(path: Path) -> str:
     """The suite that a spec's folder makes, or none where the folder's name could not be part of an id."""
     name = path.resolve().parent.name
     return name if re.fullmatch(r"[\w:-]+", name) else ""
-
-
-def _read(path: Path) -> Document:
-    """The document of a file; an unchanged file is read once."""
-    try:
-        stamp = path.stat()
-    except OSError:
-        return _read_at(str(path), 0, 0)
-    return _read_at(str(path), stamp.st_mtime_ns, stamp.st_size)
-
-
-@lru_cache(maxsize=64)
-def _read_at(path: str, modified: int, size: int) -> Document:
-    from taskspec.source import read_file
-
-    return read_file(path)
 
 
 # -- Gymnasium ----------------------------------------------------------------------------------------------------
