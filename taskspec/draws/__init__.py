@@ -16,6 +16,7 @@ from taskspec.draws.finite import poisson_table as poisson_table
 from taskspec.draws.finite import poisson_terms as poisson_terms
 from taskspec.draws.finite import poisson_words as poisson_words
 from taskspec.draws.finite import poissons as poissons
+from taskspec.draws.finite import reachable as reachable
 from taskspec.draws.finite import row_categorical as row_categorical
 from taskspec.draws.finite import row_categoricals as row_categoricals
 from taskspec.draws.finite import threshold_table as threshold_table

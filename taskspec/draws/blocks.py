@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
 from itertools import chain
 from typing import Any
 
@@ -69,7 +70,7 @@ def _index(draw: Draw, args: list[Array], words: Array) -> Array:
 def _categorical(draw: Draw, args: list[Array], words: Array) -> Array:
     p = draw.args[0]
     if isinstance(p, Const):
-        return draws.categoricals(words, draws.thresholds(p.flat)).astype(np.int64)
+        return draws.categoricals(words, _limits(p)).astype(np.int64)
     looked_up = row_table(p)
     if looked_up is not None:
         rows, which = np.unique(args[0], axis=1, return_inverse=True)
@@ -78,6 +79,12 @@ def _categorical(draw: Draw, args: list[Array], words: Array) -> Array:
         return draws.row_categoricals(words, chosen, table, last).astype(np.int64)
     weights = args[0].reshape(-1, 1, args[0].shape[-1])
     return draws.weighted_categoricals(words, weights).astype(np.int64)
+
+
+@lru_cache(maxsize=256)
+def _limits(p: Const) -> Array:
+    """Thresholds of constant probabilities; sets of thousands of outcomes take a while, once."""
+    return draws.reachable(draws.thresholds(p.flat))
 
 
 def _exact_row(table: Const, row: list[float]) -> tuple[Any, ...]:

@@ -9,6 +9,7 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import accumulate
 
 import numpy as np
@@ -59,15 +60,20 @@ def categorical(word: int, thresholds: Sequence[int]) -> int:
     return bisect_right(thresholds, word)
 
 
-def categoricals(words: Words, thresholds: Sequence[int]) -> Ints:
-    """`categorical`, elementwise: int32 of the same shape."""
-    reached = np.array([t for t in thresholds if t < NEVER], np.uint32)
+def categoricals(words: Words, thresholds: Sequence[int] | Words) -> Ints:
+    """`categorical`, elementwise: int32 of the same shape. Thresholds as uint32 are those a word can reach."""
+    reached = thresholds if isinstance(thresholds, np.ndarray) else reachable(thresholds)
     if len(reached) > 8:
         return np.searchsorted(reached, words, side="right").astype(np.int32)
     result = np.zeros(words.shape, np.int32)
     for threshold in reached:
         result += words >= threshold
     return result
+
+
+def reachable(thresholds: Sequence[int]) -> Words:
+    """The thresholds that some word reaches, in 32 bits."""
+    return np.array([t for t in thresholds if t < NEVER], np.uint32)
 
 
 def threshold_table(
@@ -131,6 +137,7 @@ def permutations(words: Words) -> Ints:
 # ------------------------------------------------------------------------------ Poisson
 
 
+@lru_cache(maxsize=256)
 def poisson_table(rate: float) -> tuple[int, tuple[int, ...]]:
     """``(first, thresholds)``: a draw is first + categorical(word, thresholds).
 

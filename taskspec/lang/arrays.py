@@ -73,32 +73,33 @@ class Runtime:
 
     # -- reductions over all elements of each lane ----------------------------------------------------------------
 
-    def _rows(self, x: Array) -> Array:
+    def rows(self, x: Array) -> Array:
+        """One row for every element."""
         return x.reshape(-1, x.shape[-1])
 
     def sum(self, x: Array) -> Array:
         """Left to right, as the reference adds."""
-        rows = self._rows(x)
+        rows = self.rows(x)
         total = rows[0]
         for row in rows[1:]:
             total = total + row
         return total
 
     def prod(self, x: Array) -> Array:
-        rows = self._rows(x)
+        rows = self.rows(x)
         total = rows[0]
         for row in rows[1:]:
             total = total * row
         return total
 
     def count(self, x: Array) -> Array:
-        return self._rows(x).astype(self.int).sum(axis=0)
+        return self.rows(x).astype(self.int).sum(axis=0)
 
     def any(self, x: Array) -> Array:
-        return self._rows(x).any(axis=0)
+        return self.rows(x).any(axis=0)
 
     def all(self, x: Array) -> Array:
-        return self._rows(x).all(axis=0)
+        return self.rows(x).all(axis=0)
 
     def _without_nan(self, rows: Array, worst: float) -> Array:
         if rows.dtype.kind in "iub":
@@ -107,10 +108,10 @@ class Runtime:
 
     def argmin(self, x: Array) -> Array:
         """Nan counts as +inf, which ties with a real +inf only where nothing smaller exists."""
-        return self._best(self._rows(x), 1)
+        return self._best(self.rows(x), 1)
 
     def argmax(self, x: Array) -> Array:
-        return self._best(self._rows(x), -1)
+        return self._best(self.rows(x), -1)
 
     def _best(self, rows: Array, direction: int) -> Array:
         """Index of the first best number; of the first element where every element is nan."""
@@ -124,11 +125,11 @@ class Runtime:
         return xp.where(hidden != hidden, first_number, found).astype(self.int)
 
     def min(self, x: Array) -> Array:
-        rows = self._rows(x)
+        rows = self.rows(x)
         return self.xp.take_along_axis(rows, self.argmin(x)[None], axis=0)[0]
 
     def max(self, x: Array) -> Array:
-        rows = self._rows(x)
+        rows = self.rows(x)
         return self.xp.take_along_axis(rows, self.argmax(x)[None], axis=0)[0]
 
     # -- vectors --------------------------------------------------------------------------------------------------
@@ -146,6 +147,10 @@ class Runtime:
 
     def stack(self, *parts: Array) -> Array:
         return self.xp.stack(self.xp.broadcast_arrays(*parts))
+
+    def fill(self, x: Array, shape: tuple[int, ...]) -> Array:
+        """A scalar of every lane in each place of a shape."""
+        return self.xp.broadcast_to(x, (*shape, self.xp.asarray(x).shape[-1]))
 
     def concat(self, *parts: Array) -> Array:
         lanes = max(p.shape[-1] for p in parts)

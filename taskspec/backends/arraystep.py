@@ -1,0 +1,160 @@
+"""The generated module of a NumPy program: one step of n lanes over arrays that stay where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from taskspec.backends.arrayform import ArrayForm, Scratch, scalar
+from taskspec.backends.buffers import Array, Values
+from taskspec.backends.hoist import Hoisted
+from taskspec.backends.spaces import Layout
+from taskspec.draws.layout import poisson_bound
+from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, walk
+from taskspec.lang.types import Kind
+from taskspec.spec.task import Component, Task
+
+
+def observed(seen: Values) -> list[Array]:
+    """The arrays that the generated code writes observations into, in order: rows, or parts of a dict."""
+    layout = seen.layout
+    if layout.form in ("dict", "discrete", "one_hot"):
+        return list(seen.parts)
+    rows, out, offset = seen.flat(), [], 0
+    for c in layout.components:
+        span = rows[offset : offset + c.type.size]
+        out.append(span[0] if c.type.is_scalar else span.reshape(*c.type.shape, -1))
+        offset += c.type.size
+    return out
+
+
+def generate(task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: Layout) -> tuple[str, dict[str, Any]]:
+    """Source of the module, and the constants it refers to, as nodes."""
+    states, actions = _names("s", task.state), _names("a", task.action)
+    outputs = [f"o{i}" for i in range(1 if observation.form == "one_hot" else len(observation.components))]
+    form = _form(task, states, actions, hoisted)
+    values = form.emit(roots)
+    n = len(task.state)
+    lines = [
+        *form.lines,
+        *_observation(form, observation, outputs, roots[n + 2 :], values[n + 2 :]),
+        f"copyto(reward, {values[n]})",
+        *_state(form, task, states, roots[:n], values[:n]),
+        *_ending(task, roots[n + 1], values[n + 1]),
+    ]
+    arguments = ["n", *states, "t", *outputs, "reward", "terminated", "truncated", "ended"]
+    taken = [*actions, *hoisted.names, *hoisted.word_numbers]
+    assert form.scratch is not None
+    body = [*form.scratch.declarations, "", '@np.errstate(all="ignore")', f"def step({', '.join(taken)}):"]
+    body += [*_indent(lines), "", "return step"]
+    head = f'"""{task.id}: n environments, array code. Generated; the spec is {task.document.origin.name}."""'
+    return "\n".join([head, "", "", f"def lanes({', '.join(arguments)}):", *_indent(body), ""]), form.constants
+
+
+def _names(prefix: str, components: Sequence[Component]) -> list[str]:
+    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
+
+
+def _indent(lines: Sequence[str]) -> list[str]:
+    return [f"    {line}" if line else "" for line in lines]
+
+
+def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Hoisted) -> ArrayForm:
+    names = {(Role.TIME, "t"): "t"}
+    names |= {(Role.STATE, c.name): s for c, s in zip(task.state, states, strict=True)}
+    names |= {(Role.ACTION, c.name): a for c, a in zip(task.action, actions, strict=True)}
+    names |= {(Role.VARIABLE, v): v for v in (*hoisted.names, *hoisted.word_numbers)}
+    return ArrayForm(
+        names,
+        task.builder.bounds,
+        lambda draw, args: _drawn(draw, args, hoisted.words[draw.site]),
+        scratch=Scratch(),
+    )
+
+
+# -- draws whose distribution depends on the state ----------------------------------------------------------------
+
+
+def _drawn(draw: Draw, args: Sequence[str], words: Sequence[str]) -> str:
+    """A draw from its words, which the step is given one by one as int64 (lanes,)."""
+    size = draw.type.size
+    stacked = f"np.stack(({', '.join(words)},)).astype(np.uint32)"
+    spread = args[0] if draw.args[0].type.shape else f"{args[0]}[None]"
+    flat = f"rt.rows({spread})"
+    match draw.base:
+        case "bernoulli":
+            text = f"bernoullis({stacked}, {flat})"
+        case "index":
+            text = f"indices({stacked}, np.maximum({flat}, 1)).astype(np.int64)"
+        case "categorical":
+            text = f"weighted_categoricals({stacked}, {args[0]}[:, None]).astype(np.int64)"
+        case "poisson":
+            grouped = f"{stacked}.reshape({size}, {len(words) // size}, -1).swapaxes(0, 1)"
+            text = f"poissons({grouped}, {flat}, {poisson_bound(draw)!r}).astype(np.int64)"
+        case _:
+            grouped = f"{stacked}.reshape({size}, {len(words) // size}, -1).swapaxes(0, 1)"
+            text = f"gammas({grouped}, {flat}).astype(np.float64)"
+    return f"{text}.reshape({''.join(f'{k}, ' for k in draw.type.shape)}-1)"
+
+
+# -- what a step leaves behind ------------------------------------------------------------------------------------
+
+
+def _observation(
+    form: ArrayForm, layout: Layout, outputs: Sequence[str], nodes: Sequence[Node], values: Sequence[str]
+) -> list[str]:
+    if layout.form == "one_hot":
+        return _one_hot(form, layout, nodes, values)
+    lines = []
+    for c, out, value in zip(layout.components, outputs, values, strict=True):
+        low = [int(v) for v in c.low] if layout.form == "multi_discrete" else [0]
+        if not any(low):
+            lines.append(f"copyto({out}, {value})")
+        elif c.type.is_scalar:
+            lines.append(f"subtract({value}, {scalar(low[0])}, {out})")
+        else:
+            lines.append(f"subtract({value}, np.array({low}).reshape({(*c.type.shape, 1)}), {out})")
+    return lines
+
+
+def _one_hot(form: ArrayForm, layout: Layout, nodes: Sequence[Node], values: Sequence[str]) -> list[str]:
+    lines, offset = ["o0.fill(0.0)"], 0
+    for c, value, node in zip(layout.components, values, nodes, strict=True):
+        elements = [value] if c.type.is_scalar else [f"rt.rows({value})[{k}]" for k in range(c.type.size)]
+        for element, count, low in zip(elements, c.counts, c.low, strict=True):
+            whole = f"{element}.astype(np.int64)" if c.type.kind is Kind.BOOL and not isinstance(node, Const) else element
+            lines.append(f"o0[{whole} + {offset - int(low)}, rt.xp.arange(n)] = 1.0")
+            offset += count
+    return lines
+
+
+def _state(
+    form: ArrayForm, task: Task, states: Sequence[str], roots: Sequence[Node], values: Sequence[str]
+) -> list[str]:
+    """The next state, written over the present one; what shows memory of another component is copied first."""
+    shown = {id(n) for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE}
+    copies, lines = [], []
+    for c, name, root, value in zip(task.state, states, roots, values, strict=True):
+        if isinstance(root, Read) and root.role is Role.STATE and root.name == c.name:
+            continue
+        source = value
+        if form.owner(root) in shown:
+            source = f"n_{name}"
+            copies.append(f"{source} = {value}.copy()")
+        lines.append(f"copyto({name}, {source})")
+    return [*copies, *lines]
+
+
+def _ending(task: Task, terminal: Node, value: str) -> list[str]:
+    """The time, the flags, and the number of episodes that ended."""
+    lines = ["add(t, 1, t)"]
+    never = isinstance(terminal, Const) and not plain(terminal.value)
+    if not never:
+        lines.append(f"copyto(terminated, {value})")
+    if task.horizon is not None:
+        lines.append(f"greater_equal(t, {task.horizon}, truncated)")
+    if never:
+        lines.append("copyto(ended, truncated)")
+    else:
+        lines.append("logical_or(terminated, truncated, ended)")
+    return [*lines, "return int(count_nonzero(ended))"]

@@ -1,0 +1,148 @@
+"""Arrays of a vector program: counters, state and results of many environments, features first and lanes last.
+
+Lanes last keeps each feature of all lanes together, which is what array code and vector units want. What is handed
+out has the lanes first, as Gymnasium expects, without a copy: a view of the same memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.spaces import Layout
+from taskspec.lang.types import Kind
+from taskspec.spec.task import Component, Task
+
+Array = np.ndarray[Any, Any]
+DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
+
+
+@dataclass(frozen=True)
+class Values:
+    """Gymnasium values of all lanes.
+
+    `parts` are the raw arrays, (*shape, lanes): one for every key of a dict, otherwise a single one.
+    """
+
+    layout: Layout
+    parts: tuple[Array, ...]
+
+    @classmethod
+    def empty(cls, layout: Layout, lanes: int) -> Values:
+        """Zeros of a layout."""
+        if layout.form == "dict":
+            return cls(layout, tuple(_entry(c, lanes) for c in layout.components))
+        dtype = np.int64 if layout.form in ("discrete", "multi_discrete") else np.float32
+        shape = () if layout.form == "discrete" else (layout.size,) if layout.shape else ()
+        return cls(layout, (np.zeros((*shape, lanes), dtype),))
+
+    def view(self) -> Any:
+        """The values with the lanes first, sharing memory: what Gymnasium's batched space holds."""
+        if self.layout.form == "dict":
+            pairs = zip(self.layout.components, self.parts, strict=True)
+            return {c.name: np.moveaxis(part, -1, 0) for c, part in pairs}
+        (raw,) = self.parts
+        if raw.ndim == 1:
+            return raw
+        shaped = raw.reshape(*self.layout.shape, raw.shape[-1])
+        return np.moveaxis(shaped, -1, 0)
+
+    def copy(self) -> Values:
+        return Values(self.layout, tuple(part.copy() for part in self.parts))
+
+    def part(self, lanes: slice) -> Values:
+        """A range of the lanes, sharing memory."""
+        return Values(self.layout, tuple(part[..., lanes] for part in self.parts))
+
+    def flat(self) -> Array:
+        """All elements as rows, sharing memory: one row for every element (not for dicts)."""
+        (raw,) = self.parts
+        return raw.reshape(-1, raw.shape[-1])
+
+
+def _entry(c: Component, lanes: int) -> Array:
+    whole = c.is_finite and c.type.is_scalar
+    return np.zeros((*c.type.shape, lanes), np.int64 if whole else np.float32)
+
+
+@dataclass
+class Buffers:
+    """Everything that a vector environment keeps, for lanes 0 to N - 1.
+
+    Attributes:
+        seeds: uint64 (N,), the seed of each lane.
+        steps: uint32 (N,), steps taken since the lane was seeded, modulo 2**32: counts the draws of steps.
+        episodes: uint32 (N,), episodes begun since then: counts the draws of resets.
+        time: int64 (N,), steps taken in the present episode.
+        running: bool (N,), whether an episode is under way.
+        state: one array (*shape, N) for every state component: bool, int64 or float64.
+        seen, final: observations now, and those with which episodes ended in this step.
+        reward: float64 (N,). terminated, truncated, ended: bool (N,).
+    """
+
+    seeds: Array
+    steps: Array
+    episodes: Array
+    time: Array
+    running: Array
+    state: tuple[Array, ...]
+    seen: Values
+    final: Values
+    reward: Array
+    terminated: Array
+    truncated: Array
+    ended: Array
+
+    @classmethod
+    def of(cls, task: Task, layout: Layout, lanes: int) -> Buffers:
+        """Zeros, for a task whose observations have the given layout."""
+        flags = [np.zeros(lanes, np.bool_) for _ in range(4)]
+        return cls(
+            seeds=np.zeros(lanes, np.uint64),
+            steps=np.zeros(lanes, np.uint32),
+            episodes=np.zeros(lanes, np.uint32),
+            time=np.zeros(lanes, np.int64),
+            running=flags[0],
+            state=tuple(state_array(c, lanes) for c in task.state),
+            seen=Values.empty(layout, lanes),
+            final=Values.empty(layout, lanes),
+            reward=np.zeros(lanes, np.float64),
+            terminated=flags[1],
+            truncated=flags[2],
+            ended=flags[3],
+        )
+
+    @property
+    def lanes(self) -> int:
+        return len(self.seeds)
+
+    def part(self, lanes: slice) -> Buffers:
+        """A range of the lanes, sharing memory."""
+        return Buffers(
+            self.seeds[lanes],
+            self.steps[lanes],
+            self.episodes[lanes],
+            self.time[lanes],
+            self.running[lanes],
+            tuple(s[..., lanes] for s in self.state),
+            self.seen.part(lanes),
+            self.final.part(lanes),
+            self.reward[lanes],
+            self.terminated[lanes],
+            self.truncated[lanes],
+            self.ended[lanes],
+        )
+
+    def nbytes(self) -> int:
+        """Bytes of all arrays."""
+        flags = (self.running, self.terminated, self.truncated, self.ended)
+        counters = (self.seeds, self.steps, self.episodes, self.time, self.reward)
+        values: Sequence[Array] = (*self.state, *self.seen.parts, *self.final.parts)
+        return sum(a.nbytes for a in (*flags, *counters, *values))
+
+
+def state_array(c: Component, lanes: int) -> Array:
+    return np.zeros((*c.type.shape, lanes), DTYPES[c.type.kind])

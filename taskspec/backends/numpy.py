@@ -1,0 +1,236 @@
+"""The NumPy program: generated array code that steps many environments, features first and lanes last.
+
+`compile_numpy` gives the generated module of a task, `NumpyEngine` runs it over blocks of lanes that fit a cache.
+"""
+
+from __future__ import annotations
+
+import linecache
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.actions import reader
+from taskspec.backends.ahead import Ahead, Ready
+from taskspec.backends.arrayform import UFUNCS, arrays
+from taskspec.backends.arraystep import generate, observed
+from taskspec.backends.buffers import Array, Buffers, Values
+from taskspec.backends.hoist import Hoisted, hoist
+from taskspec.backends.spaces import Layout, action_layout, observation_layout
+from taskspec.backends.tabulate import tabulate
+from taskspec.backends.vector import NotRunningError, Options
+from taskspec.draws import finite, variates
+from taskspec.draws.layout import Layout as WordLayout
+from taskspec.lang import batch
+from taskspec.lang.ir import Const, Node
+from taskspec.spec.task import Task
+
+BLOCK = 16_384
+"""Lanes stepped together, at most: 128 KiB for each array of 8-byte numbers."""
+
+
+@dataclass(frozen=True)
+class Module:
+    """The generated step of a task, and what its phases are made of.
+
+    `bind(n, *arrays)` gives the step function of n lanes over their arrays; see `source`.
+    """
+
+    task: Task
+    source: str
+    bind: Callable[..., Callable[..., int]]
+    observation: Layout
+    action: Layout
+    hoisted: Hoisted
+    start: tuple[Node, ...]
+
+
+@lru_cache(maxsize=64)
+def compile_numpy(task: Task) -> Module:
+    """Generate and compile the array form of a task."""
+    b, observation = task.builder, observation_layout(task)
+    roots = (*task.next, task.reward, task.terminal, *task.next_observation)
+    hoisted = hoist(b, roots, WordLayout.of(roots))
+    table = tabulate(b, hoisted.roots)
+    source, constants = generate(task, table, hoisted, observation)
+    namespace = {**_NAMESPACE, **arrays(constants, batch.array)}
+    file = f"<taskspec {task.id} {task.content_hash[:12]} numpy>"
+    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    start = (*task.initial, *task.first_observation)
+    return Module(task, source, namespace["lanes"], observation, action_layout(task), hoisted, start)
+
+
+_NAMESPACE: dict[str, Any] = {
+    **{name: getattr(np, name) for name in (*UFUNCS.values(), "copyto", "count_nonzero", "greater_equal")},
+    "np": np,
+    "xp": np,
+    "rt": batch.RUNTIME,
+    "nan": np.nan,
+    "inf": np.inf,
+    "gammas": variates.gammas,
+    "bernoullis": variates.bernoullis,
+    "indices": finite.indices,
+    "poissons": finite.poissons,
+    "weighted_categoricals": finite.weighted_categoricals,
+}
+
+
+class NumpyEngine:
+    """Many environments of a task, stepped by NumPy (see `taskspec.backends.vector.Engine`)."""
+
+    def __init__(self, task: Task, lanes: int, options: Options) -> None:
+        module = compile_numpy(task)
+        self.observation, self.action, self.source = module.observation, module.action, module.source
+        self.buffers = Buffers.of(task, module.observation, lanes)
+        self._read = reader(task, module.action, lanes)
+        self._mode = options.mode
+        size = max(1, -(-lanes // -(-lanes // BLOCK))) if lanes else 1
+        places = [slice(i, min(i + size, lanes)) for i in range(0, lanes, size)]
+        self._blocks = [_Block(module, self.buffers.part(p), p, options) for p in places]
+
+    def seed(self, seeds: Array, lanes: Array | None = None) -> None:
+        buffers, chosen = self.buffers, slice(None) if lanes is None else lanes
+        buffers.seeds[chosen] = seeds
+        buffers.steps[chosen] = 0
+        buffers.episodes[chosen] = 0
+        for block, mine in self._parts(lanes):
+            block.forget(mine)
+
+    def reset(self, lanes: Array | None = None) -> None:
+        for block, mine in self._parts(lanes):
+            block.reset(np.arange(block.lanes) if mine is None else mine)
+
+    def step(self, actions: Any) -> int:
+        parts = self._read(actions)
+        if not all(block.ready for block in self._blocks):
+            raise NotRunningError
+        if len(self._blocks) == 1:
+            return self._blocks[0].step(parts)
+        return sum(block.step([p[..., block.place] for p in parts]) for block in self._blocks)
+
+    def place(self, values: tuple[Array, ...], lanes: Array) -> None:
+        for held, new in zip(self.buffers.state, values, strict=True):
+            held[..., lanes] = new
+
+    def _parts(self, lanes: Array | None) -> list[tuple[_Block, Array | None]]:
+        """The blocks concerned, each with indices of its own (None: all of them)."""
+        if lanes is None:
+            return [(block, None) for block in self._blocks]
+        inside = [(b, lanes[(lanes >= b.place.start) & (lanes < b.place.stop)] - b.place.start) for b in self._blocks]
+        return [(block, mine) for block, mine in inside if len(mine)]
+
+
+class _Block:
+    """A range of lanes with scratch arrays of its own."""
+
+    def __init__(self, module: Module, buffers: Buffers, place: slice, options: Options) -> None:
+        self.lanes, self.place = buffers.lanes, place
+        self._buffers, self._module = buffers, module
+        self._ahead, self._start = Ahead(module.hoisted, buffers), Ready(module.start, buffers)
+        self._state_size = len(module.task.state)
+        rows = observed(buffers.seen)
+        self._step = module.bind(
+            self.lanes,
+            *buffers.state,
+            buffers.time,
+            *rows,
+            buffers.reward,
+            buffers.terminated,
+            buffers.truncated,
+            buffers.ended,
+        )
+        self._mode = options.mode
+        self._begun = False
+        self._over = 0  # lanes whose episodes have ended and that were not reset since
+
+    @property
+    def ready(self) -> bool:
+        """Whether a step may be taken."""
+        return self._begun and (self._mode != "disabled" or not self._over)
+
+    def forget(self, lanes: Array | None) -> None:
+        """Some lanes were seeded anew."""
+        self._ahead.restart(everywhere=lanes is None)
+        self._start.forget(slice(None) if lanes is None else lanes)
+
+    def reset(self, lanes: Array) -> None:
+        """Begin an episode in some lanes."""
+        b = self._buffers
+        self._begin(lanes)
+        b.terminated[lanes] = b.truncated[lanes] = b.ended[lanes] = False
+        self._over = 0 if self._mode == "same_step" else int(np.count_nonzero(b.ended))
+        self._begun = self._begun or bool(b.running.all())
+
+    def _begin(self, lanes: Array) -> None:
+        b = self._buffers
+        values = self._start.take(lanes)
+        for held, new in zip(b.state, values, strict=False):
+            held[..., lanes] = new
+        write(b.seen, values[self._state_size :], lanes)
+        b.time[lanes] = 0
+        b.running[lanes] = True
+        b.episodes[lanes] += np.uint32(1)
+
+    def step(self, actions: Sequence[Array]) -> int:
+        b, over = self._buffers, self._over
+        late = b.ended.nonzero()[0] if over else None
+        if late is not None:
+            self._ahead.part_ways()
+        ended = self._over = self._step(*actions, *self._ahead.take())
+        b.steps += _ONE
+        if self._mode == "same_step":
+            if ended:
+                self._finish()
+            return ended
+        return ended if late is None else self._skip(late)
+
+    def _finish(self) -> None:
+        """Keep the last observations of the episodes that have ended, and begin the next ones."""
+        b, self._over = self._buffers, 0
+        lanes = b.ended.nonzero()[0]
+        for final, seen in zip(b.final.parts, b.seen.parts, strict=True):
+            final[..., lanes] = seen[..., lanes]
+        self._begin(lanes)
+
+    def _skip(self, late: Array) -> int:
+        """Lanes whose episodes ended in the step before begin the next one now, and take no step."""
+        b = self._buffers
+        b.steps[late] -= _ONE
+        b.reward[late] = 0.0
+        self.reset(late)
+        return self._over
+
+
+_ONE = np.uint32(1)
+
+
+def write(values: Values, flats: Sequence[Array], lanes: Array) -> None:
+    """Write components of observations, (*shape, k) each, as the values of some lanes."""
+    layout = values.layout
+    if layout.form == "dict":
+        for part, flat in zip(values.parts, flats, strict=True):
+            part[..., lanes] = flat
+        return
+    if layout.form == "discrete":
+        values.parts[0][lanes] = flats[0]
+        return
+    rows, offset = values.flat(), 0
+    if layout.form == "one_hot":
+        rows[:, lanes] = 0.0
+    for c, flat in zip(layout.components, flats, strict=True):
+        elements = flat.reshape(c.type.size, -1)
+        if layout.form == "box":
+            rows[offset : offset + c.type.size, lanes] = elements
+            offset += c.type.size
+            continue
+        for element, count, low in zip(elements, c.counts, c.low, strict=True):
+            if layout.form == "one_hot":
+                rows[offset + element - int(low), lanes] = 1.0
+                offset += count
+            else:
+                rows[offset, lanes] = element - int(low)
+                offset += 1

@@ -1,0 +1,49 @@
+"""Which backend steps a vector environment, and how to get one that is not installed."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Any
+
+from taskspec.backends.vector import BACKENDS, Engine, Options
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.spec.task import Task
+
+_ENGINES = {
+    "numpy": ("taskspec.backends.numpy", "NumpyEngine"),
+    "numba": ("taskspec.backends.numba", "NumbaEngine"),
+    "jax": ("taskspec.backends.jax", "JaxEngine"),
+}
+
+
+def engine(task: Task, lanes: int, backend: str, options: Options) -> Engine:
+    """The environments of a task on a backend; "auto" is Numba where it is installed and suits the task, else NumPy.
+
+    Raises:
+        SpecError: E713 for a backend that does not exist, E705 for one whose packages are not installed.
+    """
+    return _make(choose(task, backend))(task, lanes, options)  # type: ignore[no-any-return]
+
+
+def choose(task: Task, backend: str) -> str:
+    """The backend that a name stands for."""
+    if backend == "auto":
+        return "numba" if find_spec("numba") is not None and _suits_numba(task) else "numpy"
+    if backend not in BACKENDS:
+        names = ", ".join(("auto", *BACKENDS))
+        raise SpecError([Diagnostic("E713", None, f"there is no backend {backend!r}; there are {names}")])
+    if backend != "numpy" and find_spec(backend) is None:
+        hint = f'pip install "taskspec[{backend}]"'
+        raise SpecError([Diagnostic("E705", None, f"the backend {backend!r} needs the package {backend}", hint)])
+    return backend
+
+
+def _suits_numba(task: Task) -> bool:
+    suits: bool = import_module("taskspec.backends.kernel").suits(task)
+    return suits
+
+
+def _make(backend: str) -> Any:
+    module, name = _ENGINES[backend]
+    return getattr(import_module(module), name)

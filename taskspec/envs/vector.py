@@ -1,0 +1,230 @@
+"""Many environments of a task behind Gymnasium's vector interface.
+
+Lane i of `reset(seed=s)` walks the trajectory of the scalar environment with seed s + i, on every backend and for
+every number of lanes. Needs Gymnasium 1.1 or later.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import gymnasium
+import gymnasium.vector
+import numpy as np
+from gymnasium.vector.utils import batch_space
+
+from taskspec import draws
+from taskspec.backends import select
+from taskspec.backends.actions import BadActionError
+from taskspec.backends.buffers import Array, Values
+from taskspec.backends.vector import Mode, Options
+from taskspec.backends.vector import NotRunningError as EngineNotRunning
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.envs.errors import ActionError, NotRunningError
+from taskspec.envs.spaces import space
+from taskspec.envs.state import plain_state
+from taskspec.spec.task import Task
+
+if not hasattr(gymnasium.vector, "AutoresetMode"):
+    raise SpecError(
+        [
+            Diagnostic(
+                "E705",
+                None,
+                f"vector environments need Gymnasium 1.1 or later; this is {gymnasium.__version__}",
+                'pip install -U "gymnasium>=1.1", or use taskspec.envs.sb3, or SyncVectorEnv over taskspec.make',
+            )
+        ]
+    )
+AutoresetMode = gymnasium.vector.AutoresetMode
+SEEDS = 2**64
+_MODES: dict[str, Mode] = {"NextStep": "next_step", "SameStep": "same_step", "Disabled": "disabled"}
+
+
+class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
+    """Environments of one task, stepped together.
+
+    Args:
+        task: the task, with its parameters bound.
+        num_envs: how many.
+        backend: "numpy", "numba", "jax", or "auto": Numba where it is installed, else NumPy.
+        autoreset_mode: Gymnasium's `AutoresetMode` or its value. An episode that has ended begins anew with the next
+            step, which is spent on it ("NextStep", Gymnasium's default); within the step that ended it, with
+            `infos["final_obs"]` and `infos["final_info"]` ("SameStep"); or when
+            `reset(options={"reset_mask": ...})` says so ("Disabled").
+        reuse: whether the arrays that `reset` and `step` return are the same ones every time, written over by the
+            next call. Faster, and for callers who copy what they keep.
+        num_threads: threads of the Numba backend.
+        ending, observe_time: as for `taskspec.envs.Environment`.
+    """
+
+    def __init__(
+        self,
+        task: Task,
+        num_envs: int = 1,
+        *,
+        backend: str = "auto",
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        reuse: bool = False,
+        num_threads: int = 1,
+        ending: str = "terminate",
+        observe_time: bool = False,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None:
+            raise ValueError(f"a vector environment is not rendered; render_mode must be None, not {render_mode!r}")
+        if not isinstance(num_envs, int) or num_envs < 1:
+            raise ValueError(f"num_envs must be a positive integer, not {num_envs!r}")
+        if ending not in ("terminate", "absorb"):
+            raise ValueError(f"ending must be 'terminate' or 'absorb', not {ending!r}")
+        mode = autoreset_mode if isinstance(autoreset_mode, AutoresetMode) else AutoresetMode(autoreset_mode)
+        task = task.absorbing() if ending == "absorb" else task
+        self.task = task.observing_time() if observe_time else task
+        self.num_envs = num_envs
+        self.backend = select.choose(self.task, backend)
+        self.metadata = {"render_modes": [], "autoreset_mode": mode}
+        self.render_mode = None
+        options = Options(_MODES[mode.value], num_threads)
+        self._engine = select.engine(self.task, num_envs, self.backend, options)
+        self._set_spaces()
+        self._same_step, self._reuse = mode == AutoresetMode.SAME_STEP, reuse
+        self._seeded = False
+
+    def _set_spaces(self) -> None:
+        self.single_observation_space = space(self._engine.observation)
+        self.single_action_space = space(self._engine.action)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        b = self._engine.buffers
+        self._seen, self._results = b.seen.view(), (b.reward, b.terminated, b.truncated)
+
+    @property
+    def source(self) -> str:
+        """The generated code that steps the environments."""
+        return self._engine.source
+
+    # -- Gymnasium ------------------------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode in every lane, or in those of `options["reset_mask"]` (bool, one for each lane).
+
+        Args:
+            seed: lane i gets seed + i; or one seed for each lane, None for a lane whose stream is to go on. Without a
+                seed all streams go on; the first time, they start from a random one.
+            options: `{"reset_mask": array}`.
+        """
+        mask = None if options is None else options.get("reset_mask")
+        lanes = None if mask is None else self._lanes(mask)
+        self._seed_streams(seed, lanes)
+        self._engine.reset(lanes)
+        return self._observation(), {}
+
+    def step(self, actions: Any) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
+        """Take a step in every lane: observations, rewards, terminated, truncated, infos.
+
+        Raises:
+            ActionError: the actions are not in the batched action space.
+            NotRunningError: before the first reset; without autoreset, where an episode is over.
+        """
+        try:
+            ended = self._engine.step(actions)
+        except BadActionError:
+            raise self._bad_actions(actions) from None
+        except EngineNotRunning:
+            raise self._not_running() from None
+        infos = self._final() if ended and self._same_step else {}
+        if self._reuse:
+            return (self._seen, *self._results, infos)
+        reward, terminated, truncated = self._results
+        return self._observation(), reward.copy(), terminated.copy(), truncated.copy(), infos
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Nothing to close."""
+
+    def _observation(self) -> Any:
+        return self._seen if self._reuse else self._engine.buffers.seen.copy().view()
+
+    def _final(self) -> dict[str, Any]:
+        """Last observations of the episodes that ended in this step. Rows of other lanes mean nothing."""
+        b = self._engine.buffers
+        final, ended = (b.final, b.ended) if self._reuse else (b.final.copy(), b.ended.copy())
+        return {"final_obs": _rows(final, ended), "_final_obs": ended, "final_info": {}, "_final_info": ended}
+
+    # -- seeds ----------------------------------------------------------------------------------------------------
+
+    def _lanes(self, mask: Any) -> Array:
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+            raise ValueError(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
+        if not self._seeded and not mask.all():
+            raise NotRunningError("E707: the first reset() is one of all lanes, without a mask")
+        return np.flatnonzero(mask)
+
+    def _seed_streams(self, seed: int | Sequence[int | None] | None, lanes: Array | None) -> None:
+        if seed is None:
+            if not self._seeded:
+                self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
+        elif isinstance(seed, int | np.integer):
+            every = draws.lane_seeds(_checked(int(seed)), self.num_envs)
+            self._engine.seed(every if lanes is None else every[lanes], lanes)
+        else:
+            self._seed_each(list(seed), lanes)
+        self._seeded = True
+
+    def _seed_each(self, seeds: list[int | None], lanes: Array | None) -> None:
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} lanes")
+        if not self._seeded and None in seeds:
+            self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
+        allowed = set(range(self.num_envs) if lanes is None else lanes.tolist())
+        given = {i: _checked(s) for i, s in enumerate(seeds) if s is not None and i in allowed}
+        if len(given) == self.num_envs:
+            self._engine.seed(np.array(list(given.values()), np.uint64))
+        elif given:
+            self._engine.seed(np.array(list(given.values()), np.uint64), np.array(list(given)))
+
+    # -- state ----------------------------------------------------------------------------------------------------
+
+    @property
+    def time(self) -> Array:
+        """Steps taken in the present episode of every lane: int64 (num_envs,)."""
+        return self._engine.buffers.time.copy()
+
+    def state(self, lane: int) -> Mapping[str, Any]:
+        """The present state of a lane by component: labels for choices, numbers, arrays for vectors."""
+        values = [s[..., lane] for s in self._engine.buffers.state]
+        flats = tuple(v.ravel().tolist() if v.ndim else v.item() for v in values)
+        return plain_state(self.task, flats)
+
+    # -- errors ---------------------------------------------------------------------------------------------------
+
+    def _bad_actions(self, actions: Any) -> ActionError:
+        return ActionError(f"E706: {actions!r} are not actions of {self.task.id}; it needs {self.action_space}")
+
+    def _not_running(self) -> NotRunningError:
+        if not self._seeded:
+            return NotRunningError("E707: step() before the first reset(); call reset() first")
+        lanes = np.flatnonzero(self._engine.buffers.ended)[:8].tolist()
+        return NotRunningError(
+            f"E708: the episodes of lanes {lanes} are over; call reset(options={{'reset_mask': ...}}) first"
+        )
+
+
+def _checked(seed: int) -> int:
+    if not 0 <= seed < SEEDS:
+        raise ValueError(f"a seed lies between 0 and 2**64 - 1, not {seed}")
+    return seed
+
+
+def _rows(values: Values, ended: Array) -> Any:
+    """Observations of all lanes: an array, or for dicts an array of one dict (or None) for every lane."""
+    view = values.view()
+    if not isinstance(view, dict):
+        return view
+    rows = np.full(len(ended), None, dtype=object)
+    for lane in np.flatnonzero(ended):
+        rows[lane] = {name: part[lane] for name, part in view.items()}
+    return rows
