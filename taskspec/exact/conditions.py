@@ -74,12 +74,20 @@ def condition_over_actions(expr: s.Expr, model: Model) -> Timed:
     return lambda t: fixed
 
 
+def condition_over_times(expr: s.Expr, model: Model) -> Timed:
+    """In which states (S,) a condition on state and time holds, at a time."""
+    if any(role is Role.ACTION for role, _ in reads([node_of(expr, model.task)])):
+        raise Unfit("it says where, so it cannot depend on the action", expr)
+    found = condition_over_actions(expr, model)
+    return lambda t: found(t)[0]
+
+
 def preferred(model: Model, plan: Plan, wanted: Timed, at: Timed | None) -> tuple[bool, str]:
     """Whether the most frequent actions of a plan are wanted ones, wherever episodes act and `at` holds."""
     asked = np.zeros(model.n_states, np.bool_)
     settled = np.zeros(model.n_states, np.bool_)
     for t, level in model.levels():
-        here = level if at is None else level & at(t)[0]
+        here = level if at is None else level & at(t)
         if not here.any():
             continue
         asked |= here

@@ -10,6 +10,8 @@ episodes can be in), `actions`, and the parameters and constants of the spec. Fu
   acts, the actions that the model takes most often fulfil the condition. Where it is indifferent
   (as when nothing depends on the last action) nothing is asked, but in each such state it must
   prefer at some time. `t` may be used in both conditions.
+
+  With `under:` beside the claim the model is left out: `prefers(condition, at=condition)`.
 - `influences(a, s)`: the action component can change the next value of the state component.
 """
 
@@ -24,7 +26,13 @@ import numpy as np
 from taskspec.diagnostics import Collector
 from taskspec.exact import claim_values as v
 from taskspec.exact.claim_values import Number, Undecidable, Unfit
-from taskspec.exact.conditions import condition_over_actions, condition_over_states, influences, preferred
+from taskspec.exact.conditions import (
+    condition_over_actions,
+    condition_over_states,
+    condition_over_times,
+    influences,
+    preferred,
+)
 from taskspec.exact.models import model_named
 from taskspec.exact.plans import Plan
 from taskspec.exact.returns import Results, Return
@@ -32,6 +40,7 @@ from taskspec.exact.solve import visit_probability
 from taskspec.lang import syntax as s
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Const
+from taskspec.lang.parse import parse_into
 from taskspec.lang.types import Refused
 
 Array = np.ndarray[Any, Any]
@@ -177,6 +186,17 @@ class Evaluator:
                 raise Unfit(f"{expr.function} needs '{name}': {expr.function}({', '.join(names)})", expr)
         return found
 
+    def under(self, claim: s.Expr) -> s.Expr | None:
+        """The decision model written beside the claim."""
+        written = self.options.get("under")
+        if written is None:
+            return None
+        text = s.Text(str(written), lambda start, end: claim.place.span)
+        found = parse_into(text, Collector())
+        if found is None:
+            raise Unfit(f"`under: {written}` is not a decision model", claim)
+        return found
+
     def plan(self, expr: s.Expr | None) -> Plan:
         return model_named(expr, self.results, self._model, self.number)
 
@@ -192,14 +212,18 @@ class Evaluator:
         given = self.needed(expr, ("condition", "under"), ("condition",))
         model = self._model(expr)
         states = condition_over_states(given["condition"], model)
-        return Number.exactly(visit_probability(model, self.plan(given.get("under")), states))
+        return Number.exactly(visit_probability(model, self.plan(given.get("under") or self.under(expr)), states))
 
     def prefers(self, expr: s.Call) -> Truth:
-        given = self.needed(expr, ("model", "condition", "at"), ("model", "condition"))
+        under = self.under(expr)
+        if under is None:
+            given = self.needed(expr, ("model", "condition", "at"), ("model", "condition"))
+        else:
+            given = self.needed(expr, ("condition", "at"), ("condition",))
         model = self._model(expr)
-        plan = self.plan(given["model"])
+        plan = self.plan(under or given["model"])
         wanted = condition_over_actions(given["condition"], model)
-        at = condition_over_actions(given["at"], model) if "at" in given else None
+        at = condition_over_times(given["at"], model) if "at" in given else None
         holds, detail = preferred(model, plan, wanted, at)
         return Truth(holds, detail, expr)
 

@@ -1,0 +1,213 @@
+"""Claims: every form, the statuses, and the messages of those that fail."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskspec import source
+from taskspec.diagnostics import SpecError
+from taskspec.exact.claims import Verdict, verdicts
+from taskspec.spec.build import build
+from taskspec.spec.merge import variant_names
+from taskspec.spec.task import Task
+
+ROOT = Path(__file__).parents[1]
+SPECS = sorted((ROOT / "tasks").rglob("*.yaml")) + sorted((ROOT / "tests" / "specs").glob("*.yaml"))
+
+
+def shipped() -> list[Task]:
+    found = []
+    for path in SPECS:
+        document = source.read(path)
+        for variant in variant_names(document.data).values():
+            try:
+                found.append(build(document, variant))
+            except SpecError:
+                continue
+    return found
+
+
+@pytest.mark.parametrize("task", shipped(), ids=lambda t: t.id)
+def test_every_claim_of_every_task_holds(task: Task) -> None:
+    for verdict in verdicts(task):
+        assert verdict.holds, (verdict.claim.text, verdict.detail)
+
+
+PATH = """
+taskspec: 1
+name: Path
+parameters:
+  n: {type: int, default: 3, low: 1, high: 9}
+state:
+  s: {type: int, low: 0, high: n}
+  side: {type: choice, values: [left, right]}
+action:
+  a: {type: choice, values: [stay, go]}
+  idle: {type: int, low: 0, high: 1}
+horizon: 2 * n
+initial:
+  s: 0
+  side: left
+dynamics:
+  s': min(s + (a == go), n)
+reward: s' == n
+terminal: s' == n
+expert: {a: go, idle: 0}
+claims:
+  - CLAIM
+"""
+SIMULATED = """
+taskspec: 1
+name: Toss
+state:
+  x: {type: real, low: 0, high: 1}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 1
+initial:
+  x: Uniform(0, 1)
+dynamics:
+  x': x
+reward: x < 1/4
+expert: {a: 1}
+claims:
+  - CLAIM
+"""
+
+
+def verdict(claim: str, text: str = PATH) -> Verdict:
+    (found,) = verdicts(build(source.read_text(text.replace("CLAIM", claim), "path.yaml")))
+    return found
+
+
+PROVED = [
+    "optimal_return == 1",
+    "expert_return == optimal_return and worst_return == 0",
+    "0 < random_return < optimal_return",
+    "random_return == 1 - (1 + 6 + 15) / 2**6",
+    "probability(s == n) == random_return",
+    "probability(s == n, under=optimal) == 1",
+    "probability(s == n, expert) == 1",
+    "probability(s == 1, under=uniform) == 1 - 2**-6",
+    "states == n + 1",
+    "actions == 4",
+    "reachable(s == n)",
+    "not reachable(side == right)",
+    "not reachable(s == 2 and side == right)",
+    "prefers(optimal, a == go, at=s + 6 - t == n)",
+    "prefers(soft(n), a == go, at=s == n - 1 and t == T - 1)",
+    "prefers(maxent, a == stay, at=s == 2 and t == 2) or prefers(maxent, a == go, at=s == 2 and t == 2)",
+    "not prefers(uniform, a == go)",
+    "prefers(zero_terminal_value(-1), a == go, at=s == 2)",
+    "prefers(zero_terminal_value(1), a == stay, at=s == 2 and t < T - 1)",
+    "influences(a, s)",
+    "not influences(idle, s)",
+    "not influences(a, side)",
+    "abs(random_return - 0.65625) < 1e-9",
+    "optimal_return > 1/3 + 1/3",
+    "worst_return != optimal_return",
+]
+
+
+@pytest.mark.parametrize("claim", PROVED)
+def test_statements_that_hold(claim: str) -> None:
+    found = verdict(claim)
+    assert found.status == "proved", found.detail
+
+
+FALSE = [
+    ("optimal_return == 2", "optimal_return is 1"),
+    ("optimal_return < 1", "optimal_return is 1"),
+    ("random_return >= 1", "random_return is 0.65625"),
+    ("reachable(side == right)", "no episode is ever in such a state"),
+    ("prefers(optimal, a == stay, at=s == 2)", "it takes a = go"),
+    ("prefers(optimal, a == go, at=s == n)", "no episode acts where this is asked"),
+    ("prefers(uniform, a == go)", "it is indifferent in s = 0"),
+    ("influences(idle, s)", "the next s does not depend on idle"),
+    ("optimal_return == 1 and states == 1", "states is 4"),
+]
+
+
+@pytest.mark.parametrize(("claim", "message"), FALSE)
+def test_statements_that_do_not_hold(claim: str, message: str) -> None:
+    found = verdict(claim)
+    assert found.status == "false"
+    assert found.diagnostic is not None
+    assert found.diagnostic.code == "E601"
+    assert message in found.diagnostic.message
+    span = found.diagnostic.span
+    assert span is not None
+    assert span.line == PATH[: PATH.index("CLAIM")].count("\n") + 1
+
+
+BROKEN = [
+    ("optimal_return", "a claim is a statement"),
+    ("optimal_retrun == 1", "is not defined here"),
+    ("s == 1", "depends on the state"),
+    ("reachable()", "reachable needs 'condition'"),
+    ("reachable(a == go)", "about states alone"),
+    ("reachable(s)", "a condition on states and actions is needed"),
+    ("prefers(clever, a == go)", "a decision model is one of optimal, soft(beta)"),
+    ("prefers(optimal, a == go, at=a == go)", "it says where, so it cannot depend on the action"),
+    ("prefers(optimal, a == go, when=s == 1)", "prefers has no argument 'when'"),
+    ("influences(s, s)", "an action component is needed here: a, idle"),
+    ("reachable(s == up)", "is not defined here"),
+    ("Normal(mean=0, std=1) > 0", "a claim is a statement about exact results"),
+]
+
+
+@pytest.mark.parametrize(("claim", "message"), BROKEN)
+def test_what_is_not_a_claim(claim: str, message: str) -> None:
+    found = verdict(claim)
+    assert found.status == "broken"
+    assert found.diagnostic is not None
+    assert found.diagnostic.code == "E603"
+    assert message in found.diagnostic.message
+
+
+def test_claims_by_simulation() -> None:
+    found = verdict("random_return == 1/4", SIMULATED)
+    assert (found.status, found.episodes) == ("supported", 1000)
+    found = verdict("{claim: abs(random_return - 1/4) < 0.02, episodes: 20000}", SIMULATED)
+    assert (found.status, found.episodes) == ("supported", 20000)
+    found = verdict("random_return > 1/2", SIMULATED)
+    assert found.diagnostic is not None
+    assert found.diagnostic.code == "E604"
+    assert "1,000 episodes contradict this claim at 99.9% confidence" in found.diagnostic.message
+    found = verdict("optimal_return == 1", SIMULATED)
+    assert found.diagnostic is not None
+    assert found.diagnostic.code == "E602"
+    assert "'x' has infinitely many values" in found.diagnostic.message
+    assert verdict("not influences(a, x)", SIMULATED).status == "proved"
+
+
+def test_cases_and_tolerance() -> None:
+    text = PATH.replace("CLAIM", "{claim: states == n + 1, for: [{n: 1}, {n: 5}, {n: 9}]}")
+    found = list(verdicts(build(source.read_text(text, "path.yaml"))))
+    assert [v.status for v in found] == ["proved"] * 3
+    assert [dict(v.parameters) for v in found] == [{"n": 1}, {"n": 5}, {"n": 9}]
+    text = PATH.replace("CLAIM", "{claim: states == 6, for: [{n: 5}, {n: 6}, {n: 99}]}")
+    found = list(verdicts(build(source.read_text(text, "path.yaml"))))
+    assert [v.status for v in found] == ["proved", "false", "broken"]
+    assert found[1].diagnostic is not None
+    assert found[1].diagnostic.notes == ("for n = 6",)
+    assert verdict("{claim: random_return == 0.6, tolerance: 0.1}").status == "proved"
+    assert verdict("{claim: random_return == 0.6, tolerance: 0.01}").status == "false"
+
+
+def test_under_names_the_decision_model() -> None:
+    """`prefers(...)` and `under:` say the same."""
+    found = verdict("{claim: probability(s == n) == 1, under: optimal}")
+    assert found.status == "proved"
+    found = verdict("{claim: 'prefers(a == go, at=s + 6 - t == n)', under: soft(50)}")
+    assert found.status == "proved"
+
+
+def test_parameters_given_at_build_reach_the_claims() -> None:
+    values: dict[str, Any] = {"n": 7}
+    text = PATH.replace("CLAIM", "states == 8")
+    (found,) = verdicts(build(source.read_text(text, "path.yaml"), None, values))
+    assert found.status == "proved"
