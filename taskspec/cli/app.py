@@ -17,9 +17,10 @@ from taskspec.cli.explain import explain
 from taskspec.cli.new import new
 from taskspec.cli.run import run as run_command
 from taskspec.cli.schema import schema
+from taskspec.cli.scoring import score, solve
 from taskspec.cli.show import show
 
-READ, WRITE, USE = "Read tasks", "Write tasks", "Run tasks"
+READ, WRITE, USE = "Read tasks", "Write tasks", "Run and score tasks"
 COMMANDS = (
     ("list", listing.list_tasks, READ),
     ("show", show, READ),
@@ -29,6 +30,8 @@ COMMANDS = (
     ("build", build, WRITE),
     ("schema", schema, WRITE),
     ("run", run_command, USE),
+    ("solve", solve, USE),
+    ("score", score, USE),
     ("bench", bench, USE),
 )
 

@@ -23,7 +23,9 @@ Part = Annotated[
     str,
     typer.Argument(metavar="|".join(PARTS), help="What to measure.", autocompletion=complete_parts),
 ]
-Only = Annotated[list[str] | None, typer.Option("--task", "-t", metavar="NAME", help="Only this task; may be repeated.")]
+Only = Annotated[
+    list[str] | None, typer.Option("--task", "-t", metavar="NAME", help="Only this task; may be repeated.")
+]
 Rounds = Annotated[int, typer.Option("--rounds", min=1, help="How often each side is measured, taking turns.")]
 Seconds = Annotated[float, typer.Option("--seconds", min=0.001, help="How long a measurement takes, about.")]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with status 1 when a target is missed.")]
@@ -37,7 +39,10 @@ def bench(
     strict: Strict = False,
     json: Json = False,
 ) -> None:
-    """Measure steps per second, ours beside others', in one process and taking turns."""
+    """Measure steps per second, ours beside others'.
+
+    Both sides run in one process and take turns, so that a slow moment of the machine meets both.
+    """
     from taskspec.cli.targets import checked_choice
 
     module, _ = PARTS[checked_choice("part", part, list(PARTS))]

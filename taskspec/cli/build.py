@@ -19,9 +19,9 @@ Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="
 
 
 def build(targets: Targets = None, output: Output = Path("build")) -> None:
-    """Check specs and write what comes from them: an index, the generated code, the schema.
+    """Check specs and write everything that comes from them.
 
-    Nothing is written while a spec has an error.
+    That is an index of the tasks, the generated code, and the schema for editors. Nothing is written while a spec has an error.
     """
     from taskspec.cli.check import verdict
     from taskspec.cli.checking import check_file, counts
@@ -64,13 +64,14 @@ def _table(reports: Sequence[Report]) -> Any:
     from taskspec.cli.console import columns
     from taskspec.cli.records import size
 
-    table = columns("", "task", "size", "horizon", "checked", right=(2, 3))
-    table.columns[4].overflow = "ellipsis"
+    table = columns("", "task", "size", "horizon", "sound by", "claims", right=(2, 3))
     for each in (each for report in reports for each in report.tasks):
         task = each.task
-        extent, horizon = ("", "") if task is None else (size(task), "none" if task.horizon is None else f"{task.horizon:,}")
-        how = Text(each.finding.summary, style="quiet")
-        table.add_row(mark(each.diagnostics), Text(each.name, style="name"), extent, horizon, how)
+        extent, horizon = (
+            ("", "") if task is None else (size(task), "none" if task.horizon is None else f"{task.horizon:,}")
+        )
+        name = Text(each.name, style="name")
+        table.add_row(mark(each.diagnostics), name, extent, horizon, each.finding.how, each.finding.claims_words)
     return table
 
 

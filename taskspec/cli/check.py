@@ -36,10 +36,13 @@ def check(
     strict: Strict = False,
     quick: Quick = False,
 ) -> None:
-    """Check specs: shape, meaning, soundness with counterexamples, sense, and the claims they make.
+    """Prove specs right, or say exactly what is wrong and where.
 
-    Every task and variant of the given files and folders is checked, for its default parameters (or those given
-    by [green]-p[/]) and at the ends of their ranges. Exit status 1 if there is an error.
+    Every task and variant of the given files and folders: the shape of the spec, the meaning of every expression,
+    soundness (with a counterexample where it fails), sense, and the claims that are made. Soundness is looked at for the
+    default parameters, or those given by [green]-p[/], and at the ends of the declared ranges.
+
+    Exit status 1 if there is an error.
     """
     from taskspec.cli.checking import check_file, counts
     from taskspec.cli.proofs import examine
@@ -76,6 +79,8 @@ def _print_text(reports: Sequence[Report], errors: int, warnings: int, seconds: 
         out.print()
     out.print(table_of(reports))
     out.print()
+    for remark in remarks(reports):
+        out.print(remark, style="warn")
     out.print(verdict(reports, errors, warnings, seconds))
 
 
@@ -85,14 +90,21 @@ def table_of(reports: Sequence[Report]) -> Table:
 
     from taskspec.cli.console import columns
 
-    table = columns("", "", "")
-    table.columns[2].overflow = "ellipsis"
+    table = columns("", "", "sound by", "ranges", "claims")
     for report in reports:
         table.add_row(mark(report.diagnostics), Text(report.path, style="title"))
         for each in report.tasks:
-            how = Text(each.finding.summary, style="quiet")
-            table.add_row(mark(each.diagnostics), Text(f"  {each.name}", style="name"), how)
+            found = each.finding
+            ranges = f"{found.cases} tried" if found.cases else ""
+            name = Text(f"  {each.name}", style="name")
+            table.add_row(mark(each.diagnostics), name, found.how, ranges, found.claims_words)
     return table
+
+
+def remarks(reports: Sequence[Report]) -> list[str]:
+    """What was left out, and why, each reason once."""
+    skipped = [each.finding.skipped for report in reports for each in report.tasks]
+    return list(dict.fromkeys(reason for reason in skipped if reason))
 
 
 def mark(diagnostics: Sequence[Any]) -> Any:

@@ -60,7 +60,7 @@ def check_task(file: File, variant: str | None, parameters: Mapping[str, Any] | 
     try:
         task = task_in(file, variant, parameters)
     except SpecError as error:
-        found = Finding(error.diagnostics, "")
+        found = Finding(error.diagnostics)
         return Checked(variant or file.path.stem, variant, None, found, time.perf_counter() - start)
     return Checked(task.id, variant, task, prove(task), time.perf_counter() - start)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import unicodedata
@@ -22,11 +23,10 @@ STYLES = {
     "head": "bold bright_blue",
     "name": "cyan",
     "value": "green",
-    "quiet": "bright_black",
+    "quiet": "dim",
     "good": "green",
     "bad": "bold red",
     "warn": "bold yellow",
-    "expression": "default",
 }
 PAGE = 100
 """Prose is not set wider than this."""
@@ -45,9 +45,12 @@ def console(err: bool = False, wide: bool = False) -> Console:
     from rich.console import Console
     from rich.theme import Theme
 
+    from taskspec.cli.piped import PipedConsole
+
     stream = sys.stderr if err else sys.stdout
     theme = Theme(STYLES)
-    found = Console(file=stream, theme=theme, highlight=False, emoji=False, markup=False, width=_piped(stream, wide))
+    kind = Console if stream.isatty() else PipedConsole
+    found = kind(file=stream, theme=theme, highlight=False, emoji=False, markup=False, width=_piped(stream, wide))
     if not wide and found.width > PAGE:
         found.width = PAGE
     return found
@@ -115,7 +118,17 @@ def number(value: float, digits: int = 4) -> str:
     """A number for people: thousands apart, no more digits than say something, a real minus sign."""
     if value != value or abs(value) == float("inf"):
         return str(value).replace("inf", "∞").replace("-", "−")
-    text = f"{value:,.{digits}f}".rstrip("0").rstrip(".") if abs(value) < 1e15 else f"{value:.4g}"
-    if float(text.replace(",", "")) == 0 and value != 0:
+    text = f"{value:,.{digits}f}" if abs(value) < 1e15 else f"{value:.4g}"
+    if "." in text:
+        text = text.rstrip("0").rstrip(".")
+    if value != 0 and not text.strip("-0."):
         text = f"{value:.3g}"
-    return text.replace("-", "−") if text != "-0" else "0"
+    return "0" if text == "-0" else text.replace("-", "−")
+
+
+def measured(value: float, half: float) -> tuple[str, str]:
+    """A mean and half its confidence interval, to the digits that the interval allows."""
+    if not half > 0:
+        return number(value), "0"
+    digits = max(0, 1 - math.floor(math.log10(half)))
+    return number(value, digits), number(half, digits)

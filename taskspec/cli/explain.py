@@ -31,13 +31,15 @@ def explain(
     code: Annotated[
         str | None,
         typer.Argument(
-            metavar="[CODE]", help="A code or its name; all are listed unless given.",
-            autocompletion=complete_codes, show_default=False,
+            metavar="[CODE]",
+            help="A code or its name; all are listed unless given.",
+            autocompletion=complete_codes,
+            show_default=False,
         ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Explain an error or a warning, such as [cyan]E302[/], with an example of how to mend it."""  # fmt: skip
+    """Explain an error or a warning, such as E302, with an example."""  # fmt: skip
     found = list(CODES.values()) if code is None else [_find(code)]
     if json:
         from taskspec.cli.console import write_json

@@ -20,7 +20,10 @@ WIDE = 110
 
 
 def list_tasks(targets: Targets = None, json: Json = False) -> None:
-    """List tasks: id, parameters, size (states × actions) and horizon, by the capability they isolate."""
+    """List tasks with their parameters, size and horizon.
+
+    The size is states × actions, and the order is by the capability that tasks isolate.
+    """
     tasks: list[Task] = []
     problems: list[Diagnostic] = []
     for found in _tasks(targets or []):
@@ -103,4 +106,3 @@ def _horizon(task: Task) -> str:
 
 def _style(task: Task) -> str:
     return "quiet" if task.variant == "seals" else ""
-

@@ -56,10 +56,15 @@ def new(
     name: Annotated[str, typer.Argument(help="The name of the task, such as RiskyPath.", show_default=False)],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Where to write it; risky_path.yaml by default.", show_default=False),
+        typer.Option(
+            "--output", "-o", metavar="FILE", help="Where to write it; risky_path.yaml by default.", show_default=False
+        ),
     ] = None,
 ) -> None:
-    """Write a commented spec to start from. It passes [cyan]taskspec check[/] as it is."""
+    """Write a commented spec to start from.
+
+    It passes [cyan]taskspec check[/] as it is, and shows every section that most tasks need.
+    """
     if not _NAME.fullmatch(name):
         better = "".join(part[:1].upper() + part[1:] for part in re.findall(r"[A-Za-z0-9]+", name)).lstrip("0123456789")
         hint = f"perhaps {better}" if better else None
@@ -68,7 +73,9 @@ def new(
     if path.is_dir():
         path = path / f"{_words(name, '_')}.yaml"
     _write(path, SCAFFOLD.format(name=name, title=_words(name, " ").capitalize()))
-    typer.echo(f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render")
+    typer.echo(
+        f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render"
+    )
 
 
 def _words(name: str, between: str) -> str:

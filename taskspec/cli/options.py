@@ -42,7 +42,9 @@ def complete_parameters(ctx: typer.Context, incomplete: str) -> list[tuple[str, 
     if sign:
         values = next((p.values or () for p in task.parameters if p.name == name), ())
         return [(f"{name}={v}", "") for v in values if f"{name}={v}".startswith(incomplete)]
-    return [(f"{p.name}={show_value(p.default)}", p.doc or p.kind) for p in task.parameters if p.name.startswith(incomplete)]
+    return [
+        (f"{p.name}={show_value(p.default)}", p.doc or p.kind) for p in task.parameters if p.name.startswith(incomplete)
+    ]
 
 
 def complete_variants(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
@@ -78,7 +80,9 @@ def _task_in(ctx: typer.Context) -> Any:
 
 TaskArgument = Annotated[
     str,
-    typer.Argument(metavar="TASK", help="An id, or the path of a spec.", autocompletion=complete_targets, show_default=False),
+    typer.Argument(
+        metavar="TASK", help="An id, or the path of a spec.", autocompletion=complete_targets, show_default=False
+    ),
 ]
 Targets = Annotated[
     list[str] | None,

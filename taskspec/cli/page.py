@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console, Group, RenderableType
@@ -17,6 +18,7 @@ from taskspec.backends.spaces import action_layout, observation_layout
 from taskspec.cli.console import clean
 from taskspec.cli.equations import body, colored
 from taskspec.cli.records import domain_words, show_value, space_words
+from taskspec.cli.targets import near
 from taskspec.spec.task import Component, Parameter, Soft, Task
 
 _MATH = re.compile(r"\$([^$\n]+)\$")
@@ -115,7 +117,7 @@ def _observation(task: Task) -> RenderableType:
         clock = ", and the time" if task.observe_time else ""
         return Text(f"the state{clock}", style="quiet")
     expressions = task.surface.sections.get("observation", {})
-    return _equation_grid([(name, expr) for name, expr in expressions.items()])
+    return _lines(_named(expressions))
 
 
 # -- equations ----------------------------------------------------------------------------------------------------
@@ -134,16 +136,21 @@ def _equations(task: Task) -> RenderableType:
     for title, lines in _blocks(task):
         table = Table.grid(padding=(0, 1, 0, 0))
         table.add_column(min_width=12, style="quiet")
-        table.add_column(no_wrap=True)
         table.add_column()
-        for i, shown in enumerate(lines):
-            table.add_row(title if i == 0 else "", _left(shown.name), shown.content)
+        table.add_row(title, _lines(lines))
         parts.append(table)
     return Group(*parts)
 
 
-def _left(name: str) -> Text:
-    return Text.assemble((name, "cyan"), " =") if name else Text()
+def _lines(lines: Sequence[_Shown]) -> RenderableType:
+    """Equations under each other, aligned at the equals sign; a value without a name stands alone."""
+    if not any(shown.name for shown in lines):
+        return Group(*(shown.content for shown in lines))
+    table = Table.grid(padding=(0, 1, 0, 0))
+    table.add_column(style="cyan", no_wrap=True)
+    for shown in lines:
+        table.add_row(shown.name, "=", shown.content)
+    return table
 
 
 def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
@@ -165,13 +172,6 @@ def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
 
 def _named(expressions: Mapping[str, Any]) -> list[_Shown]:
     return [_Shown(name, body(expr)) for name, expr in expressions.items() if expr is not None]
-
-
-def _equation_grid(pairs: Sequence[tuple[str, Any]]) -> Table:
-    table = Table.grid(padding=(0, 1, 0, 0))
-    for name, expr in pairs:
-        table.add_row(_left(name), body(expr))
-    return table
 
 
 def _horizon(task: Task) -> Text:
@@ -230,7 +230,9 @@ def _errata(errata: Sequence[Mapping[str, Any]]) -> RenderableType | None:
 def _sources(sources: Sequence[Mapping[str, Any]]) -> RenderableType | None:
     if not sources:
         return None
-    lines = [Text.assemble((clean(str(x.get("key", ""))), "cyan"), f"  {clean(str(x.get('where') or ''))}") for x in sources]
+    lines = [
+        Text.assemble((clean(str(x.get("key", ""))), "cyan"), f"  {clean(str(x.get('where') or ''))}") for x in sources
+    ]
     return Group(*lines)
 
 
@@ -238,7 +240,7 @@ def _foot(task: Task) -> Text:
     from taskspec.spec.merge import variant_names
 
     others = [name for name in variant_names(task.document.data) if name != task.name]
-    lines = [f"{task.document.origin.name}  {task.content_hash[:12]}"]
+    lines = [f"{near(Path(task.document.origin.name))}  {task.content_hash[:12]}"]
     if others:
         lines.append(f"the same spec defines {', '.join(others)}")
     return Text("\n".join(lines), style="quiet")

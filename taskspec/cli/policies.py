@@ -44,8 +44,7 @@ def policy_for(name: str, env: Environment, seed: int) -> Callable[[int], Policy
         env.action_space.seed(seed % 2**32)
         return lambda episode: lambda observation: env.action_space.sample()
     if name == "expert":
-        expert = expert_policy(env, seed)
-        return lambda episode: expert
+        return expert_policy(env, seed)
     if Path(name).suffix in SCRIPTS:
         return scripted(Path(name), env.task)
     hint = suggest(name, NAMES) or "random, expert, or a .json or .csv file of actions"
@@ -55,15 +54,16 @@ def policy_for(name: str, env: Environment, seed: int) -> Callable[[int], Policy
 # -- the expert ---------------------------------------------------------------------------------------------------
 
 
-def expert_policy(env: Environment, seed: int) -> Policy:
+def expert_policy(env: Environment, seed: int) -> Callable[[int], Policy]:
     """The expert that the spec gives."""
     match env.task.expert:
         case None:
             raise refuse("E713", f"{env.task.id} gives no expert", "an `expert:` section says how it acts")
         case tuple() as nodes:
-            return _expression_expert(env, nodes, seed)
+            acts = _expression_expert(env, nodes, seed)
+            return lambda episode: acts
         case _:
-            return _planned_expert(env, seed)
+            return _planned_expert(env.task, seed)
 
 
 def _expression_expert(env: Environment, nodes: tuple[Node, ...], seed: int) -> Policy:
@@ -72,19 +72,37 @@ def _expression_expert(env: Environment, nodes: tuple[Node, ...], seed: int) -> 
     words, rng = Layout.of(nodes), np.random.default_rng(seed)
 
     def act(observation: Any) -> Any:
-        values, time, _ = env._lane.get()
-        reads: dict[tuple[Role, str], tuple[Any, ...]] = {(Role.TIME, "t"): (time,)}
-        for c, value in zip(task.state, values, strict=True):
-            reads[c.read] = tuple(value) if c.type.shape else (value,)
+        state = env.state
+        reads = {c.read: _state_flat(c, state[c.name]) for c in task.state} | {(Role.TIME, "t"): (env.time,)}
         drawn = [int(w) for w in rng.integers(0, 2**32, words.count)]
         return pack(layout, evaluate(nodes, reads, sampler(words, drawn)))
 
     return act
 
 
-def _planned_expert(env: Environment, seed: int) -> Policy:
-    """The optimal or soft-optimal expert, planned on the exact model."""
-    raise refuse("E712", f"the expert of {env.task.id} is planned on an exact model, which is not available here")
+def _state_flat(c: Component, value: Any) -> tuple[Any, ...]:
+    """A state component as environments show it, as a flat value."""
+    if c.domain is not None and not c.type.shape:
+        return (c.domain.index(value),)
+    return tuple(np.asarray(value).ravel().tolist())
+
+
+def _planned_expert(task: Task, seed: int) -> Callable[[int], Policy]:
+    """The optimal or soft-optimal expert, planned on the exact model; what it hands on counts the steps."""
+    from taskspec.exact import Expert
+
+    expert = Expert(task, seed)
+
+    def policy(episode: int) -> Policy:
+        memory: list[Any] = [None]
+
+        def act(observation: Any) -> Any:
+            action, memory[0] = expert.predict(observation, memory[0])
+            return action
+
+        return act
+
+    return policy
 
 
 # -- scripts ------------------------------------------------------------------------------------------------------
@@ -162,7 +180,9 @@ def _action(task: Task, item: Any, path: Path) -> Any:
         parts = [item[c.name] for c in task.action] if isinstance(item, dict) else _parts(task, item)
         flats = [_flat(c, part) for c, part in zip(task.action, parts, strict=True)]
     except (KeyError, ValueError, TypeError):
-        raise refuse("E706", f"{path}: {json.dumps(item)} is not an action of {task.id}", _needs(task, layout)) from None
+        raise refuse(
+            "E706", f"{path}: {json.dumps(item)} is not an action of {task.id}", _needs(task, layout)
+        ) from None
     return pack(layout, flats)
 
 

@@ -2,40 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taskspec.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
-    from taskspec.exact import Verdict
+    from taskspec.exact.points import Method
     from taskspec.spec.task import Task
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found about one task. `method` says how soundness was decided."""
+    """What was found about one task.
+
+    `how` says in a few words how soundness was decided, `method` in full. `cases` counts the other parameter values that
+    were tried, `proved` the claims that hold by the exact model, `supported` those that simulation did not contradict.
+    """
 
     diagnostics: tuple[Diagnostic, ...]
-    method: str
-    cases: int = 0  # other parameter values that were tried
-    proved: int = 0  # claims that hold by the exact model
-    supported: int = 0  # claims that simulation did not contradict
+    how: str = ""
+    method: str = ""
+    cases: int = 0
+    claims: int = 0
+    proved: int = 0
+    supported: int = 0
     skipped: str | None = None
 
     @property
-    def summary(self) -> str:
-        """Everything that was done, in a line."""
-        cases = f"{self.cases} more parameter {'value' if self.cases == 1 else 'values'}" if self.cases else ""
-        return "; ".join(part for part in (self.method, cases, self._claims, self.skipped) if part)
-
-    @property
-    def _claims(self) -> str:
-        parts = [f"{n} {what}" for n, what in ((self.proved, "proved"), (self.supported, "not contradicted")) if n]
-        if not parts:
-            return ""
-        return f"claims: {', '.join(parts)}"
+    def claims_words(self) -> str:
+        """`8 proved`, or what became of them otherwise."""
+        failed = self.claims - self.proved - self.supported
+        parts = ((self.proved, "proved"), (self.supported, "tested"), (failed, "failed"))
+        return ", ".join(f"{n} {what}" for n, what in parts if n)
 
 
 def examine(task: Task, ranges: bool = True, claims: bool = True) -> Finding:
@@ -48,12 +47,14 @@ def examine(task: Task, ranges: bool = True, claims: bool = True) -> Finding:
     from taskspec import exact
 
     report = exact.check(task, ranges=ranges, with_sense=claims, claims=claims)
-    statuses = [verdict.status for verdict in _held(report.verdicts)]
+    statuses = [verdict.status for verdict in report.verdicts]
     return Finding(
-        report.diagnostics, str(report.method), len(report.cases), statuses.count("proved"), statuses.count("supported"),
-        report.skipped,
+        report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
+        statuses.count("proved"), statuses.count("supported"), report.skipped,
     )  # fmt: skip
 
 
-def _held(verdicts: Iterable[Verdict]) -> Iterable[Verdict]:
-    return (verdict for verdict in verdicts if verdict.holds)
+def _how(method: Method) -> str:
+    if not method.exact:
+        return f"{method.points:,} samples"
+    return f"all {method.points:,} points" if method.points else "bounds"

@@ -8,7 +8,7 @@ from typing import Any
 
 from taskspec.backends.spaces import Layout, action_layout, observation_layout
 from taskspec.cli.console import number
-from taskspec.lang.types import Kind
+from taskspec.lang.types import Domain, Kind
 from taskspec.spec.task import Component, Parameter, Soft, Task
 
 _SETS = {Kind.BOOL: "𝔹", Kind.INT: "ℤ", Kind.REAL: "ℝ"}
@@ -151,7 +151,7 @@ def domain_words(c: Component | Parameter) -> str:
         labels, kind, shape = c.values, c.kind, ""
         low, high = (-math.inf if c.low is None else c.low), (math.inf if c.high is None else c.high)
     else:
-        labels, kind = (c.domain.labels if c.domain else None), str(c.type.kind)
+        labels, kind = (None if c.domain is None else label_words(c.domain)), str(c.type.kind)
         shape = f"[{', '.join(map(str, c.type.shape))}]" if c.type.shape else ""
         low, high = min(c.low), max(c.high)
     if labels is not None:
@@ -163,6 +163,20 @@ def domain_words(c: Component | Parameter) -> str:
     if kind == "int":
         return f"int{shape} {_end(low)}..{_end(high)}"
     return f"real{shape} in {interval(low, high)}"
+
+
+def label_words(domain: Domain) -> list[str]:
+    """Labels, each with the value that it stands for."""
+    if domain.values is None:
+        return list(domain.labels)
+    return [f"{label} {_value(value)}" for label, value in zip(domain.labels, domain.values, strict=True)]
+
+
+def _value(value: Any) -> str:
+    """A label's value: a number, or a flat vector."""
+    if isinstance(value, tuple | list):
+        return f"({', '.join(map(show_value, value))})"
+    return show_value(value)
 
 
 def _end(value: float) -> str:

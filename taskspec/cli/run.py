@@ -35,9 +35,13 @@ Policy = Annotated[
 ]  # fmt: skip
 Episodes = Annotated[
     int | None,
-    typer.Option("--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.", show_default=False),
+    typer.Option(
+        "--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.", show_default=False
+    ),
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="Episodes are a function of it.")]
+Seed = Annotated[
+    int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="Episodes are a function of it.")
+]
 Render = Annotated[bool, typer.Option("--render", help="Show every state as text.")]
 MaxSteps = Annotated[int, typer.Option("--max-steps", min=1, help="Cuts episodes that have no end of their own.")]
 
@@ -53,7 +57,11 @@ def run(
     max_steps: MaxSteps = MAX_STEPS,
     json: Json = False,
 ) -> None:
-    """Roll out a policy: mean return with its 95 % confidence interval, lengths, and how episodes ended."""
+    """Roll out a policy and say how it did.
+
+    Mean return with its 95 % confidence interval, lengths of episodes, and how they ended; [green]--json[/] adds every
+    return, which [cyan]taskspec score[/] reads.
+    """
     from taskspec.cli.rollouts import Clock, summarize
     from taskspec.cli.targets import task_of
 
@@ -65,7 +73,7 @@ def run(
     done = list(_episodes(found, policy, seed, count, max_steps, render, quiet=json))
     summary = summarize(done, clock.seconds)
     if json:
-        _print_json(found, policy, seed, summary)
+        _print_json(found, policy, seed, summary, done)
     else:
         _print(found, policy, seed, summary)
 
@@ -114,14 +122,15 @@ def _with_bar(done: Iterator[Episode], count: int) -> Iterator[Episode]:
 # -- output -------------------------------------------------------------------------------------------------------
 
 
-def _print_json(task: Task, policy: str, seed: int, summary: Summary) -> None:
+def _print_json(task: Task, policy: str, seed: int, summary: Summary, done: list[Episode]) -> None:
     from taskspec.cli.console import write_json
 
     about: dict[str, Any] = {"id": task.id, "parameters": task.values, "policy": policy, "seed": seed}
     found = dataclasses.asdict(summary)
     half = found.pop("half")
     interval = None if half is None else [summary.mean - half, summary.mean + half]
-    write_json({**about, "content_hash": task.content_hash, **found, "confidence_95": interval})
+    write_json({**about, "content_hash": task.content_hash, **found, "confidence_95": interval,
+                "returns": [episode.total for episode in done]})  # fmt: skip
 
 
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
@@ -138,8 +147,8 @@ def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(style="quiet")
     table.add_row("  return", _mean(summary))
-    if summary.episodes > 1:
-        spread = f"{number(summary.lowest)} to {number(summary.highest)}, standard deviation {number(summary.deviation)}"
+    if summary.deviation > 0:
+        spread = f"{number(summary.lowest)} to {number(summary.highest)}, standard deviation {summary.deviation:.3g}"
         table.add_row("", Text(spread, style="quiet"))
     if task.discount != 1:
         table.add_row("  discounted", f"{number(summary.discounted)} at {task.discount:g}")
@@ -149,12 +158,14 @@ def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
 
 
 def _mean(summary: Summary) -> Any:
-    from taskspec.cli.console import line, number
+    from taskspec.cli.console import line, measured, number
 
-    if summary.half is None:
-        return line((number(summary.mean), "title"))
-    low, high = number(summary.mean - summary.half), number(summary.mean + summary.half)
-    return line((number(summary.mean), "title"), f" ± {number(summary.half)}", (f"   95 % confidence: {low} to {high}", "quiet"))
+    if summary.half is None or summary.deviation == 0:
+        every = "  in every episode" if summary.episodes > 1 else ""
+        return line((number(summary.mean), "title"), (every, "quiet"))
+    mean, half = measured(summary.mean, summary.half)
+    low, high = (measured(summary.mean + side * summary.half, summary.half)[0] for side in (-1, 1))
+    return line((mean, "title"), f" ± {half}", (f"   95 % confidence: {low} to {high}", "quiet"))
 
 
 def _endings(summary: Summary) -> str:

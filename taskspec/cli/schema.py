@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write to this file.", dir_okay=False, show_default=False)
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="Write to this file.", dir_okay=False, show_default=False),
 ]
 
 

@@ -19,7 +19,7 @@ def show(
     source: Annotated[bool, typer.Option("--source", help="The code generated for its environment.")] = False,
     json: Json = False,
 ) -> None:
-    """Show a task as a readable page, or [green]--source[/]: the code its environment runs."""
+    """Show a task as a page, or the code generated from it."""
     from taskspec.cli.targets import task_of
 
     found = task_of(task, variant, parameters or [])

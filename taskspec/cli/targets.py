@@ -31,7 +31,9 @@ def task_of(target: str, variant: str | None, parameters: Sequence[str]) -> Task
         SpecError: no such task, a folder, a bad parameter, or any mistake in the spec.
     """
     if Path(target).is_dir():
-        raise refuse("E711", f"'{target}' is a folder; this command takes one task", "`taskspec list FOLDER` shows what is in it")
+        raise refuse(
+            "E711", f"'{target}' is a folder; this command takes one task", "`taskspec list FOLDER` shows what is in it"
+        )
     values = assignments(parameters)
     return registry.load(shown_path(target), variant, **values)
 
@@ -164,4 +166,3 @@ def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
         listed = ", ".join(allowed)
         raise refuse("E713", f"--{name} is one of {listed}, not '{value}'", suggest(value, allowed))
     return value
-

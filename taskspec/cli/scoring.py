@@ -1,0 +1,217 @@
+"""`taskspec solve` and `taskspec score`: what returns are possible, and where given ones stand between them."""
+
+from __future__ import annotations
+
+import csv
+import json as json_
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskspec.cli.failures import refuse
+from taskspec.cli.options import Json, Parameters, TaskArgument, Variant
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from taskspec.exact import Return, Score, Scores
+    from taskspec.spec.task import Task
+
+Episodes = Annotated[int, typer.Option("--episodes", "-n", min=2, help="For what has to be simulated.")]
+Seed = Annotated[
+    int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="For what has to be simulated.")
+]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="FILE", help="Keep the scores in this file.", dir_okay=False, show_default=False
+    ),
+]
+Known = Annotated[
+    Path | None,
+    typer.Option("--scores", metavar="FILE", help="Scores that `solve -o` kept.", dir_okay=False, show_default=False),
+]
+Returns = Annotated[
+    Path,
+    typer.Argument(
+        metavar="RETURNS", help="Returns of episodes: JSON (as `run --json` writes), or CSV (a monitor file, or a column).",
+        show_default=False,
+    ),
+]  # fmt: skip
+
+
+def solve(
+    task: TaskArgument,
+    variant: Variant = None,
+    parameters: Parameters = None,
+    episodes: Episodes = 1000,
+    seed: Seed = 0,
+    output: Output = None,
+    json: Json = False,
+) -> None:
+    """Work out optimal, expert, random and worst return.
+
+    Exactly where the task has an exact model, else from episodes, with a confidence interval.
+    """
+    from taskspec.cli.console import write_json
+    from taskspec.cli.targets import task_of
+    from taskspec.exact import scores
+
+    found = task_of(task, variant, parameters or [])
+    measured = scores(found, episodes, seed)
+    if output is not None:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        measured.save(output)
+    if json:
+        write_json(measured.record())
+    else:
+        _print_scores(found, measured)
+
+
+def score(
+    task: TaskArgument,
+    returns: Returns,
+    variant: Variant = None,
+    parameters: Parameters = None,
+    scores: Known = None,
+    json: Json = False,
+) -> None:
+    """Score returns: 0 is acting at random, 1 is the expert.
+
+    A score below -1 counts as -1, as in the paper that the derail suite comes from.
+    """
+    from taskspec import exact
+    from taskspec.cli.console import write_json
+    from taskspec.cli.targets import task_of
+
+    found = task_of(task, variant, parameters or [])
+    known = None if scores is None else _known(scores, found)
+    result = exact.score(found, read_returns(returns), known=known)
+    if json:
+        low, high = result.interval()
+        record = result.scores.record()
+        write_json({"score": result.normalised, "confidence_95": [low, high], "episodes": result.value.episodes,
+                    "mean_return": result.value.value, "scores": record})  # fmt: skip
+    else:
+        _print_score(found, result)
+
+
+def _known(path: Path, task: Task) -> Scores:
+    """Scores from a file; refused when they are those of another version of the task."""
+    from taskspec.exact import Scores
+
+    try:
+        return Scores.load(path, task)
+    except (KeyError, TypeError, json_.JSONDecodeError):
+        raise refuse("E711", f"'{path}' holds no scores", "`taskspec solve TASK -o FILE` writes some") from None
+
+
+# -- returns ------------------------------------------------------------------------------------------------------
+
+
+def read_returns(path: Path) -> list[float]:
+    """Returns of episodes from a file: a JSON list, or `returns` of a JSON object; or CSV, in the first column or in `r`.
+
+    Raises:
+        SpecError: E710, E711 when there is no such file, or no numbers in it.
+    """
+    if not path.exists():
+        raise refuse("E710", f"there is no file '{path}'")
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        found = _from_json(text) if path.suffix == ".json" else _from_csv(text)
+        values = [float(value) for value in found]
+    except (ValueError, TypeError, KeyError, IndexError):
+        values = []
+    if not values:
+        raise refuse("E711", f"'{path}' holds no returns", "a JSON list of numbers, or one number a line")
+    return values
+
+
+def _from_json(text: str) -> list[Any]:
+    data = json_.loads(text)
+    return list(data["returns"] if isinstance(data, dict) else data)
+
+
+def _from_csv(text: str) -> list[str]:
+    """The column `r` or `return`, else the first one; comments start with `#`."""
+    rows = list(csv.reader(line for line in text.splitlines() if line.strip() and not line.startswith("#")))
+    header = [cell.strip().lower() for cell in rows[0]]
+    column = next((header.index(name) for name in ("r", "return", "returns", "score") if name in header), 0)
+    return [row[column] for row in (rows if _is_number(rows[0][column]) else rows[1:])]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+# -- output -------------------------------------------------------------------------------------------------------
+
+
+def _print_scores(task: Task, found: Scores) -> None:
+    from taskspec.cli.console import console, line
+    from taskspec.cli.records import defaults
+
+    out = console()
+    out.print(line((task.id, "name"), (f"  {defaults(task)}", "value")))
+    out.print(_score_table(found))
+    out.print(_ground(found), style="quiet")
+
+
+def _score_table(found: Scores) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(style="quiet")
+    table.add_column(justify="right", style="title")
+    for name in ("optimal", "expert", "random", "worst"):
+        value: Return | None = getattr(found, name)
+        table.add_row(f"  {name}", *_return(value), Text(_remark(found, name), style="quiet"))
+    return table
+
+
+def _return(value: Return | None) -> tuple[str, str]:
+    """A return, and how sure it is."""
+    from taskspec.cli.console import measured
+
+    if value is None:
+        return "unknown", ""
+    if value.exact:
+        return f"{value.value:.10g}".replace("-", "−"), "exact"
+    low, high = value.interval()
+    mean, half = measured(value.value, (high - low) / 2)
+    return mean, f"± {half} from {value.episodes:,} episodes"
+
+
+def _remark(found: Scores, name: str) -> str:
+    from taskspec.cli.console import number
+
+    if name != "expert" or found.gap is None:
+        return ""
+    return "optimal" if abs(found.gap) < 1e-9 else f"{number(found.gap, 6)} below the optimum"
+
+
+def _ground(found: Scores) -> str:
+    """What the numbers rest on."""
+    if found.states is not None:
+        return f"  from an exact model of {found.states:,} states and {found.actions:,} actions"
+    return f"  no exact model: {found.why_not_exact}"
+
+
+def _print_score(task: Task, result: Score) -> None:
+    from taskspec.cli.console import console, line, number
+
+    out = console()
+    low, high = result.interval()
+    value = result.value
+    out.print(line((task.id, "name"), "  score ", (number(result.normalised), "title"),
+                   (f"   95 % confidence: {number(low)} to {number(high)}", "quiet")))  # fmt: skip
+    ends = ((name, getattr(result.scores, name)) for name in ("random", "expert", "optimal"))
+    known = ", ".join(f"{name} {number(end.value)}" for name, end in ends if end is not None)
+    out.print(f"  mean return {number(value.value)} over {value.episodes:,} episodes; {known}", style="quiet")
