@@ -233,21 +233,22 @@ class ArrayForm:
     @staticmethod
     def _is_look_up(node: Apply) -> bool:
         table, place = node.args
-        return isinstance(table, Const) and len(table.type.shape) == 1 and place.type.is_scalar
+        return isinstance(table, Const) and len(table.type.shape) <= 2 and place.type.is_scalar
 
     def _look_up(self, node: Apply, args: Sequence[str]) -> str:
-        """An element of a constant vector for every lane."""
+        """An element, or a row, of a constant array for every lane."""
+        table = self.constant(_Table(node.args[0]))
+        axis = len(node.args[0].type.shape) - 1
         if self.scratch is None:
-            return self._assign(f"rt.look_up({args[0]}, {args[1]})")
-        table = self.constant(_Flat(node.args[0]))
+            return self._assign(f"rt.look_up({table}, {args[1]}, {axis})")
         out = self._buffer(node)
-        self.lines.append(f'{table}.take({args[1]}, None, {out}, "clip")')
+        self.lines.append(f'{table}.take({args[1]}, {axis}, {out}, "clip")')
         return out
 
 
 @dataclass(frozen=True)
-class _Flat:
-    """Marks a constant vector that is wanted without an axis for the lanes."""
+class _Table:
+    """Marks a constant that is wanted for look-ups: without an axis for the lanes, indexed along its last axis."""
 
     node: Node
 
@@ -260,12 +261,12 @@ def _is_alias(node: Apply) -> bool:
 
 
 def arrays(constants: Mapping[str, Any], make: Callable[[Const], Any]) -> dict[str, Any]:
-    """The constants as arrays: (*shape, 1), so that they broadcast, or flat where marked."""
+    """The constants as arrays: (*shape, 1), so that they broadcast, or as tables where marked."""
     made = {}
     for name, value in constants.items():
-        if isinstance(value, _Flat):
+        if isinstance(value, _Table):
             assert isinstance(value.node, Const)
-            made[name] = make(value.node).reshape(-1)
+            made[name] = make(value.node)[..., 0].T.copy()
         else:
             made[name] = make(value) if isinstance(value, Const) else value
     return made

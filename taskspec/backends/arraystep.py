@@ -145,16 +145,16 @@ def _state(
     return [*copies, *lines]
 
 
+def never(terminal: Node) -> bool:
+    """Whether no step terminates; `ended` and `truncated` are one array then."""
+    return isinstance(terminal, Const) and not plain(terminal.value)
+
+
 def _ending(task: Task, terminal: Node, value: str) -> list[str]:
     """The time, the flags, and the number of episodes that ended."""
     lines = ["add(t, 1, t)"]
-    never = isinstance(terminal, Const) and not plain(terminal.value)
-    if not never:
-        lines.append(f"copyto(terminated, {value})")
     if task.horizon is not None:
         lines.append(f"greater_equal(t, {task.horizon}, truncated)")
-    if never:
-        lines.append("copyto(ended, truncated)")
-    else:
-        lines.append("logical_or(terminated, truncated, ended)")
+    if not never(terminal):
+        lines += [f"copyto(terminated, {value})", "logical_or(terminated, truncated, ended)"]
     return [*lines, "return int(count_nonzero(ended))"]

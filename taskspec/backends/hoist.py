@@ -138,12 +138,13 @@ def _row_outcomes(b: Builder, p: Node, words: Sequence[Node], bias: int) -> list
     table, row = found
     k = table.type.shape[-1]
     rows = [table.flat[i : i + k] for i in range(0, len(table.flat), k)]
+    if not bias:  # ints with room for the threshold that no word reaches
+        exact = [thresholds(r) for r in rows]
+        return [_reached(b, [_column(b, [t[i] for t in exact], row) for i in range(k - 1)], w) for w in words]
     limits, last = threshold_table(rows)
     columns = [_column(b, [int(v) - bias for v in limits[:, i]], row) for i in range(k - 1)]
     most = _column(b, [int(v) for v in last], row)
-    clamp = any(int(v) < k - 1 for v in last)
-    outcomes = [_reached(b, columns, w) for w in words]
-    return [b.apply("min2", o, most) for o in outcomes] if clamp else outcomes
+    return [b.apply("min2", _reached(b, columns, w), most) for w in words]
 
 
 def _column(b: Builder, values: Sequence[int], row: Node) -> Node:

@@ -16,9 +16,10 @@ import numpy as np
 from taskspec.backends.actions import reader
 from taskspec.backends.ahead import Ahead, Ready
 from taskspec.backends.arrayform import UFUNCS, arrays
-from taskspec.backends.arraystep import generate, observed
+from taskspec.backends.arraystep import generate, never, observed
 from taskspec.backends.buffers import Array, Buffers, Values
 from taskspec.backends.hoist import Hoisted, hoist
+from taskspec.backends.runtimes import RUNTIME
 from taskspec.backends.spaces import Layout, action_layout, observation_layout
 from taskspec.backends.tabulate import tabulate
 from taskspec.backends.vector import NotRunningError, Options
@@ -68,7 +69,7 @@ _NAMESPACE: dict[str, Any] = {
     **{name: getattr(np, name) for name in (*UFUNCS.values(), "copyto", "count_nonzero", "greater_equal")},
     "np": np,
     "xp": np,
-    "rt": batch.RUNTIME,
+    "rt": RUNTIME,
     "nan": np.nan,
     "inf": np.inf,
     "gammas": variates.gammas,
@@ -86,6 +87,8 @@ class NumpyEngine:
         module = compile_numpy(task)
         self.observation, self.action, self.source = module.observation, module.action, module.source
         self.buffers = Buffers.of(task, module.observation, lanes)
+        if never(task.terminal):  # what is truncated has ended, and nothing else has
+            self.buffers.ended = self.buffers.truncated
         self._read = reader(task, module.action, lanes)
         self._mode = options.mode
         size = max(1, -(-lanes // -(-lanes // BLOCK))) if lanes else 1
@@ -132,6 +135,8 @@ class _Block:
         self._buffers, self._module = buffers, module
         self._ahead, self._start = Ahead(module.hoisted, buffers), Ready(module.start, buffers)
         self._state_size = len(module.task.state)
+        self._first = Values.empty(module.observation, 1)
+        write(self._first, [v[..., :1] for v in self._start.values[self._state_size :]], np.arange(1))
         rows = observed(buffers.seen)
         self._step = module.bind(
             self.lanes,
@@ -191,10 +196,22 @@ class _Block:
     def _finish(self) -> None:
         """Keep the last observations of the episodes that have ended, and begin the next ones."""
         b, self._over = self._buffers, 0
-        lanes = b.ended.nonzero()[0]
         for final, seen in zip(b.final.parts, b.seen.parts, strict=True):
-            final[..., lanes] = seen[..., lanes]
-        self._begin(lanes)
+            np.copyto(final, seen)
+        if self._start.fixed:
+            self._begin_fixed(b.ended)
+        else:
+            self._begin(b.ended.nonzero()[0])
+
+    def _begin_fixed(self, where: Array) -> None:
+        """`_begin` where all episodes begin alike."""
+        b, values = self._buffers, self._start.values
+        for held, new in zip(b.state, values, strict=False):
+            _put(held, where, new)
+        for seen, start in zip(b.seen.parts, self._first.parts, strict=True):
+            _put(seen, where, start)
+        np.putmask(b.time, where, 0)
+        np.add(b.episodes, where, b.episodes)
 
     def _skip(self, late: Array) -> int:
         """Lanes whose episodes ended in the step before begin the next one now, and take no step."""
@@ -206,6 +223,14 @@ class _Block:
 
 
 _ONE = np.uint32(1)
+
+
+def _put(held: Array, where: Array, value: Array) -> None:
+    """The same value (*shape, 1) for every lane where a condition holds; putmask takes half as long as copyto."""
+    if held.ndim == 1:
+        np.putmask(held, where, value)
+    else:
+        np.copyto(held, value, where=where)
 
 
 def write(values: Values, flats: Sequence[Array], lanes: Array) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
+from taskspec.lang.ops import OPS
 from taskspec.lang.types import Kind, Type
 
 CELLS = 8192
@@ -29,6 +30,7 @@ class _Tables:
 
 def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Node, ...]:
     """The roots with their largest scalar parts over at most `cells` combinations of finite reads as look-ups."""
+    roots = folded(b, roots)
     tables = _Tables(b)
     for node in walk(roots):
         tables.reads[id(node)] = _finite_reads(tables, node, cells)
@@ -42,7 +44,7 @@ def tabulate(b: Builder, roots: Sequence[Node], cells: int = CELLS) -> tuple[Nod
             tables.made[id(node)] = _table(tables, node)
         else:
             stack.extend(children(node))
-    return rewrite(roots, lambda n: tables.made.get(id(n)), b.remake)
+    return folded(b, rewrite(roots, lambda n: tables.made.get(id(n)), b.remake))
 
 
 def _finite_reads(tables: _Tables, node: Node, cells: int) -> frozenset[Read] | None:
@@ -111,3 +113,67 @@ def _place(b: Builder, reads: Sequence[Read], counts: Sequence[int]) -> Node:
         digit = b.apply("sub", b.cast(read, Kind.INT), b.scalar(low))
         place = b.apply("add", b.apply("mul", place, b.scalar(count)), digit)
     return place
+
+
+# -- look-ups of look-ups -----------------------------------------------------------------------------------------
+
+
+def folded(b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
+    """The roots with what is done to the elements of a constant table done to the table."""
+    done: dict[int, Node] = {}
+    for node in walk(roots):
+        args = tuple(done[id(c)] for c in children(node))
+        same = all(a is c for a, c in zip(args, children(node), strict=True))
+        done[id(node)] = _fold(b, node if same else b.remake(node, args))
+    return tuple(done[id(root)] for root in roots)
+
+
+def _fold(b: Builder, node: Node) -> Node:
+    match node:
+        case Apply(op="index", args=(Apply(op="index", args=(Const() as table, row)), column)) if _is_matrix(table, row):
+            k = table.type.shape[1]
+            flat = b.const(table.flat, Type(table.type.kind, (table.type.size,)))
+            place = b.apply("add", b.apply("mul", row, b.scalar(k)), column)
+            return b.structure("index", [flat, place])
+        case Apply(op="element", args=(Apply(op="index", args=(Const() as table, row)),), static=(k,)) if _is_matrix(
+            table, row
+        ):
+            width = table.type.shape[1]
+            column = b.const(table.flat[k::width], Type(table.type.kind, (table.type.shape[0],)))
+            return b.structure("index", [column, row])
+        case Apply(op="index", args=(Const() as table, Apply(op="index", args=(Const() as inner, place)))):
+            if len(table.type.shape) == 1 and len(inner.type.shape) == 1:
+                picked = b.const([table.flat[i] for i in inner.flat], Type(table.type.kind, inner.type.shape))
+                return b.structure("index", [picked, place])
+            return node
+        case Apply(op=op) if op in OPS and OPS[op].elementwise and node.type.is_scalar:
+            return _fold_function(b, node)
+        case _:
+            return node
+
+
+def _is_matrix(table: Const, row: Node) -> bool:
+    return len(table.type.shape) == 2 and row.type.is_scalar
+
+
+def _fold_function(b: Builder, node: Apply) -> Node:
+    """A function of one look-up and constants, as a look-up."""
+    found = [a for a in node.args if not isinstance(a, Const)]
+    if len({id(a) for a in found}) != 1 or not _looks_up(found[0]):
+        return node
+    inner = found[0]
+    assert isinstance(inner, Apply)
+    table, place = inner.args
+    args = [table if a is inner else a for a in node.args]
+    cells = b.remake(Apply(node.op, tuple(args), Type(node.type.kind, table.type.shape)), tuple(args))
+    return b.structure("index", [cells, place]) if isinstance(cells, Const) else node
+
+
+def _looks_up(node: Node) -> bool:
+    return (
+        isinstance(node, Apply)
+        and node.op == "index"
+        and isinstance(node.args[0], Const)
+        and len(node.args[0].type.shape) == 1
+        and node.args[1].type.is_scalar
+    )

@@ -7,7 +7,7 @@ source from the same templates instead. Values have shape (*shape, N): the batch
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,13 @@ DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: n
 RUNTIME = Runtime(np, np.int64, np.float64)
 
 
+@lru_cache(maxsize=4096)
 def array(node: Const) -> Array:
-    """A constant as an array with a batch axis of one."""
+    """A constant as a read-only array with a batch axis of one."""
     values = [plain(v) for v in node.flat]
-    return np.array(values, dtype=DTYPES[node.type.kind]).reshape(*node.type.shape, 1)
+    made = np.array(values, dtype=DTYPES[node.type.kind]).reshape(*node.type.shape, 1)
+    made.setflags(write=False)
+    return made
 
 
 def no_draws(draw: Draw, args: list[Array]) -> Array:

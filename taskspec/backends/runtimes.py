@@ -1,0 +1,45 @@
+"""Array forms that are quicker in NumPy than those that every array library has."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from taskspec.lang.arrays import Runtime
+
+Array = np.ndarray[Any, Any]
+
+
+@lru_cache(maxsize=16)
+def _lanes(n: int) -> Array:
+    return np.arange(n)
+
+
+class NumpyRuntime(Runtime):
+    """Elements of vectors that differ from lane to lane are found by their place in memory."""
+
+    def __init__(self) -> None:
+        super().__init__(np, np.int64, np.float64)
+
+    def index(self, x: Array, i: Array) -> Array:
+        """Rows of x (n, ..., N) at the indices i (..., N) of each lane."""
+        lanes = x.shape[-1]
+        if x.ndim != 2 or lanes == 1 or not x.flags.c_contiguous:
+            return super().index(x, i)  # type: ignore[no-any-return]
+        return x.reshape(-1).take(i * lanes + _lanes(lanes), mode="clip")
+
+    def swap(self, x: Array, i: Array, j: Array) -> Array:
+        lanes = x.shape[-1]
+        if x.ndim != 2:
+            return super().swap(x, i, j)  # type: ignore[no-any-return]
+        first, second = i * lanes + _lanes(lanes), j * lanes + _lanes(lanes)
+        flat = x.reshape(-1)
+        exchanged = flat.copy()
+        exchanged[first] = flat.take(second)
+        exchanged[second] = flat.take(first)
+        return exchanged.reshape(x.shape)
+
+
+RUNTIME = NumpyRuntime()
