@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from taskspec.exact import Return, verdicts
 from taskspec.exact import Results as Analysis
+from taskspec.exact import Return, verdicts
 from taskspec.exact import Verdict as Decision
 from taskspec.spec.task import Task
 

@@ -15,7 +15,7 @@ from taskspec.printers import tree as m
 from taskspec.printers.names import expression
 from taskspec.printers.notation import Writer
 from taskspec.printers.text import text
-from taskspec.spec.build import signature
+from taskspec.spec.names import signature
 from taskspec.spec.task import Component, Soft
 
 _SPACES = {

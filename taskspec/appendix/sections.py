@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -31,6 +32,7 @@ class Section:
     title: str
     lines: tuple[Line, ...]
     lead: bool = True
+    run_on: bool = False  # short lines, which may follow each other with semicolons
 
 
 Maker = Callable[[Writing], Iterator[Inlines]]
@@ -45,7 +47,7 @@ _SECTIONS: tuple[tuple[str, str, Maker, bool], ...] = (
     ("rewards", "Rewards", lines.rewards, True),
     ("termination", "Termination", lines.termination, True),
     ("initial", "Initial state", lines.initial, False),
-    ("expert", "Expert", lines.expert, True),
+    ("expert", "Expert", lines.expert, False),
 )
 
 
@@ -55,7 +57,7 @@ def all_sections(w: Writing, facts: Facts) -> list[Section]:
     grids = Section("maps", "Maps", tuple(Line((Text(name),), verbatim=text) for name, text in lines.grids(w)), False)
     found.insert(1, grids)
     found += [
-        Section("scores", _scores_title(facts), tuple(_scores(facts)), False),
+        Section("scores", _scores_title(facts), tuple(_scores(facts)), False, run_on=True),
         Section("claims", "Claims", tuple(_claims(w, facts)), False),
         Section("errata", "Where the source is repaired", tuple(_errata(w)), False),
         Section("sources", "Sources", tuple(_sources(w)), False),
@@ -66,7 +68,7 @@ def all_sections(w: Writing, facts: Facts) -> list[Section]:
 def _single(section: Section) -> Section:
     """A section of one line has it beside its heading."""
     lead = section.lead or (len(section.lines) == 1 and section.lines[0].verbatim is None)
-    return Section(section.key, section.title, section.lines, lead)
+    return replace(section, lead=lead)
 
 
 # -- results ----------------------------------------------------------------------------------------------------------
@@ -90,6 +92,8 @@ def number(value: int | float | Fraction) -> m.Math:
     """A number for people: short decimals and small fractions exactly, anything else to six digits."""
     if value < 0:
         return m.Row((m.Sym("−"), number(-value)))
+    if isinstance(value, float):
+        value = _recognised(value)
     if isinstance(value, Fraction) and not _terminates(value) and value.denominator < 1000:
         whole, rest = divmod(value, 1)
         frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
@@ -101,6 +105,12 @@ def number(value: int | float | Fraction) -> m.Math:
         return m.Num(digits)
     power = str(int(exponent)).replace("-", "−")
     return m.Row((m.Num(mantissa), m.Sym("×"), m.Script(m.Num("10"), sup=m.Num(power))))
+
+
+def _recognised(value: float) -> float | Fraction:
+    """The small fraction that a number is to the last digits, or the number itself."""
+    ratio = Fraction(value).limit_denominator(999) if math.isfinite(value) else Fraction(0)
+    return ratio if abs(float(ratio) - value) <= 1e-13 * max(1.0, abs(value)) else value
 
 
 def _terminates(value: Fraction) -> bool:

@@ -17,7 +17,6 @@ from taskspec.appendix.render.suite import Suite
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.spec.task import Task
 
-LATEX_RUNS = 3
 _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
     "latex": lambda suite, links: render.document(suite),
     "html": render.site,
@@ -60,7 +59,8 @@ def write(
     for unknown in (f for f in wanted if f not in FORMATS):
         raise _refused(f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
     if "pdf" in wanted and shutil.which("pdflatex") is None:
-        raise _refused("`pdf` needs pdflatex, which is not installed", "install TeX Live, or write `latex` and compile it elsewhere")
+        hint = "install TeX Live, or write `latex` and compile it elsewhere"
+        raise _refused("`pdf` needs pdflatex, which is not installed", hint)
     suite = gather_pages(tasks, title, facts or {}, columns, references)
     files: dict[str, str] = {}
     for name in dict.fromkeys("latex" if f == "pdf" else f for f in wanted):

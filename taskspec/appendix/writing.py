@@ -13,9 +13,10 @@ from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
 from taskspec.printers.idioms import interval
 from taskspec.printers.names import expression, of_task
-from taskspec.printers.notation import Notation, condition, mathematics, prime
+from taskspec.printers.notation import Notation, condition, mathematics
+from taskspec.printers.pieces import prime
 from taskspec.printers.substitute import substitute
-from taskspec.spec.build import signature
+from taskspec.spec.names import signature
 from taskspec.spec.task import Task
 
 

@@ -16,7 +16,7 @@ SYMBOLS: dict[str, str] = {
     "gg": "≫", "in": "∈", "notin": "∉", "subset": "⊂", "subseteq": "⊆", "cup": "∪", "cap": "∩",
     "setminus": "∖", "land": "∧", "lor": "∨", "lnot": "¬", "forall": "∀", "exists": "∃", "to": "→",
     "leftarrow": "←", "mapsto": "↦", "Rightarrow": "⇒", "iff": "⟺", "infty": "∞", "ldots": "…", "cdots": "⋯",
-    "partial": "∂", "nabla": "∇", "emptyset": "∅", "mid": "∣", "prime": "′", "langle": "⟨", "rangle": "⟩",
+    "vdots": "⋮", "partial": "∂", "nabla": "∇", "emptyset": "∅", "mid": "∣", "prime": "′", "langle": "⟨", "rangle": "⟩",
     "lfloor": "⌊", "rfloor": "⌋", "lceil": "⌈", "rceil": "⌉",
 }  # fmt: skip
 
@@ -36,9 +36,10 @@ PAIRS: dict[str, str] = {"(": ")", "[": "]", "{": "}", "⌊": "⌋", "⌈": "⌉
 LEFT_TEX: dict[str, str] = {v: k for k, v in DELIMITERS.items() if k not in (r"\rvert", r"\rVert")}
 RIGHT_TEX: dict[str, str] = {v: k for k, v in DELIMITERS.items() if k not in (r"\lvert", r"\lVert")}
 
-FUNCTIONS = frozenset(
-    "arccos arcsin arctan arg cos cosh cot det dim exp gcd inf ker lim log ln max min sin sinh sup tan tanh Pr".split()
-)
+FUNCTIONS = frozenset({
+    "arccos", "arcsin", "arctan", "arg", "cos", "cosh", "cot", "det", "dim", "exp", "gcd", "inf", "ker", "lim", "log",
+    "ln", "max", "min", "sin", "sinh", "sup", "tan", "tanh", "Pr",
+})  # fmt: skip
 """Names that TeX knows as upright functions."""
 
 BLACKBOARD: dict[str, str] = {

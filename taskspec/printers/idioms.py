@@ -265,8 +265,11 @@ def distribution(w: Writer, call: s.Call) -> m.Math:
     dist = DISTS.get(call.function, CATEGORICAL)
     given = dict(zip((a.name for a in dist.arguments), call.args, strict=False)) | dict(call.keywords)
     shape = given.pop("shape", None)
-    holes = [(a.name, _argument(w, given.get(a.name), a.default)) for a in dist.arguments]
-    tree = fill(dist.latex, holes)
+    holes = {a.name: _argument(w, given.get(a.name), a.default) for a in dist.arguments}
+    if call.function == "UniformInt":  # a few integers are written out
+        tree: m.Math = m.Row((m.upright("Unif"), interval(holes["low"], holes["high"])))
+    else:
+        tree = fill(dist.latex, holes.items())
     return tree if shape is None else m.Script(m.row(tree), sup=_shape(w, shape))
 
 

@@ -14,7 +14,7 @@ _SPECIAL = {
     "_": r"\_", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "<": r"\textless{}",
     ">": r"\textgreater{}", "|": r"\textbar{}", '"': r"\textquotedbl{}", "`": r"\textasciigrave{}",
     "\u00a0": "~", "–": "--", "—": "---", "‘": "`", "’": "'", "“": "``", "”": "''", "…": r"\ldots{}",
-    "\u2009": r"\,", "\n": "\n", "'": "'",
+    "\u2009": r"\,", "−": r"\ensuremath{-}", "\u200b": "",
 }  # fmt: skip
 _STYLE = {
     "upright": r"\mathrm", "bold": r"\mathbf", "blackboard": r"\mathbb", "calligraphic": r"\mathcal",
@@ -50,7 +50,10 @@ def _glyph(char: str) -> str:
     if char in c.TEX_SYMBOL:
         name = c.TEX_SYMBOL[char]
         return rf"\{name}" if name.isalpha() else name
-    return _MATH_CHAR.get(char, char if char.isascii() else rf"\text{{{_character(char)}}}")
+    if char in _MATH_CHAR:
+        return _MATH_CHAR[char]
+    # what TeX reads as its own (^^5c is a backslash) goes through text mode, where it is written out
+    return char if char.isascii() and char not in _SPECIAL or char in "<>'" else rf"\text{{{_character(char)}}}"
 
 
 def latex(node: m.Math) -> str:
@@ -86,7 +89,7 @@ def _write(node: m.Math) -> str:
             return _environment("pmatrix", rows)
         case m.Arrow(over=over):
             return rf" \xrightarrow{{{latex(over)}}} "
-        case m.Big(symbol=symbol):
+        case m.Big():
             return _big(node)
         case m.Hole(name=name):
             return rf"\text{{{escape(name)}}}"
@@ -122,8 +125,9 @@ def _glyph_or_text(char: str) -> str:
 
 
 def _number(text: str) -> str:
-    """Digits as they are; a long number in groups of three."""
-    return text.replace(",", "{,}") if re.fullmatch(r"[0-9.,]+", text) else escape(text)
+    """Digits as they are."""
+    text = text.replace("−", "-").replace("∞", r"\infty ")
+    return text.replace("%", r"\%") if re.fullmatch(r"-?[0-9./%]+|-?\\infty ", text) else rf"\text{{{escape(text)}}}"
 
 
 def _symbol(text: str) -> str:
@@ -148,7 +152,7 @@ def _row(items: tuple[m.Math, ...]) -> str:
 
 def _script(node: m.Script) -> str:
     base = latex(node.base)
-    if isinstance(node.base, m.Row | m.Frac | m.Cases) or (isinstance(node.base, m.Script)):
+    if isinstance(node.base, m.Row | m.Frac | m.Cases | m.Script):
         base = f"{{{base}}}"
     sub = f"_{_group(node.sub)}" if node.sub is not None else ""
     # TeX takes primes and superscript in one: x'^2
@@ -188,4 +192,4 @@ def _big(node: m.Big) -> str:
 
 
 def _has_big(node: m.Math) -> bool:
-    return isinstance(node, m.Big | m.Frac) or any(_has_big(child) for child in m.children(node))
+    return isinstance(node, m.Big) or any(_has_big(child) for child in m.children(node))

@@ -10,7 +10,6 @@ from taskspec.printers import tree as m
 from taskspec.printers.plain import plain
 
 _FENCES = frozenset("()[]{}|‖⌊⌋⌈⌉⟨⟩")
-_SMALL_BASE = "mi"
 _DISPLAY = ' display="block"'
 
 
@@ -30,7 +29,8 @@ def _write(node: m.Math) -> str:
         case m.Sym(text=text):
             return _symbol(text)
         case m.Words(text=text):
-            return f"<mtext>{escape(_held(text))}</mtext>"
+            # not <mtext>: a row of texts and one sign would count as an operator, and lose the space around the sign
+            return f'<mi mathvariant="normal">{escape(_held(text))}</mi>'
         case m.Space(width=gap):
             return f'<mspace width="{"0.17em" if gap == "thin" else "1em"}"/>'
         case m.Row(items=items):
@@ -42,14 +42,16 @@ def _write(node: m.Math) -> str:
         case m.Script():
             return _script(node)
         case m.Fence(left=left, body=body, right=right):
-            return f"<mrow>{_delimiter(left, 'prefix')}{_write(body)}{_delimiter(right, 'postfix')}</mrow>"
+            grows = m.is_tall(body)
+            return f"<mrow>{_delimiter(left, 'prefix', grows)}{_write(body)}{_delimiter(right, 'postfix', grows)}</mrow>"
         case m.Cases(rows=rows):
             return f'<mrow>{_delimiter("{", "prefix")}{_table(rows, "cases")}</mrow>'
         case m.Matrix(rows=rows):
             return f"<mrow>{_delimiter('(', 'prefix')}{_table(rows)}{_delimiter(')', 'postfix')}</mrow>"
         case m.Arrow(over=over):
             arrow = '<mo stretchy="true">→</mo>'
-            return f'<mover>{arrow}<mpadded lspace="0.4em" width="+0.8em">{_write(over)}</mpadded></mover>'
+            space = '<mspace width="0.5em"/>'
+            return f"<mover>{arrow}<mrow>{space}{_write(over)}{space}</mrow></mover>"
         case m.Big():
             return _big(node)
         case m.Hole(name=name):
@@ -98,16 +100,17 @@ def _symbol(text: str) -> str:
     return f"<mo>{escape(text)}</mo>"
 
 
-def _delimiter(text: str, form: str) -> str:
-    return f'<mo fence="true" form="{form}">{escape(text)}</mo>' if text else ""
+def _delimiter(text: str, form: str, grows: bool = True) -> str:
+    fixed = "" if grows else ' stretchy="false"'
+    return f'<mo fence="true" form="{form}"{fixed}>{escape(text)}</mo>' if text else ""
 
 
 def _script(node: m.Script) -> str:
     base = _write(node.base)
-    above = "′" * node.primes
-    sup = f"<mo>{above}</mo>" if above and node.sup is None else None
+    above = f'<mo lspace="0" rspace="0">{"′" * node.primes}</mo>' if node.primes else ""
+    sup = above or None
     if node.sup is not None:
-        sup = f"<mrow><mo>{above}</mo>{_write(node.sup)}</mrow>" if above else _write(node.sup)
+        sup = f"<mrow>{above}{_write(node.sup)}</mrow>" if above else _write(node.sup)
     if node.sub is not None and sup is not None:
         return f"<msubsup>{base}{_write(node.sub)}{sup}</msubsup>"
     if node.sub is not None:

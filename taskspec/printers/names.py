@@ -10,7 +10,7 @@ from taskspec.lang.parse import literal, parse
 from taskspec.printers import tree as m
 from taskspec.printers.notation import Notation
 from taskspec.printers.symbols import label, symbol
-from taskspec.spec.build import signature
+from taskspec.spec.names import signature
 from taskspec.spec.task import Component, Task
 
 

@@ -16,10 +16,24 @@ from taskspec.lang.functions import FUNCTIONS, INFIX
 from taskspec.printers import idioms, piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.pieces import (
-    ATOM, POWER, PRODUCT, RELATION, SIGN, SUM, Piece, exposed, fill, indicator, is_infix, multiply, parsed, prime,
+    ATOM,
+    POWER,
+    PRODUCT,
+    RELATION,
+    SIGN,
+    SUM,
+    Piece,
+    exposed,
+    fill,
+    indicator,
+    is_infix,
+    multiply,
+    parsed,
+    prime,
 )  # fmt: skip
 from taskspec.printers.symbols import label, symbol
 from taskspec.printers.tex import read
+
 
 @dataclass(frozen=True)
 class Notation:

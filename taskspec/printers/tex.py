@@ -12,7 +12,23 @@ from dataclasses import dataclass, field
 
 from taskspec.printers import characters as c
 from taskspec.printers.tree import (
-    Big, Cases, Fence, Frac, Hole, Ident, Math, Matrix, Num, Root, Row, Script, Space, Style, Sym, Words, row,
+    Big,
+    Cases,
+    Fence,
+    Frac,
+    Hole,
+    Ident,
+    Math,
+    Matrix,
+    Num,
+    Root,
+    Row,
+    Script,
+    Space,
+    Style,
+    Sym,
+    Words,
+    row,
 )  # fmt: skip
 
 MAX_DEPTH = 40
@@ -103,7 +119,7 @@ class _Reader:
             return [Ident(token)]
         if token == "~":
             return [Space()]
-        return [Sym(_PLAIN.get(token, token))] if token not in "{}$&#%" else [Words(token)]
+        return [Sym(_PLAIN.get(token, token))] if token not in "{}$&#%^_\\" else [Words(token)]
 
     def group(self) -> Math:
         after = "".join(self.tokens[self.at : self.at + 1])

@@ -14,15 +14,28 @@ from taskspec.appendix.extras import need
 from taskspec.appendix.figures.elide import DOTS, Arc, Drawing, Vertex, drawing
 from taskspec.appendix.figures.machine import Machine, explore
 from taskspec.appendix.figures.overlay import Overlay
-from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Point, Role, Scene, bezier, fitted, text_width
+from taskspec.appendix.figures.scene import (
+    Box,
+    Circle,
+    Item,
+    Label,
+    Line,
+    Point,
+    Role,
+    Scene,
+    bezier,
+    fitted,
+    text_width,
+)
 from taskspec.appendix.figures.values import at_states, compile_value
 from taskspec.exact.space import Space
 from taskspec.lang.ir import Role as Reading
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
-from taskspec.spec.task import Task
+from taskspec.printers.notation import Notation
+from taskspec.spec.task import Component, Task
 
-DX, DY, RADIUS, SMALL = 2.0, 1.15, 0.34, 0.28
+DX, DY, RADIUS, SMALL = 1.55, 1.05, 0.31, 0.28
 LOOPS_UP_TO = 6
 _HIGHLIGHT: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end", "first": "accent", "second": "second"}
 
@@ -63,8 +76,14 @@ class _Graph:
         sizes = {v: len(layer) for layer in self.drawing.layers for v in layer}
         columns = sorted({round(float(p[0]), 9) for p in raw.values()})
         wide = {v: columns.index(round(float(raw[v][0]), 9)) for v in raw}
-        found = {v: (DX * wide[v], DY * (order[v] - (sizes[v] - 1) / 2)) for v in raw}
+        found = {v: (self.step * wide[v], DY * (order[v] - (sizes[v] - 1) / 2)) for v in raw}
         return self._straight(found)
+
+    @property
+    def step(self) -> float:
+        """The distance of columns: enough for the longest label of an arrow and the widest vertices."""
+        texts = [text_width(t, 0.25) for arc in self.drawing.arcs if arc.source != arc.target and (t := self._text(arc))]
+        return max(DX, max(texts, default=0.0) + 2 * max(map(self.size, self.drawing.vertices)) + 0.35)
 
     def _straight(self, places: dict[Vertex, Point]) -> dict[Vertex, Point]:
         """Where one vertex of each column leads on, those lie on a line."""
@@ -72,7 +91,7 @@ class _Graph:
         mains = [[v for v in layer if v in on or (v in self.good and v == layer[-1])] for layer in self.drawing.layers]
         if any(len(main) > 1 for main in mains):
             return places
-        moved = {}
+        moved: dict[Vertex, Point] = {}
         for layer, main in zip(self.drawing.layers, mains, strict=True):
             shift = -places[main[0]][1] if main else 0.0
             moved |= {v: (places[v][0], places[v][1] + shift) for v in layer}
@@ -86,29 +105,26 @@ class _Graph:
 
     @cached_property
     def labels(self) -> Mapping[int, m.Math]:
-        notation = of_task(self.task)
-        found = {}
-        for code in self.machine.states:
-            values = self.space.values_of(code)
-            parts = [
-                (notation.labels[c.name][str(values[c.name])] if c.domain is not None and not c.type.shape else _plain(values[c.name]))
-                for c in self.task.state
-            ]
-            found[code] = parts[0] if len(parts) == 1 else m.joined(parts)
-        return found
+        """States as mathematics, by code."""
+        return {code: self._combination(self.space, self.task.state, code) for code in self.machine.states}
 
     @cached_property
     def actions(self) -> tuple[m.Math, ...]:
-        space, notation = Space(self.task.action, Reading.ACTION), of_task(self.task)
-        out = []
-        for code in range(space.size):
-            values = space.values_of(code)
-            parts = [
-                (notation.labels[c.name][str(values[c.name])] if c.domain is not None and not c.type.shape else _plain(values[c.name]))
-                for c in self.task.action
-            ]
-            out.append(parts[0] if len(parts) == 1 else m.joined(parts))
-        return tuple(out)
+        space = Space(self.task.action, Reading.ACTION)
+        return tuple(self._combination(space, self.task.action, code) for code in range(space.size))
+
+    @cached_property
+    def notation(self) -> Notation:
+        return of_task(self.task)
+
+    def _combination(self, space: Space, components: tuple[Component, ...], code: int) -> m.Math:
+        """The values of some components: labels by their symbols, numbers as digits."""
+        values = space.values_of(code)
+        parts = []
+        for c in components:
+            is_label = c.domain is not None and not c.type.shape
+            parts.append(self.notation.labels[c.name][str(values[c.name])] if is_label else _plain(values[c.name]))
+        return parts[0] if len(parts) == 1 else m.joined(parts)
 
     @cached_property
     def fills(self) -> Mapping[int, Role]:

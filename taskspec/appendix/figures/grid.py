@@ -107,8 +107,8 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
         colors |= {(int(x), int(y)): role for x, y in points}
     by_code = {code: (int(x), int(y)) for code, (x, y) in enumerate(cells)}
     agents = _agents(task, place, by_code, overlay)
-    board = _Board(columns, rows, colors, _letters(task, columns, rows), agents,
-                   {by_code[c]: v for c, v in overlay.occupancy.items()}, {by_code[c]: v for c, v in overlay.values.items()})  # fmt: skip
+    shades, values = ({by_code[c]: v for c, v in by.items()} for by in (overlay.occupancy, overlay.values))
+    board = _Board(columns, rows, colors, _letters(task, columns, rows), agents, shades, values)
     return fitted(board.items(), f"Grid of {task.name}: {columns} columns and {rows} rows")
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from taskspec.appendix.extras import need
 from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Scene, head, shaft
 from taskspec.appendix.figures.svg import COLORS
-from taskspec.printers.plain import plain
 from taskspec.printers import tree as m
+from taskspec.printers.plain import plain
 
 INCH = 2.54
 DPI = 200
@@ -66,9 +66,9 @@ def _draw(axes: Any, item: Item, order: int) -> None:
         case Line():
             codes = [1, 4, 4, 4] if item.curved else [1] + [2] * (len(item.points) - 1)
             path = paths.Path(shaft(item), codes)
-            style = (0, (3, 2)) if item.dashed else "solid"
+            dashes: Any = (0, (3, 2)) if item.dashed else "solid"
             axes.add_patch(patches.PathPatch(path, fill=False, edgecolor=COLORS[item.color], zorder=order,
-                                             linewidth=item.width * points, linestyle=style))  # fmt: skip
+                                             linewidth=item.width * points, linestyle=dashes))  # fmt: skip
             if item.arrow:
                 axes.add_patch(patches.Polygon(head(item), facecolor=COLORS[item.color], edgecolor="none", zorder=order))
         case Label(at=(x, y), anchor=anchor):

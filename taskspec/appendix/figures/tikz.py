@@ -35,14 +35,16 @@ def _item(item: Item) -> str:
             return rf"\path[{_paint(item.fill, item.line, item.shade)}] {_point(centre)} circle [radius={_n(r)}];"
         case Box(corner=(x, y), width=w, height=h, round=corner):
             rounded = f", rounded corners={_n(corner * 28)}pt" if corner else ""
-            return rf"\path[{_paint(item.fill, item.line, item.shade)}{rounded}] {_point((x, y))} rectangle {_point((x + w, y + h))};"
+            corners = f"{_point((x, y))} rectangle {_point((x + w, y + h))}"
+            return rf"\path[{_paint(item.fill, item.line, item.shade)}{rounded}] {corners};"
         case Line():
             return _line(item)
         case Label(at=at, text=text, color=color):
             anchor = {"start": "west", "end": "east", "middle": "center"}[item.anchor]
             halo = ", fill=taskpaper" if item.halo else ""
             size = r"\footnotesize" if item.size < 0.34 else r"\small"
-            return rf"\node[anchor={anchor}, inner sep=1pt, text=task{color}, font={size}{halo}] at {_point(at)} {{${latex(text)}$}};"
+            options = f"anchor={anchor}, inner sep=1pt, text=task{color}, font={size}{halo}"
+            return rf"\node[{options}] at {_point(at)} {{${latex(text)}$}};"
         case _:
             assert_never(item)
 

@@ -19,7 +19,7 @@ def html_environment() -> Environment:
 @lru_cache(maxsize=1)
 def text_environment() -> Environment:
     """For LaTeX and Markdown, with marks that neither uses; every value has been escaped for its language."""
-    return Environment(  # noqa: S701 - not HTML
+    return Environment(
         loader=PackageLoader("taskspec.appendix"), autoescape=False, undefined=StrictUndefined,
         block_start_string="<%", block_end_string="%>", variable_start_string="<<", variable_end_string=">>",
         comment_start_string="<#", comment_end_string="#>",

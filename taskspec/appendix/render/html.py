@@ -15,7 +15,19 @@ from taskspec.appendix.extras import need
 from taskspec.appendix.figures import Scene, svg
 from taskspec.appendix.page import Page
 from taskspec.appendix.prose import (
-    Block, Bullets, Cite, Code, Emph, Formula, Inline, Inlines, Link, Mark, Paragraph, Text, is_safe,
+    Block,
+    Bullets,
+    Cite,
+    Code,
+    Emph,
+    Formula,
+    Inline,
+    Inlines,
+    Link,
+    Mark,
+    Paragraph,
+    Text,
+    is_safe,
 )  # fmt: skip
 from taskspec.appendix.render.environment import html_environment
 from taskspec.appendix.render.suite import Suite
@@ -174,7 +186,7 @@ def _pieces(math: m.Math) -> list[m.Math]:
         if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
             out.append([])
         out[-1].append(item)
-        if item == m.Sym(",") or isinstance(item, m.Space) and item.width == "wide":
+        if item == m.Sym(",") or (isinstance(item, m.Space) and item.width == "wide"):
             out.append([])
     return [m.row(*items) for items in out if items]
 
@@ -189,12 +201,11 @@ def _highlighted(text: str) -> Markup:
     return Markup(pygments.highlight(text, lexers.YamlLexer(), formatter))
 
 
-_KINDS = {"nt": "key", "c1": "comment", "s": "text", "s1": "text", "s2": "text", "m": "number", "kc": "number", "p": "mark"}
+_KINDS = {"nt": "link", "c1": "muted", "m": "number", "kc": "number", "p": "muted"}
 
 
 def _highlight_style() -> str:
-    rules = {"key": "var(--link)", "comment": "var(--muted)", "text": "var(--ink)", "number": "var(--number)", "mark": "var(--muted)"}
-    return "".join(f".y-{short}{{color:{rules[kind]}}}\n" for short, kind in _KINDS.items())
+    return "".join(f".y-{short}{{color:var(--{color})}}\n" for short, color in _KINDS.items())
 
 
 def strip_tags(text: str) -> str:

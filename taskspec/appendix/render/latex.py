@@ -10,7 +10,18 @@ from urllib.parse import quote
 from taskspec.appendix.figures import tikz, tikz_colors
 from taskspec.appendix.page import Page
 from taskspec.appendix.prose import (
-    Block, Bullets, Cite, Code, Emph, Formula, Inline, Inlines, Link, Mark, Paragraph, Text,
+    Block,
+    Bullets,
+    Cite,
+    Code,
+    Emph,
+    Formula,
+    Inline,
+    Inlines,
+    Link,
+    Mark,
+    Paragraph,
+    Text,
 )  # fmt: skip
 from taskspec.appendix.render.environment import text_environment
 from taskspec.appendix.render.suite import Suite
@@ -64,7 +75,9 @@ class Writer:
 
     def section(self, section: Section, page: Page, wide: bool = False) -> dict[str, object]:
         lines = [self.line(line, page, wide) for line in section.lines]
-        lead, rest = (lines[0], lines[1:]) if section.lead else ("", lines)
+        if section.run_on:
+            lines = ["; ".join(lines)]
+        lead, rest = (lines[0], lines[1:]) if section.lead or section.run_on else ("", lines)
         return {"title": escape(section.title), "lead": lead, "lines": rest}
 
     def line(self, line: Line, page: Page, wide: bool) -> str:

@@ -1,0 +1,166 @@
+"""Mathematics as people write it: one tree, LaTeX and MathML from it, and no text that can become a command."""
+
+from __future__ import annotations
+
+import re
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taskspec.lang.dists import DISTS
+from taskspec.lang.functions import FUNCTIONS
+from taskspec.lang.parse import parse
+from taskspec.printers import latex, mathematics, mathml, plain, read_tex
+from taskspec.printers import tree as m
+from taskspec.printers.latex import escape
+from taskspec.printers.names import nowhere
+from taskspec.printers.notation import Notation, condition
+from taskspec.printers.substitute import substitute
+from taskspec.printers.symbols import symbol
+from taskspec.printers.text import text
+
+N = Notation(
+    symbols={name: symbol(name) for name in ("s", "a", "L", "B", "M", "x", "y", "theta", "p", "mean", "c")},
+    lengths={"s": parse(nowhere("2 * L")), "p": parse(nowhere("K"))},
+    labels={"move": {"up": m.Ident("U")}},
+)
+
+
+def written(source: str) -> str:
+    return re.sub(r" *\\allowbreak *", " ", latex(mathematics(parse(nowhere(source)), N)))
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("L * B", "LB"),
+        ("2 * L + 1", "2L + 1"),
+        ("s + (a + 1) * (s % B == 0)", r"s + (a + 1) \cdot \taskspecone [s \equiv 0\,\,(\mathrm{mod}\,B)]"),
+        ("M // 2", r"\lfloor M / 2 \rfloor"),
+        ("(x + 1) / y", r"\frac{x + 1}{y}"),
+        ("-x * y / 2", r"- \frac{xy}{2}"),
+        ("(x / y)**2", r"\left( \frac{x}{y} \right)^2"),
+        ("-(y' - x)**2", "- (y' - x)^2"),
+        ("x - (y - a)", "x - (y - a)"),
+        ("B**-L", "B^{- L}"),
+        ("x**2 * y", "x^2y"),
+        ("theta**2", r"\theta^2"),
+        ("sum(s[:L])", r"\sum_{i = 0}^{L - 1} s_i"),
+        ("sum(s[L:])", r"\sum_{i = L}^{2L - 1} s_i"),
+        ("sum(s)", r"\sum_{i = 0}^{2L - 1} s_i"),
+        ("argmax(p)", r"\arg\max_i\,p_i"),
+        ("count(v == sort(v))", r"\text{\#}\{i : \,v_i = {\mathrm{sort}(v)}_i\}"),
+        ("norm1(x - y)", r"\lVert x - y \rVert_1"),
+        ("abs(x)", r"\lvert x \rvert"),
+        ("exp(-x)", "e^{- x}"),
+        ("mean[c, a]", r"\mathrm{mean}_{c, a}"),
+        ("x if x > y else y", r"\begin{cases} x & \text{if }x > y \\ y & \text{otherwise} \end{cases}"),
+        ("Uniform({p for p in box(-B, B, 2) if norm1(p) <= B})",
+         r"\mathrm{Unif}\{p \in \{- B, \ldots , B\}^2 : \,\lVert p \rVert_1 \leq B\}"),
+        ("UniformInt(0, 1)", r"\mathrm{Unif}\{0, 1\}"),
+        ("Normal(mean=0, std=1, shape=L)", r"{\mathcal{N}(0, 1)}^L"),
+        ("move == up", r"\taskspecone [\mathrm{move} = U]"),
+        ("x in {1, 2}", r"\taskspecone [x \in \{1, 2\}]"),
+        ("1e-3", "10^{- 3}"),
+        ("any((x == 1, y == 2))", r"\taskspecone [x = 1 \lor y = 2]"),
+    ],
+)  # fmt: skip
+def test_hand_writing(source: str, expected: str) -> None:
+    assert written(source) == expected
+
+
+def test_a_condition_is_an_indicator_only_as_a_number() -> None:
+    expr = parse(nowhere("x == y"))
+    assert latex(condition(expr, N)) == "x = y"
+    assert latex(mathematics(expr, N)).startswith(r"\taskspecone")
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_every_function_has_mathematics(name: str) -> None:
+    arguments = [a.lstrip("*") for a in FUNCTIONS[name].arguments]
+    tree = mathematics(parse(nowhere(f"{name}({', '.join(arguments)})")), Notation())
+    _is_well_formed(tree)
+    assert "{" not in plain(tree).replace("{ ", "").replace("#{", "").replace(" }", "") or name in ("where", "count")
+
+
+@pytest.mark.parametrize("name", sorted(DISTS))
+def test_every_distribution_has_mathematics(name: str) -> None:
+    arguments = ", ".join(a.name for a in DISTS[name].arguments)
+    _is_well_formed(mathematics(parse(nowhere(f"{name}({arguments})")), Notation()))
+
+
+def _is_well_formed(tree: m.Math) -> None:
+    ElementTree.fromstring(mathml(tree))
+    source = latex(tree)
+    assert source.count("{") - source.count(r"\{") == source.count("}") - source.count(r"\}")
+    assert not _holes(tree)
+
+
+def _holes(tree: m.Math) -> bool:
+    return isinstance(tree, m.Hole) or any(_holes(child) for child in m.children(tree))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("theta", r"\theta"), ("c2", "c_2"), ("s_0", "s_0"), ("x_limit", r"x_{\mathrm{limit}}"), ("move", r"\mathrm{move}"),
+     ("half_length", r"\text{half-length}"), ("inf", r"\infty")],
+)  # fmt: skip
+def test_symbols_of_names(name: str, expected: str) -> None:
+    assert latex(symbol(name)) == expected
+
+
+def test_parameters_become_values() -> None:
+    found = substitute(parse(nowhere("(a + 1) * (s % B == 0) + L * B - B**2")), {"L": 5, "B": 3})
+    assert text(found) == "(a + 1) * (s % 3 == 0) + 15 - 9"
+
+
+# -- hostile input ----------------------------------------------------------------------------------------------------
+
+ALLOWED = re.compile(
+    r"\\(?:text|frac|sqrt|mathrm|mathbf|mathit|mathtt|mathbb|mathcal|left|right|begin|end|taskspecone|allowbreak|quad"
+    r"|textbackslash|textasciicircum|textasciitilde|textless|textgreater|textbar|textquotedbl|textasciigrave|ensuremath|ldots"
+    r"|xrightarrow|sum|prod|lvert|rvert|lVert|rVert|Vert|vert|lfloor|rfloor|lceil|rceil|langle|rangle|bmod|prime|arg|min|max"
+    r"|[a-zA-Z]+(?=[^a-zA-Z]|$)|[{}\\$&#%_, ])"
+)
+DANGEROUS = re.compile(r"\\(?:input|include|write|openout|def|let|catcode|csname|immediate|read|special|usepackage|expandafter)")
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.text(alphabet=st.sampled_from("\\{}[]()$&#%_^~<>\"'`|abcinputwrite18 \n;,.-+=/*"), max_size=60))
+def test_no_tex_can_smuggle_a_command(source: str) -> None:
+    found = latex(read_tex(source))
+    assert not DANGEROUS.search(found)
+    assert _is_balanced(found)
+    ElementTree.fromstring(mathml(read_tex(source)))
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.text(max_size=60))
+def test_escaped_text_holds_no_command_of_its_own(source: str) -> None:
+    found = escape(source)
+    assert not DANGEROUS.search(found)
+    assert _is_balanced(found)
+    assert not re.search(r"(?<!\\)[$&#%_^~](?!\{)", found.replace("~", ""))
+
+
+def _is_balanced(source: str) -> bool:
+    depth = 0
+    for piece in re.findall(r"\\.|[{}]", source, re.DOTALL):
+        depth += {"{": 1, "}": -1}.get(piece, 0)
+        if depth < 0:
+            return False
+    return depth == 0
+
+
+@pytest.mark.parametrize("source", [r"\input{x}", r"\write18{rm}", r"\def\a{}", r"\csname x\endcsname", r"^^5cinput", r"$\input$"])
+def test_unknown_commands_are_shown_as_text(source: str) -> None:
+    found = latex(read_tex(source))
+    assert not DANGEROUS.search(found)
+    assert "^^" not in found
+
+
+def test_reading_tex_takes_linear_time() -> None:
+    for opener in ("(", "{", r"\left(", r"\frac{", r"\sqrt{", "_{", r"\begin{cases}"):
+        latex(read_tex(opener * 300))
