@@ -45,7 +45,7 @@ def bench(
     """
     from taskspec.cli.targets import checked_choice
 
-    module, _ = PARTS[checked_choice("part", part, list(PARTS))]
+    module, _ = PARTS[checked_choice("what to measure", part, list(PARTS))]
     met = import_module(module).bench(only or [], rounds, seconds, json)
     if strict and not met:
         raise typer.Exit(1)

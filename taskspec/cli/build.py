@@ -70,7 +70,7 @@ def _table(reports: Sequence[Report]) -> Any:
         extent, horizon = (
             ("", "") if task is None else (size(task), "none" if task.horizon is None else f"{task.horizon:,}")
         )
-        name = Text(each.name, style="name")
+        name = Text(each.title, style="name")
         table.add_row(mark(each.diagnostics), name, extent, horizon, each.finding.how, each.finding.claims_words)
     return table
 

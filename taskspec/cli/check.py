@@ -49,7 +49,7 @@ def check(
     from taskspec.cli.targets import assignments, checked_choice, files_of
 
     start = time.perf_counter()
-    format = "json" if json else checked_choice("format", format, FORMATS)  # noqa: A001
+    format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
     values = assignments(parameters or [])
     files = [_narrowed(file, variant) for file in files_of(targets or [])]
     reports = [check_file(file, values, lambda task: examine(task, not (quick or values), not quick)) for file in files]
@@ -90,13 +90,14 @@ def table_of(reports: Sequence[Report]) -> Table:
 
     from taskspec.cli.console import columns
 
-    table = columns("", "", "sound by", "ranges", "claims")
+    built = any(each.task is not None for report in reports for each in report.tasks)
+    table = columns("", "", *(("sound by", "ranges", "claims") if built else ("", "", "")))
     for report in reports:
         table.add_row(mark(report.diagnostics), Text(report.path, style="title"))
         for each in report.tasks:
             found = each.finding
             ranges = f"{found.cases} tried" if found.cases else ""
-            name = Text(f"  {each.name}", style="name")
+            name = Text(f"  {each.title}", style="name")
             table.add_row(mark(each.diagnostics), name, found.how, ranges, found.claims_words)
     return table
 
@@ -165,7 +166,8 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
 
     errors, warnings = counts(each.diagnostics)
     return {
-        "id": each.name if each.task else None, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
+        "id": each.title if each.task else None,
+        "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
         "method": each.finding.method, "other_parameter_values": each.finding.cases,
         "claims_proved": each.finding.proved, "claims_supported": each.finding.supported, "skipped": each.finding.skipped,
         "seconds": round(each.seconds, 6),

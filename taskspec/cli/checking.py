@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from taskspec.cli.proofs import Finding, examine
-from taskspec.cli.specs import task_in, variants_of
+from taskspec.cli.specs import name_of, task_in, variants_of
 from taskspec.cli.targets import File
 from taskspec.diagnostics import Diagnostic, SpecError
 
@@ -28,6 +28,11 @@ class Checked:
     task: Task | None
     finding: Finding
     seconds: float
+
+    @property
+    def title(self) -> str:
+        """The task's id; its name where it could not be built."""
+        return self.name if self.task is None else self.task.id
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
@@ -60,9 +65,16 @@ def check_task(file: File, variant: str | None, parameters: Mapping[str, Any] | 
     try:
         task = task_in(file, variant, parameters)
     except SpecError as error:
-        found = Finding(error.diagnostics)
-        return Checked(variant or file.path.stem, variant, None, found, time.perf_counter() - start)
-    return Checked(task.id, variant, task, prove(task), time.perf_counter() - start)
+        found = Finding(error.diagnostics, "not built")
+        return Checked(_name(file, variant), variant, None, found, time.perf_counter() - start)
+    return Checked(task.name, variant, task, prove(task), time.perf_counter() - start)
+
+
+def _name(file: File, variant: str | None) -> str:
+    try:
+        return name_of(file, variant)
+    except SpecError:  # an id whose file cannot be read
+        return variant or file.path.stem
 
 
 def once(checked: Iterable[Checked]) -> tuple[Diagnostic, ...]:

@@ -15,13 +15,17 @@ DEBUG = "TASKSPEC_TRACEBACK"
 OUR_OWN = ("Exit", "Abort", "BrokenPipeError")  # by name: their modules differ between versions of typer
 
 
+class UsageError(SpecError):
+    """A command was called in a way that means nothing: status 2, as for any other misused option."""
+
+
 @contextmanager
 def reported() -> Iterator[None]:
-    """Turn exceptions into messages: status 1 for what the user can mend, 130 for an interrupt, 70 for our own faults."""
+    """Turn exceptions into messages: status 1 for what can be mended, 2 for misuse, 130 for an interrupt, 70 for our faults."""
     try:
         yield
     except SpecError as error:
-        fail(error.diagnostics)
+        fail(error.diagnostics, 2 if isinstance(error, UsageError) else 1)
     except (TaskspecError, OSError) as error:
         if isinstance(error, BrokenPipeError):
             raise
@@ -36,10 +40,10 @@ def reported() -> Iterator[None]:
         raise typer.Exit(70) from None
 
 
-def fail(diagnostics: Iterable[Diagnostic]) -> None:
-    """Report problems and end with status 1."""
+def fail(diagnostics: Iterable[Diagnostic], status: int = 1) -> None:
+    """Report problems and end."""
     show(diagnostics)
-    raise typer.Exit(1)
+    raise typer.Exit(status)
 
 
 def show(diagnostics: Iterable[Diagnostic], err: bool = True) -> None:
@@ -53,8 +57,13 @@ def show(diagnostics: Iterable[Diagnostic], err: bool = True) -> None:
 
 
 def refuse(code: str, message: str, hint: str | None = None) -> SpecError:
-    """An error about how a command was called."""
+    """An error about what a command was given."""
     return SpecError([Diagnostic(code, None, message, hint)])
+
+
+def misuse(message: str, hint: str | None = None) -> UsageError:
+    """An error about options that mean nothing, alone or together."""
+    return UsageError([Diagnostic("E713", None, message, hint)])
 
 
 def _words(error: Exception) -> str:

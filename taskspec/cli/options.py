@@ -53,19 +53,19 @@ def complete_variants(ctx: typer.Context, incomplete: str) -> list[tuple[str, st
     from taskspec.scan import scan
 
     target = _target_in(ctx)
-    if target is None:
+    try:
+        path = Path(target or "") if registry.is_path(target or "") else registry.find(target or "").path
+        found = scan(path.read_text(encoding="utf-8")).tasks
+    except (ValueError, OSError):
         return []
-    path = Path(target) if registry.is_path(target) else registry.find(target).path
-    found = scan(path.read_text(encoding="utf-8")).tasks
     return [(variant, name) for name, variant in found if variant is not None and variant.startswith(incomplete)]
 
 
 def _target_in(ctx: typer.Context) -> str | None:
-    """The task that the words before the cursor name; completion must never fail, so neither does this."""
-    target = ctx.params.get("task") or ctx.params.get("targets")
-    if isinstance(target, list | tuple):
-        target = target[0] if target else None
-    return target if isinstance(target, str) else None
+    """The task that the words before the cursor name. An option still without its value leaves them all in `args`."""
+    found = ctx.params.get("task") or ctx.params.get("targets") or ctx.args
+    words = [found] if isinstance(found, str) else found
+    return next((word for word in words if not word.startswith("-")), None)
 
 
 def _task_in(ctx: typer.Context) -> Any:

@@ -147,6 +147,7 @@ def interval(low: float, high: float) -> str:
 
 def domain_words(c: Component | Parameter) -> str:
     """What values a component or a parameter takes: `int 0..20`, `real in [0, 1]`, `choice of up, down`."""
+    labels: Sequence[Any] | None
     if isinstance(c, Parameter):
         labels, kind, shape = c.values, c.kind, ""
         low, high = (-math.inf if c.low is None else c.low), (math.inf if c.high is None else c.high)

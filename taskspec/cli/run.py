@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.cli.failures import refuse
+from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, Parameters, TaskArgument, Variant, complete_paths
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def run(
     from taskspec.cli.targets import task_of
 
     if json and render:
-        raise refuse("E713", "--json and --render do not go together")
+        raise misuse("--json and --render do not go together")
     found = task_of(task, variant, parameters or [])
     count = episodes or (1 if render else EPISODES)
     clock = Clock()

@@ -44,6 +44,14 @@ def variants_of(file: File) -> list[str | None]:
     return complete or [None]
 
 
+def name_of(file: File, variant: str | None) -> str:
+    """The name of a task of a file."""
+    from taskspec.scan import task_name
+
+    name = str(_document(str(file.path)).data.get("name"))
+    return name if variant is None else task_name(name, variant)
+
+
 def task_in(file: File, variant: str | None, parameters: Mapping[str, Any] | None = None) -> Task:
     """One task of a file.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec import registry
-from taskspec.cli.failures import refuse
+from taskspec.cli.failures import misuse, refuse
 from taskspec.diagnostics import suggest
 
 if TYPE_CHECKING:
@@ -160,9 +160,9 @@ def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
     """An option's value.
 
     Raises:
-        SpecError: E713 when it is not one of those allowed.
+        UsageError: when it is not one of those allowed.
     """
     if value not in allowed:
         listed = ", ".join(allowed)
-        raise refuse("E713", f"--{name} is one of {listed}, not '{value}'", suggest(value, allowed))
+        raise misuse(f"{name} is one of {listed}, not '{value}'", suggest(value, allowed))
     return value
