@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from taskspec import source
@@ -306,10 +306,14 @@ def check_places(text: str, value: str) -> None:
 
 @settings(max_examples=150, deadline=None)
 @given(value=values, style=st.sampled_from(["'", '"', "|", ">"]), width=st.integers(5, 40))
+@example(value="0\n  0 0 0", style=">", width=5)
 def test_places_in_what_the_emitter_writes(value: str, style: str, width: int) -> None:
-    """PyYAML's emitter is the reference: whatever layout it chooses, places must be right."""
+    """PyYAML is the reference: whatever layout it chooses, places in what it then reads must be right.
+
+    (Its emitter folds indented lines too, which are not folded back: the value that is read is not always the one given.)
+    """
     text = yaml.dump({"x": value}, default_style=style, width=width, allow_unicode=True)
-    check_places(text, value)
+    check_places(text, yaml.safe_load(text)["x"])
 
 
 plain_words = st.text(alphabet="abXY01+*()'é😀", min_size=1, max_size=6).map(
