@@ -80,12 +80,22 @@ def _scores_title(facts: Facts) -> str:
 
 def _scores(facts: Facts) -> Iterator[Line]:
     for name, score in facts.scores.items():
-        content: list[Inline] = [Text(f"{name} "), Formula(number(score.value))]
-        if not score.exact:
-            content += [Text(" ± "), Formula(m.Num(f"{score.error:.2g}")), Text(f" (from {score.episodes} episodes)")]
-        yield Line(tuple(content))
+        if score.exact:
+            yield Line((Text(f"{name} "), Formula(number(score.value))))
+            continue
+        value, error = _rounded(score.value, score.error)
+        yield Line((Text(f"{name} "), Formula(value), Text(" ± "), Formula(error), Text(f" (from {score.episodes} episodes)")))
     if facts.states is not None:
         yield Line((Text("states that can be reached "), Formula(number(facts.states))))
+
+
+def _rounded(value: int | float | Fraction, error: float) -> tuple[m.Math, m.Math]:
+    """An estimate and its standard error, to two digits of the error."""
+    if not 0 < error < math.inf:
+        return number(round(float(value), 6)), number(0 if error == 0 else float(error))
+    digits = max(0, 1 - math.floor(math.log10(error)))
+    sign = (m.Sym("−"),) if value < 0 else ()
+    return m.row(*sign, m.Num(f"{abs(value):.{digits}f}")), m.Num(f"{error:.{digits}f}")
 
 
 def number(value: int | float | Fraction) -> m.Math:
