@@ -104,11 +104,13 @@ def test_make_line_names_what_differs_from_the_defaults() -> None:
 
 def test_facts_are_shown_where_there_are_some() -> None:
     task = registry.load("derail/RiskyPath-v0")
-    found = page(task, Facts({"optimal return": Score(4), "random return": Score(-1.234567, 0.02, 100)}, [Verdict(False, "fails")]))
+    returns = {"optimal return": Score(4), "random return": Score(-1.234567, 0.02, 100)}
+    found = page(task, Facts(returns, [Verdict(False, "fails")]))
     scores, claims = found.section("scores"), found.section("claims")
     assert scores is not None
     assert claims is not None
-    assert [words(line.content) for line in scores.lines] == ["optimal return 4", "random return −1.235 ± 0.020 (from 100 episodes)"]
+    told = [words(line.content) for line in scores.lines]
+    assert told == ["optimal return 4", "random return −1.235 ± 0.020 (from 100 episodes)"]
     assert words(claims.lines[0].content).endswith("fails")
     assert page(task).section("scores") is None
 

@@ -46,20 +46,22 @@ LEAVES = st.one_of(
     st.sampled_from(["go-left", "it's", 'a "b"']).map(lambda t: s.Quoted(t, PLACE)),
     st.builds(lambda n, p: s.Name(n, p, PLACE), NAMES, st.booleans()),
 )
+OPERATORS = st.sampled_from(["==", "!=", "<", "<=", ">", ">=", "in", "not in"])
+ARITHMETIC = st.sampled_from(["+", "-", "*", "/", "//", "%", "**"])
 
 
 def _branches(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     pairs = st.lists(st.tuples(inner, inner), min_size=1, max_size=2).map(tuple)
     several = st.lists(inner, min_size=2, max_size=3).map(tuple)
     part = st.none() | inner
-    compare = st.sampled_from(["==", "!=", "<", "<=", ">", ">=", "in", "not in"])
+    links = st.lists(st.tuples(OPERATORS, inner), min_size=1, max_size=2).map(tuple)
     clause = st.builds(s.Clause, st.just(("i",)), inner, st.lists(inner, max_size=2).map(tuple))
     index = inner | st.builds(lambda a, b, c: s.Slice(a, b, c, PLACE), part, part, part)
     return st.one_of(
         st.builds(lambda o, x: s.Unary(o, x, PLACE), st.sampled_from(["-", "+", "not"]), inner),
-        st.builds(lambda o, x, y: s.Binary(o, x, y, PLACE), st.sampled_from(["+", "-", "*", "/", "//", "%", "**"]), inner, inner),
+        st.builds(lambda o, x, y: s.Binary(o, x, y, PLACE), ARITHMETIC, inner, inner),
         st.builds(lambda o, x: s.Logical(o, x, PLACE), st.sampled_from(["and", "or"]), several),
-        st.builds(lambda x, r: s.Compare(x, r, PLACE), inner, st.lists(st.tuples(compare, inner), min_size=1, max_size=2).map(tuple)),
+        st.builds(lambda x, r: s.Compare(x, r, PLACE), inner, links),
         st.builds(lambda c, x, y: s.IfElse(c, x, y, PLACE), inner, inner, inner),
         st.builds(lambda a, k: s.Call("f", a, tuple(k.items()), PLACE, PLACE), st.lists(inner, max_size=2).map(tuple),
                   st.dictionaries(st.just("shape"), inner)),
@@ -106,7 +108,7 @@ def test_sections_of_shipped_specs_come_back_as_yaml(path: Path) -> None:
     forms = Forms(merged, Collector())
     for section in ("definitions", "initial", "dynamics", "reward", "terminal"):
         found = merged.data.get(section)
-        paths = [(section, k) for k in found] if section != "reward" and isinstance(found, dict) else [(section,)] * (found is not None)
-        for place in paths:
+        named = section not in ("reward", "terminal") and isinstance(found, dict)
+        for place in [(section, key) for key in found] if named else [(section,)] * (found is not None):
             tree = forms.expr(place)
             assert bare(forms.tree(data(tree), place)) == bare(tree)  # type: ignore[arg-type]

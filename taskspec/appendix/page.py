@@ -90,8 +90,8 @@ def _with_columns(task: Task, facts: Facts, columns: Sequence[Mapping[str, Any]]
 
 
 def _beside(section: Section, concrete: Section | None) -> Section:
-    if concrete is None or len(concrete.lines) != len(section.lines):
-        return section
+    if concrete is None or len(concrete.lines) != len(section.lines) or section.key == "parameters":
+        return section  # the heading of a column gives the parameters
     lines = [_line_beside(a, b) for a, b in zip(section.lines, concrete.lines, strict=True)]
     return replace(section, lines=tuple(lines))
 

@@ -144,8 +144,12 @@ def _claims(w: Writing, facts: Facts) -> Iterator[Line]:
 def _cases(cases: tuple[Mapping[str, Any], ...]) -> Inlines:
     if not cases:
         return ()
-    shown = "; ".join(", ".join(f"{k} = {v}" for k, v in case.items()) for case in cases)
+    shown = "; ".join(", ".join(f"{k} = {_setting(v)}" for k, v in case.items()) for case in cases)
     return (Text(f" (for {shown})"),)
+
+
+def _setting(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 # -- where it comes from ----------------------------------------------------------------------------------------------

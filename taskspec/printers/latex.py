@@ -22,6 +22,8 @@ _STYLE = {
 }  # fmt: skip
 _MATH_CHAR = {"{": r"\{", "}": r"\}", "#": r"\#", "%": r"\%", "&": r"\&", "$": r"\$", "‖": r"\Vert ", "|": r"\vert "}
 _WORD = re.compile(r"[A-Za-z0-9]+")
+LONG = 16.0
+"""From this width on, in letters, a list may break after its commas."""
 _NAMES = {"arg min": r"\arg\min", "arg max": r"\arg\max"}
 
 
@@ -53,7 +55,7 @@ def _glyph(char: str) -> str:
     if char in _MATH_CHAR:
         return _MATH_CHAR[char]
     # what TeX reads as its own (^^5c is a backslash) goes through text mode, where it is written out
-    return char if char.isascii() and char not in _SPECIAL or char in "<>'" else rf"\text{{{_character(char)}}}"
+    return char if (char.isascii() and char not in _SPECIAL) or char in "<>'" else rf"\text{{{_character(char)}}}"
 
 
 def latex(node: m.Math) -> str:
@@ -134,7 +136,7 @@ def _symbol(text: str) -> str:
     if text == "mod":
         return r" \bmod "
     if text in ",;":
-        return rf"{text} \allowbreak " if text == "," else rf"{text} "
+        return f"{text} "
     if text == "′":
         return "'"
     return f" {_glyph(text)} "
@@ -142,8 +144,11 @@ def _symbol(text: str) -> str:
 
 def _row(items: tuple[m.Math, ...]) -> str:
     out = ""
+    breaks = m.width(m.Row(items)) > LONG
     for item in items:
         piece = _write(item)
+        if breaks and item == m.Sym(","):
+            piece += r"\allowbreak "
         if out and out[-1].isalpha() and piece[:1].isalpha() and re.search(r"\\[A-Za-z]+$", out):
             out += " "  # a command's name ends here
         out += piece

@@ -43,6 +43,8 @@ _HIGHLIGHT: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end", "firs
 def graph(task: Task, overlay: Overlay) -> Scene | None:
     """The graph of a task's transitions, or None when it has none that can be drawn."""
     machine = explore(task)
+    if machine is not None and all(t.source == t.target for t in machine.transitions):
+        return None  # nothing leads anywhere
     found = drawing(machine) if machine is not None else None
     return None if machine is None or found is None else _Graph(machine, found, overlay).scene()
 

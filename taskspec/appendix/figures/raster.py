@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-import io
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from taskspec.printers import tree as m
 from taskspec.printers.plain import plain
 
 INCH = 2.54
+FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks
 DPI = 200
 
 
@@ -22,13 +25,8 @@ def save(scene: Scene, path: Path, kind: str) -> None:
     """Write a PNG or PDF file; the same scene gives the same bytes."""
     figure = _figure(scene)
     metadata: dict[str, Any] = {"CreationDate": None} if kind == "pdf" else {"Software": None}
-    figure.savefig(path, format=kind, dpi=DPI, metadata=metadata)
-
-
-def png(scene: Scene) -> bytes:
-    buffer = io.BytesIO()
-    _figure(scene).savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    return buffer.getvalue()
+    with _quiet():
+        figure.savefig(path, format=kind, dpi=DPI, metadata=metadata)
 
 
 def pixels(scene: Scene, dpi: int = 100) -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -37,8 +35,17 @@ def pixels(scene: Scene, dpi: int = 100) -> np.ndarray[Any, np.dtype[np.uint8]]:
     figure = _figure(scene)
     figure.set_dpi(dpi)
     canvas = agg.FigureCanvasAgg(figure)
-    canvas.draw()
+    with _quiet():
+        canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without warnings about letters that no font has; they are drawn as boxes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
+        yield
 
 
 def _figure(scene: Scene) -> Any:
@@ -74,7 +81,7 @@ def _draw(axes: Any, item: Item, order: int) -> None:
         case Label(at=(x, y), anchor=anchor):
             side = {"start": "left", "middle": "center", "end": "right"}[anchor]
             axes.text(x, y, mathtext(item.text), fontsize=item.size * points * 0.95, ha=side, va="center_baseline",
-                      color=COLORS[item.color], zorder=order, family="serif", math_fontfamily="cm")  # fmt: skip
+                      color=COLORS[item.color], zorder=order, family=FONTS, math_fontfamily="cm")  # fmt: skip
 
 
 def _paint(item: Circle | Box) -> dict[str, Any]:

@@ -110,7 +110,7 @@ class Writer:
         out = self.prose(line.content)
         if line.verbatim is not None:
             out += Markup('<pre class="map">{}</pre>').format(line.verbatim)
-        for title, values in zip(page.columns, line.values, strict=True):
+        for title, values in zip(page.columns, line.values, strict=False):
             if values:
                 out += Markup('<span class="values">{}: {}</span>').format(title, self.prose(values))
         return out
@@ -173,22 +173,30 @@ def formula(math: m.Math, display: bool = False) -> Markup:
         kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
         return Markup(f'<span class="{kind}">{mathml(math)}</span>')
     alt = escape(plain(math), quote=True)
-    inner = " ".join(mathml(piece) for piece in pieces)
+    inner = " ".join(_infix(mathml(piece)) for piece in pieces)
     return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
 
 
 def _pieces(math: m.Math) -> list[m.Math]:
     """A row cut before its signs and after its commas."""
-    if not isinstance(math, m.Row):
-        return [math]
     out: list[list[m.Math]] = [[]]
-    for item in math.items:
+    for item in _flat(math):
         if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
             out.append([])
         out[-1].append(item)
         if item == m.Sym(",") or (isinstance(item, m.Space) and item.width == "wide"):
             out.append([])
     return [m.row(*items) for items in out if items]
+
+
+def _flat(math: m.Math) -> list[m.Math]:
+    """The items of a row, with those of rows inside it."""
+    return [x for item in math.items for x in _flat(item)] if isinstance(math, m.Row) else [math]
+
+
+def _infix(element: str) -> str:
+    """A piece that starts with a sign keeps the space around it."""
+    return re.sub(r"^(<math[^>]*><mrow><mo)>", r'\1 form="infix">', element)
 
 
 # -- the source -------------------------------------------------------------------------------------------------------

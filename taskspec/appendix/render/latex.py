@@ -85,7 +85,7 @@ class Writer:
         if line.verbatim is not None:
             rows = r"\\".join(escape(row).replace(" ", "~") for row in line.verbatim.splitlines())
             text += rf"\par{{\ttfamily {rows}}}"
-        for title, values in zip(page.columns, line.values, strict=True):
+        for title, values in zip(page.columns, line.values, strict=False):
             if values:
                 text += rf" \taskspecvalues{{{escape(title)}}}{{{self.prose(values, wide)}}}"
         return text

@@ -74,7 +74,7 @@ class Writer:
         text = self.prose(line.content)
         if line.verbatim is not None:
             text += " " + ", ".join(_code(row) for row in line.verbatim.splitlines())
-        for title, values in zip(page.columns, line.values, strict=True):
+        for title, values in zip(page.columns, line.values, strict=False):
             if values:
                 text += f" ({escape(title)}: {self.prose(values)})"
         return text

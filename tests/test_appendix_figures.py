@@ -1,0 +1,177 @@
+"""Figures drawn from tasks: what they show, in every format, and a frame for every state of every task."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from taskspec import registry
+from taskspec.appendix import Overlay, figure, render_frame, scene
+from taskspec.appendix.figures.elide import drawing
+from taskspec.appendix.figures.machine import explore
+from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Scene
+from taskspec.appendix.figures.svg import svg
+from taskspec.appendix.figures.values import first_state
+from taskspec.diagnostics import SpecError
+from taskspec.printers.plain import plain
+from taskspec.spec.task import Task
+
+ROOT = Path(__file__).parent.parent
+IDS = [i for i in registry.task_ids() if i.startswith("derail/")]
+SPECS = sorted((ROOT / "tests" / "specs").glob("*.yaml"))
+
+
+def task(name: str, **parameters: object) -> Task:
+    return registry.load(f"derail/{name}-v0", **parameters)
+
+
+def drawn(name: str, overlay: Overlay | None = None, **parameters: object) -> Scene:
+    found = scene(task(name, **parameters), overlay)
+    assert found is not None
+    return found
+
+
+def labels(found: Scene) -> list[str]:
+    return [plain(item.text).strip() for item in found.items if isinstance(item, Label)]
+
+
+def fills(found: Scene, kind: type[Item] = Circle) -> list[str]:
+    return [item.fill for item in found.items if isinstance(item, kind) and isinstance(item, Circle | Box) and item.fill]
+
+
+def test_risky_path_shows_chances_rewards_and_colours() -> None:
+    found = drawn("RiskyPath")
+    assert labels(found).count("50%") == 2
+    assert {"s₀", "s₁", "s₂", "s₃", "safe", "risky", "r = 1", "r = −100"} <= set(labels(found))
+    assert {"good", "bad"} <= set(fills(found))
+
+
+def test_terminal_states_have_two_rims() -> None:
+    found = drawn("EarlyTermPos")
+    assert len([c for c in found.items if isinstance(c, Circle)]) == 4
+    assert found.notes == ("Every step pays 1.",)
+
+
+def test_branching_with_ten_choices_is_elided_as_in_the_paper() -> None:
+    found = drawn("Branching", L=10)
+    assert [x for x in labels(found) if x.isdigit() and int(x) > 1] == ["2", "3", "18", "19", "20"]
+    assert "…" in labels(found)
+    assert fills(found).count("good") == 1
+
+
+def test_wide_families_are_elided_too() -> None:
+    found = drawn("Branching", L=10, B=12)
+    assert "⋮" in labels(found)
+    assert len(labels(found)) < 40
+
+
+def test_small_branching_is_drawn_whole() -> None:
+    assert "…" not in labels(drawn("Branching", L=2))
+
+
+def test_every_arrow_of_a_drawing_joins_vertices_of_it() -> None:
+    for parameters in ({"L": 1}, {"L": 3, "B": 4}, {"L": 7, "B": 9}, {"L": 100}):
+        machine = explore(task("Branching", **parameters))
+        if machine is None:
+            continue
+        found = drawing(machine)
+        assert found is not None
+        assert {v for a in found.arcs for v in (a.source, a.target)} <= set(found.vertices)
+
+
+def test_probabilities_leaving_a_state_sum_to_one() -> None:
+    machine = explore(task("RiskyPath"))
+    assert machine is not None
+    total: dict[tuple[int, int], float] = {}
+    for t in machine.transitions:
+        total[t.source, t.action] = total.get((t.source, t.action), 0.0) + t.probability
+    assert set(total.values()) == {1.0}
+
+
+def test_grid_marks_the_goal_and_the_starts() -> None:
+    found = drawn("NoisyObs")
+    assert fills(found, Box).count("good") == 1
+    faint = [c for c in found.items if isinstance(c, Circle) and c.fill == "ink"]
+    assert len(faint) == 4
+    assert all(c.shade < 1 for c in faint)
+
+
+def test_sorting_ends_sorted() -> None:
+    numbers = [float(x) for x in labels(drawn("Sort"))]
+    assert numbers[-4:] == sorted(numbers[-4:])
+    assert any(isinstance(x, Line) and x.arrow for x in drawn("Sort").items)
+
+
+def test_halves_have_two_colours() -> None:
+    colors = fills(drawn("LargestSum", L=10), Box)
+    assert colors == ["accent"] * 10 + ["second"] * 10
+
+
+def test_overlays() -> None:
+    found = drawn("RiskyPath", Overlay(values={0: 4.0}, policy={0: (0,)}, occupancy={1: 0.5}))
+    assert "V = 4" in labels(found)
+    assert any(isinstance(x, Line) and x.width > 0.05 for x in found.items)
+    assert any(isinstance(x, Circle) and x.shade == 0.5 for x in found.items)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_every_shipped_task_has_a_figure(name: str) -> None:
+    found = scene(registry.load(name))
+    assert found is not None
+    assert found.alt
+    ElementTree.fromstring(svg(found))
+    assert _is_inside(found)
+
+
+def _is_inside(found: Scene) -> bool:
+    points = [p for x in found.items for p in (x.points if isinstance(x, Line) and not x.curved else ())]
+    points += [x.centre for x in found.items if isinstance(x, Circle)]
+    return all(0 <= px <= found.width and 0 <= py <= found.height for px, py in points)
+
+
+@pytest.mark.parametrize("ending", ["svg", "tex", "png", "pdf"])
+def test_files(ending: str, tmp_path: Path) -> None:
+    path = figure(task("RiskyPath"), tmp_path / f"risky.{ending}")
+    head = path.read_bytes()[:5]
+    assert head.startswith({"svg": b"<svg", "tex": b"\\def", "png": b"\x89PNG", "pdf": b"%PDF"}[ending])
+    again = figure(task("RiskyPath"), tmp_path / f"again.{ending}")
+    assert again.read_bytes() == path.read_bytes()
+
+
+def test_unknown_ending(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="E713"):
+        figure(task("RiskyPath"), tmp_path / "risky.docx")
+
+
+@pytest.mark.parametrize("name", [*IDS, *map(str, SPECS)], ids=lambda x: Path(x).stem)
+def test_every_task_has_a_frame(name: str) -> None:
+    one = registry.load(name)
+    frame = render_frame(one, first_state(one), dpi=50)
+    assert frame.dtype == np.uint8
+    assert frame.shape[2] == 3
+    assert frame.std() > 0
+
+
+def test_frames_of_an_episode_have_one_size_and_follow_the_state() -> None:
+    one = task("NoisyObs")
+    a, b = (render_frame(one, {"x": x, "y": 1}, dpi=50) for x in (0, 3))
+    assert a.shape == b.shape
+    assert not np.array_equal(a, b)
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no TeX")
+def test_tikz_stands_alone(tmp_path: Path) -> None:
+    """A figure's file needs tikz, amsmath and xcolor, nothing else of ours."""
+    for name in ("RiskyPath", "Branching", "NoisyObs", "Parabola", "Sort"):
+        figure(task(name), tmp_path / f"{name}.tex")
+    inputs = "\n".join(rf"\input{{{p.stem}}}\par" for p in sorted(tmp_path.glob("*.tex")))
+    source = rf"\documentclass{{article}}\usepackage{{amsmath,amssymb,xcolor,tikz}}\begin{{document}}{inputs}\end{{document}}"
+    (tmp_path / "all.tex").write_text(source, encoding="utf-8")
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "all.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-2000:]
