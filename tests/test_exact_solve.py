@@ -106,7 +106,9 @@ class Small:
     def going(self, s: int) -> bool:
         return s != self.states - 1
 
-    def trajectories(self, t: int = 0, s: int | None = None) -> Iterator[tuple[float, tuple[tuple[int, int], ...], float]]:
+    def trajectories(
+        self, t: int = 0, s: int | None = None
+    ) -> Iterator[tuple[float, tuple[tuple[int, int], ...], float]]:
         """Probability of the outcomes, the (state, action) pairs, and the return, of every episode."""
         if s is None:
             for first in range(self.states):

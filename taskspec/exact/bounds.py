@@ -12,11 +12,12 @@ from taskspec.lang.types import Kind
 if TYPE_CHECKING:
     from taskspec.exact.phases import Check
 
-_SAFE = frozenset(
-    """add sub mul neg abs sign min2 max2 sin cos tanh atan2 floor ceil round to_int to_real eq ne lt le not and or where
-    sum prod any all count min max argmin argmax sort argsort cumsum vector concat slice element reshape fill position
-    index put swap exp""".split()
-)
+_SAFE_OPERATORS = """
+add sub mul neg abs sign min2 max2 sin cos tanh atan2 floor ceil round to_int to_real eq ne lt le not and or where
+sum prod any all count min max argmin argmax sort argsort cumsum vector concat slice element reshape fill position
+index put swap exp
+"""
+_SAFE = frozenset(_SAFE_OPERATORS.split())
 """Operators that give a finite number for finite numbers, as long as the result is bounded."""
 
 
@@ -56,7 +57,8 @@ def _finite(node: Node, builder: Builder) -> bool:
             return op in _SAFE and (_bounded(node, builder) or op in _CLOSED)
 
 
-_CLOSED = frozenset("neg abs min2 max2 where min max sort vector concat slice element reshape fill index put swap to_real".split())
+_CHOOSING = "neg abs min2 max2 where min max sort vector concat slice element reshape fill index put swap to_real"
+_CLOSED = frozenset(_CHOOSING.split())
 """Operators that only choose among finite numbers, bounded or not."""
 
 

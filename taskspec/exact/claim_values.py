@@ -60,9 +60,12 @@ def shown(value: Exact) -> str:
 
 
 def _power(a: Exact, b: Exact) -> Exact:
-    if isinstance(b, int) and not isinstance(a, float) and abs(b) < 10_000:
-        return a**b if b >= 0 else Fraction(1) / Fraction(a) ** -b
-    return float(a) ** float(b)
+    if not isinstance(b, int) or isinstance(a, float) or abs(b) >= 10_000:
+        return float(a) ** float(b)
+    if a == 0 and b < 0:
+        return math.inf
+    power: Fraction = Fraction(a) ** b
+    return power
 
 
 def _divide(a: Exact, b: Exact) -> Exact:
@@ -96,10 +99,13 @@ def arithmetic(op: str, a: Number, b: Number) -> Number:
 
 
 def absolute(a: Number) -> Number:
-    if a.low <= 0 <= a.high:
-        return Number(abs(a.value), 0, max(abs(a.low), abs(a.high)))
-    ends = sorted((abs(a.low), abs(a.high)))
-    return Number(abs(a.value), ends[0], ends[1])
+    value, one, other = _magnitude(a.value), _magnitude(a.low), _magnitude(a.high)
+    low: Exact = 0 if a.low <= 0 <= a.high else min(one, other)
+    return Number(value, low, max(one, other))
+
+
+def _magnitude(value: Exact) -> Exact:
+    return -value if value < 0 else value
 
 
 def negative(a: Number) -> Number:

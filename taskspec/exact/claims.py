@@ -64,7 +64,9 @@ def _verdict(task: Task, claim: Claim, case: Mapping[str, Any], known: dict[str,
         known[key] = _results(task, values)
     results = known[key]
     if isinstance(results, SpecError):
-        return _failed(claim, case, "broken", f"the parameters of the claim: {results.diagnostics[0].message}", claim.expr)
+        return _failed(
+            claim, case, "broken", f"the parameters of the claim: {results.diagnostics[0].message}", claim.expr
+        )
     return decide(claim, results, case)
 
 

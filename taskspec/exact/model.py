@@ -28,13 +28,15 @@ class Step:
     `going` (A*S, S) is the probability that the episode goes on in s', `ending` (A*S, S) that it
     terminates there (None: no step terminates); rows of both together sum to 1. `reward` (A*S,) is
     expected. Entries of a row may repeat a column. `escaping` (A*S,) marks rows that leave the state
-    space, which only states that no episode acts in may have.
+    space, which only states that no episode acts in may have. Where every row of an action has the
+    same probabilities in the same order, `slots` (A, K) holds them.
     """
 
     going: Sparse
     ending: Sparse | None
     reward: Array
     escaping: Array | None = None
+    slots: Array | None = None
 
     def same(self, other: Step) -> bool:
         """Whether two times are alike, so that one can stand for both."""

@@ -192,9 +192,7 @@ def _parameters(written: Written, where: Section, entry: str | None) -> Iterator
             yield from _of_call(call, written, where, entry)
 
 
-def _probabilities(
-    exprs: list[s.Expr], written: Written, where: Section, entry: str | None
-) -> Iterator[Check]:
+def _probabilities(exprs: list[s.Expr], written: Written, where: Section, entry: str | None) -> Iterator[Check]:
     """Each between 0 and 1, and all together 1."""
     nodes = [where.number(e) for e in exprs]
     if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):

@@ -62,7 +62,7 @@ class Section:
         if column is None:
             return None
         label = self.value(key, column.domain)
-        if label is None or column.node.type != label.node.type and column.node.type.kind is Kind.REAL:
+        if label is None or (column.node.type != label.node.type and column.node.type.kind is Kind.REAL):
             return None
         b = self.task.builder
         try:
@@ -225,7 +225,11 @@ def _rows(
 
 
 def _has_draws(expr: s.Expr) -> bool:
-    return isinstance(expr, s.Weights) or any(isinstance(n, s.Call) and n.function in DIST_NAMES for n in s.names(expr)) or _weighted(expr)
+    return (
+        isinstance(expr, s.Weights)
+        or any(isinstance(n, s.Call) and n.function in DIST_NAMES for n in s.names(expr))
+        or _weighted(expr)
+    )
 
 
 def _weighted(root: object) -> bool:

@@ -31,8 +31,10 @@ class Method:
     def __str__(self) -> str:
         if not self.exact:
             return f"sampled: {self.points:,} points"
-        return "by bounds" if not self.points else f"exact: all {self.points:,} points" + (
-            "" if self.states is None else f", {self.states:,} states"
+        return (
+            "by bounds"
+            if not self.points
+            else f"exact: all {self.points:,} points" + ("" if self.states is None else f", {self.states:,} states")
         )
 
     @classmethod

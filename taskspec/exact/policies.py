@@ -110,7 +110,9 @@ def _ask(task: Task, policy: Any, state: State, t: int, rng: np.random.Generator
     spaces = _spaces()
     seen, done = spaces.observation_layout(task), spaces.action_layout(task)
     packed = [spaces.pack(seen, [tuple(row[i].tolist()) for row in flat]) for i in range(lanes)]
-    batch = {k: np.stack([p[k] for p in packed]) for k in packed[0]} if isinstance(packed[0], dict) else np.stack(packed)
+    batch = (
+        {k: np.stack([p[k] for p in packed]) for k in packed[0]} if isinstance(packed[0], dict) else np.stack(packed)
+    )
     actions = np.asarray(policy.predict(batch, deterministic=True)[0])
     rows = [spaces.unpack(done, action) for action in actions]
     return {

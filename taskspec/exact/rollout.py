@@ -1,4 +1,7 @@
-"""Episodes of many lanes at once, from the same random words as the environments: lane i of seed s is the scalar environment of seed s + i."""
+"""Episodes of many lanes at once, from the same random words as the environments.
+
+Lane i of seed s walks the trajectory of the scalar environment with seed s + i.
+"""
 
 from __future__ import annotations
 
@@ -89,7 +92,7 @@ def at_random(task: Task) -> Choose:
 
 def uniform(c: Any, lanes: int, rng: np.random.Generator) -> Array:
     """Uniform values of a component, (*shape, lanes)."""
-    rows = []
+    rows: list[Array] = []
     for low, high in zip(c.low, c.high, strict=True):
         if c.is_finite:
             rows.append(rng.integers(int(low), int(high) + 1, lanes))

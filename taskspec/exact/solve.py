@@ -52,9 +52,18 @@ def soft(beta: float) -> Backup:
     return backup
 
 
+def mean(q: Array, t: int = 0) -> Array:
+    """The value of uniformly random actions."""
+    return np.asarray(q.mean(axis=0))
+
+
 def following(policy: Policy) -> Backup:
     """The value of a given policy."""
-    return lambda q, t=0: np.asarray((policy(t) * q).sum(axis=0))
+
+    def backup(q: Array, t: int = 0) -> Array:
+        return np.asarray((policy(t) * q).sum(axis=0))
+
+    return backup
 
 
 # -- policies from action values ------------------------------------------------------------------
@@ -117,7 +126,7 @@ def fixed_point(model: Model, rule: Backup, shift: float = 0.0) -> tuple[Array, 
         tolerance = 1e-12 * max(1.0, float(np.max(np.abs(value), initial=0.0))) * max(1e-3, 1 - model.discount)
         if gap <= tolerance:
             return q, value
-        if not math.isfinite(gap) or sweep > 100_000 and model.discount == 1:
+        if not math.isfinite(gap) or (sweep > 100_000 and model.discount == 1):
             break
     refuse("the task has no horizon and its values do not settle", "give it a discount below 1, or a horizon")
 
@@ -135,22 +144,14 @@ def solve(model: Model, rule: Backup = best, shift: float = 0.0) -> Solution:
     if model.horizon is None:
         value = fixed_point(model, rule, shift)[1]
     elif rule in (best, worst) and not shift and model.entries >= LARGE and is_installed("numba"):
-        value = _compiled(model, rule is best)
+        from taskspec.exact.kernels_numba import extreme_values
+
+        value = extreme_values(model, rule is best)
     else:
         value = np.zeros(model.n_states)
-        for _, _, value in backward(model, rule, shift):
-            pass
+        for _, _, found in backward(model, rule, shift):
+            value = found
     return Solution(value, float(model.start @ value))
-
-
-def _compiled(model: Model, largest: bool) -> Array:
-    from taskspec.exact.kernels_numba import backup
-
-    assert model.horizon is not None
-    value = np.zeros(model.n_states)
-    for t in range(model.horizon - 1, -1, -1):
-        value = backup(model, model.step(t), value, largest)
-    return value
 
 
 def optimal_return(model: Model) -> float:
@@ -164,7 +165,7 @@ def worst_return(model: Model) -> float:
 
 def random_return(model: Model) -> float:
     """The expected return of uniformly random actions."""
-    return solve(model, lambda q, t=0: np.asarray(q.mean(axis=0))).expected
+    return solve(model, mean).expected
 
 
 def policy_return(model: Model, policy: Policy) -> float:

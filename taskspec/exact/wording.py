@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from taskspec.exact.space import domain, shown, words
 from taskspec.lang.ir import Role, reads
 from taskspec.spec.task import Component, Task
 
+Array = np.ndarray[Any, Any]
 _HINTS = {
     "E403": "widen the bounds, stop at them with `clip`, or end the episode before",
     "E402": "a probability lies between 0 and 1",
@@ -53,8 +55,7 @@ def _values(
     return [
         f"{c.name} = {shown(c, violation.reads[role, c.name][..., 0])}"
         for c in components
-        if (role, c.name) in violation.reads
-        and ((role, c.name) in needed or whole)
+        if (role, c.name) in violation.reads and ((role, c.name) in needed or whole)
     ]
 
 
@@ -70,7 +71,7 @@ def _what(violation: Violation) -> str:
     return f"{lead} {shown(c, value)}; it must be {domain(c)}"
 
 
-def _number(value: np.ndarray) -> str:  # type: ignore[type-arg]
+def _number(value: Array) -> str:
     return words(np.asarray(value).tolist())
 
 
