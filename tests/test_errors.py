@@ -1,35 +1,45 @@
-"""One broken spec per code: its first line says which code is expected, and where."""
+"""One broken spec per code: its first line says which code is expected, and where. One message each, at that place."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 
 from taskspec import source
 from taskspec.diagnostics import CODES, Diagnostic, SpecError
+from taskspec.exact import soundness, verdicts
+from taskspec.spec.build import build
 from taskspec.spec.schema import check_shape, load
 
 FOLDER = Path(__file__).parent / "errors"
-FILES = sorted(FOLDER.glob("E[12]*.yaml"))
+FILES = sorted(FOLDER.glob("E[1234]*.yaml"))
 
 
-def first_problem(path: Path) -> Diagnostic:
-    """What reading the file, or checking its shape, complains about first."""
+def shape_problems(document: source.Document) -> tuple[Diagnostic, ...]:
+    """What checking the shape of a spec complains about."""
+    try:
+        load(document)
+    except SpecError as error:
+        return tuple(check_shape(document)) or error.diagnostics
+    return tuple(check_shape(document))
+
+
+def problems(document: source.Document, variant: str | None = None) -> tuple[Diagnostic, ...]:
+    """What building a spec, or looking at all its states, complains about."""
+    try:
+        return tuple(soundness(build(document, variant)))
+    except SpecError as error:
+        return error.diagnostics
+
+
+def found_in(path: Path) -> tuple[Diagnostic, ...]:
     try:
         document = source.read(path)
-        found: Iterable[Diagnostic] = check_shape(document) or load_problems(document)
     except SpecError as error:
-        found = error.diagnostics
-    return next(iter(found))
-
-
-def load_problems(document: source.Document) -> Iterable[Diagnostic]:
-    with pytest.raises(SpecError) as caught:
-        load(document)
-    return caught.value.diagnostics
+        return error.diagnostics
+    return shape_problems(document) if path.stem.startswith("E2") else problems(document)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
@@ -37,11 +47,114 @@ def test_a_broken_spec_gets_its_code_at_its_place(path: Path) -> None:
     first_line = path.read_text(encoding="utf-8").split("\n")[0]
     expected = re.fullmatch(r"# expect: ([EW]\d+) (\d+:\d+)", first_line)
     assert expected is not None, first_line
-    problem = first_problem(path)
+    problem, *others = found_in(path)
     assert problem.span is not None
     assert (problem.code, f"{problem.span.line}:{problem.span.column}") == expected.groups()
+    assert path.stem.startswith(("E1", "E2")) or not others
 
 
-def test_every_code_of_reading_and_shape_has_a_broken_spec() -> None:
-    wanted = {f"{c.code}-{c.slug}" for c in CODES.values() if c.code[:2] in ("E1", "E2")}
+def test_every_code_of_specs_has_a_broken_spec() -> None:
+    wanted = {f"{c.code}-{c.slug}" for c in CODES.values() if c.code[:2] in ("E1", "E2", "E3", "E4")}
     assert {path.stem for path in FILES} == wanted
+
+
+# -- the place is that of the sub-expression, however YAML writes the text around it ----------------------------------
+
+WALK = """\
+taskspec: 1
+name: Walk
+parameters: {L: {type: int, default: 9, low: 1}}
+definitions:
+  "reached(x)": x == L  # 1
+  arrived: s == L
+state:
+  s: {type: int, low: 0, high: L}
+  mood: {type: choice, values: [calm, "very cross"]}
+action: {a: {type: choice, values: [stay, go]}}
+observation:
+  place: s / L  # 2
+horizon: 2 * L
+initial:
+  s: 0
+  mood: calm
+dynamics:
+  s': |
+    min(s
+      + (a == go),
+      L)
+  mood':
+    by: [a, mood]
+    rows:
+      go: very cross
+      stay: {calm: calm, very cross: {calm: 1/2, very cross: 1/2}}
+reward:
+  - if: reached(s')
+    then: 1
+  - else: 0 * s
+terminal: >-
+  arrived
+    or s > 2 * L
+variants:
+  fast:
+    dynamics:
+      s': 'min(s + 2 * (a == go), L)'
+    claims: [optimal_return == 1, "random_return < 1"]
+"""
+# (what the author wrote, what stands there instead, code, the characters pointed at, words of the message, variant)
+MISTAKES: list[tuple[str, str, str, str, str, str | None]] = [
+    ("horizon: 2", "horizn: 2", "E202", "horizn", "horizn", None),
+    ("reached(x)\": x == L", "reached(x)\": x == M", "E302", "M", "'M' is not defined", None),
+    ("min(s\n      + (a == go)", "min(s\n      + (b == go)", "E302", "b", "'b' is not defined", None),
+    ("'min(s + 2 *", "'min(ss + 2 *", "E302", "ss", "'ss' is not defined", "fast"),
+    ("    or s > 2 * L", "    or ss > 2 * L", "E302", "ss", "'ss' is not defined", None),
+    ("place: s / L", "place: (s, L)[s] + (s, s, s) + (1, 2)", "E307", "(s, L)[s] + (s, s, s) + (1, 2)", "do not match", None),
+    ("0 * s", "0 * s * (1, 2)", "E307", "0 * s * (1, 2)", "shape", None),
+    ("{calm: 1/2, very cross: 1/2}", "{calm: 1/2, very cross: 0.4}", "E401", "{calm: 1/2, very cross: 0.4}", "0.9", None),
+    ("      go: very cross", "      go: {calm: 0.5, very cross: calm}", "E306", "0.5", "labels", None),
+    ("      + (a == go),", "      + (a == go), 1 +", "E403", "min(s\n      + (a == go), 1 +\n      L)", "10", None),
+    ("'min(s + 2 * (a == go), L)'", "'s + 2 * (a == go)'", "E403", "s + 2 * (a == go)", "the next s is", "fast"),
+    ("reached(s')", "reached(s', 1)", "E304", "reached(s', 1)", "2 arguments", None),
+    ("stay: {calm: calm", "stay: {clam: calm", "E313", "clam", "'clam'", None),
+    ("go: very cross", "go: very angry", "E301", "very angry", "expression", None),
+    ("s: {type: int, low: 0, high: L}", "s: {type: int, low: 0, high: clip(L, 1, 9)}", "E106", "clip(L, 1, 9)", "pieces", None),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "at", "words", "variant"), MISTAKES, ids=[m[1].strip() for m in MISTAKES]
+)
+def test_the_place_is_the_sub_expression(
+    old: str, new: str, code: str, at: str, words: str, variant: str | None
+) -> None:
+    assert WALK.count(old) == 1
+    text = WALK.replace(old, new)
+    try:
+        found = problems(source.read_text(text, "walk.yaml"), variant)
+    except SpecError as error:
+        found = error.diagnostics
+    (problem,) = found
+    assert problem.code == code
+    assert problem.span is not None
+    assert words in problem.message
+    assert _written(text, problem) == at
+
+
+def _written(text: str, problem: Diagnostic) -> str:
+    span = problem.span
+    assert span is not None
+    starts = [0]
+    for line in text.split("\n"):
+        starts.append(starts[-1] + len(line) + 1)
+    return text[starts[span.line - 1] + span.column - 1 : starts[span.end_line - 1] + span.end_column - 1]
+
+
+def test_the_spec_without_mistakes_has_none() -> None:
+    document = source.read_text(WALK)
+    assert problems(document) == problems(document, "fast") == ()
+
+
+def test_claims_are_placed_too() -> None:
+    text = WALK.replace("random_return < 1", "random_retrun < 1")
+    verdict = list(verdicts(build(source.read_text(text), "fast")))[1]
+    assert verdict.diagnostic is not None
+    assert (verdict.status, _written(text, verdict.diagnostic)) == ("broken", "random_retrun")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from taskspec.diagnostics import suggest
 from taskspec.lang import dists, sets, tables
@@ -30,7 +30,7 @@ def call(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> V
         return _own(checker, binding, expr, scope, want)
     if binding is not None:
         checker.collector.add("E303", expr.name_place, f"'{expr.function}' is a value, not a function")
-        return _poison(checker, expr, scope)
+        _poison(checker, expr, scope)
     if expr.function in FUNCTIONS:
         return Value(_built_in(checker, expr, scope))
     if expr.function in dists.DIST_NAMES:
@@ -49,25 +49,28 @@ def call(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> V
         f"there is no function '{expr.function}'",
         suggest(expr.function, known),
     )
-    return _poison(checker, expr, scope)
+    _poison(checker, expr, scope)
 
 
-def _poison(checker: Checker, expr: s.Call, scope: Scope) -> Value:
+def _poison(checker: Checker, expr: s.Call, scope: Scope) -> NoReturn:
     """Give up on a call after looking for mistakes in its arguments too."""
-    from taskspec.lang.check import Poisoned
-
     checker.numerics([e for e in expr.args if not isinstance(e, s.Weights | s.SetOf | s.Comprehension)], scope)
-    raise Poisoned
+    checker.poison()
 
 
 def _no_keywords(checker: Checker, expr: s.Call) -> None:
     for name, value in expr.keywords:
-        checker.fail(
-            "E305",
-            value,
-            f"'{expr.function}' takes no keyword arguments",
-            f"write it without `{name}=`",
-        )
+        message = f"'{expr.function}' takes no keyword arguments"
+        checker.collector.add("E305", _keyword(name, value), message, f"write it without `{name}=`")
+    if expr.keywords:
+        checker.poison()
+
+
+def _keyword(name: str, value: s.Expr) -> s.Place:
+    """The place of the name before `=`, which stands directly before its value."""
+    text, end = value.place.text, value.place.start
+    start = text.value.rfind(name, 0, end)
+    return s.Place(text, start, start + len(name)) if start >= 0 else value.place
 
 
 def _built_in(checker: Checker, expr: s.Call, scope: Scope) -> Node:
@@ -172,8 +175,9 @@ def _given(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tu
             shape = static_shape(checker, value, scope)
         elif name not in names:
             known = [*names, *(["shape"] if dist.shaped else [])]
-            checker.fail("E305", value, f"{dist.name} has no argument '{name}'",
-                         suggest(name, known) or f"it takes {', '.join(known)}")  # fmt: skip
+            hint = suggest(name, known) or f"it takes {', '.join(known)}"
+            checker.collector.add("E305", _keyword(name, value), f"{dist.name} has no argument '{name}'", hint)
+            checker.poison()
         elif name in given:
             checker.fail("E304", value, f"'{name}' of {dist.name} is given twice")
         else:

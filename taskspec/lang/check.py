@@ -164,6 +164,10 @@ class Checker:
         self.collector.add(code, expr.place, message, hint)
         raise Poisoned
 
+    def poison(self) -> NoReturn:
+        """Give up on a part whose mistakes are reported."""
+        raise Poisoned
+
     # -- leaves ---------------------------------------------------------------------------------------------------
 
     def _number(self, number: int | float, want: Domain | None) -> Value:
@@ -314,18 +318,29 @@ class Checker:
         conditions = self.each([(lambda c=c: self.condition(c, scope)) for c, _ in branches])  # type: ignore[misc]
         exprs = [*(e for _, e in branches), otherwise]
         values = self.each([(lambda e=e: self.value(e, scope, want)) for e in exprs])  # type: ignore[misc]
-        nodes, domain = self.unify(values, exprs)
+        nodes, domain = self.unify(values, exprs, want)
         result = nodes[-1]
         for condition, node in zip(reversed(conditions), reversed(nodes[:-1]), strict=True):
             result = self.builder.apply("where", condition, node, result)
         return Value(result, domain)
 
-    def unify(self, values: Sequence[Value], exprs: Sequence[s.Expr]) -> tuple[list[Node], Domain | None]:
+    def unify(
+        self, values: Sequence[Value], exprs: Sequence[s.Expr], want: Domain | None = None
+    ) -> tuple[list[Node], Domain | None]:
         """Nodes of alternatives that may stand for each other: all of one choice, or all numbers."""
         domains = {v.domain for v in values}
         if len(domains) == 1:
             return [v.node for v in values], values[0].domain
+        if want is not None and want.values is None and want in domains:
+            self._need_labels([e for v, e in zip(values, exprs, strict=True) if v.domain != want], want)
         return [self.number_of(v, e) for v, e in zip(values, exprs, strict=True)], None
+
+    def _need_labels(self, odd: Sequence[s.Expr], want: Domain) -> NoReturn:
+        """Report the alternatives that are no labels, where the others are."""
+        for expr in odd:
+            labels = ", ".join(want.labels[:6]) + ", ..." * (len(want.labels) > 6)
+            self.collector.add("E306", expr.place, f"one of the labels {labels} is needed here")
+        raise Poisoned
 
     def _vector(self, items: tuple[s.Expr, ...], expr: s.Expr, scope: Scope) -> Node:
         return self._stack(self.numerics(items, scope), expr)

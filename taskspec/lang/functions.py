@@ -39,7 +39,7 @@ class Function:
 
     def accepts(self, count: int) -> bool:
         if self.arguments[-1].startswith("*"):
-            return count >= len(self.arguments)
+            return count >= len(self.arguments) - 1  # `*rest` may be empty
         return count == len(self.arguments)
 
 

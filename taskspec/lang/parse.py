@@ -13,6 +13,7 @@ from typing import NoReturn
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
+from taskspec.lang.functions import FUNCTIONS
 
 PRIME = "\u02b9"
 MAX_LENGTH = 20_000
@@ -36,6 +37,7 @@ _CONFUSIONS = (
     (r"!(?!=)", "write `not x`"),
     (r"\?", "write `x if condition else y`"),
 )
+_WORDS = re.compile(r"\s*\w+(\s+\w+)+\s*")
 
 
 class _Failure(Exception):
@@ -171,7 +173,8 @@ def _explain(value: str, error: Exception) -> NoReturn:
     message = (error.msg or "invalid syntax").split(". Perhaps")[0]
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
-    raise _Failure(start, max(end, start + 1), message)
+    advice = "a label of several words stands in quotes of its own" if _WORDS.fullmatch(value) else None
+    raise _Failure(start, max(end, start + 1), message, advice)
 
 
 def _offset(value: str, line: int, column: int) -> int:
@@ -257,11 +260,7 @@ class _Reader:
 
     def call(self, node: ast.Call, place: s.Place) -> s.Call:
         if not isinstance(node.func, ast.Name):
-            self.fail(
-                node.func,
-                "only a function's name can be called",
-                "methods and nested calls are not part of it",
-            )
+            self.not_callable(node)
         if node.func.id.endswith(PRIME):
             self.fail(node.func, "a function has no next value")
         keywords = []
@@ -270,6 +269,17 @@ class _Reader:
                 self.fail(keyword.value, "`**` cannot unpack arguments here")
             keywords.append((keyword.arg, self.expr(keyword.value)))
         return s.Call(node.func.id, self.exprs(node.args), tuple(keywords), place, self.place(node.func))
+
+    def not_callable(self, node: ast.Call) -> NoReturn:
+        """Something other than a name before a bracket: a method, or a forgotten `*`."""
+        if isinstance(node.func, ast.Attribute):
+            method = node.func.attr
+            self.fail(node.func, f"methods (`x.{method}()`) are not part of the language", f"write `{method}(x)`"
+                      if method in FUNCTIONS else "functions are written `f(x)`")  # fmt: skip
+        place = self.place(node.func)
+        shown = self.text.value[place.start : place.end]
+        shown = f"`{shown}`" if len(shown) < 20 else "this"
+        raise _Failure(place.start, place.end, f"{shown} is not a function, but a bracket follows it", "`*` multiplies")
 
     def index(self, node: ast.expr) -> s.Expr | s.Slice:
         if not isinstance(node, ast.Slice):

@@ -55,7 +55,7 @@ def _table(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) ->
         return _constant(checker, points.rows), points.domain
     assert isinstance(expr, s.SetOf)
     values = checker.each([(lambda e=e: checker.value(e, scope, want)) for e in expr.items])  # type: ignore[misc]
-    nodes, domain = checker.unify(values, expr.items)
+    nodes, domain = checker.unify(values, expr.items, want)
     if len({n.type.shape for n in nodes}) > 1:
         checker.fail("E307", expr, "the elements of this set have different shapes")
     kind = max(n.type.kind for n in nodes)

@@ -213,6 +213,32 @@ Expr = (
 )  # fmt: skip
 
 
+def alternatives(expr: Expr) -> Iterator[Expr]:
+    """The expressions of which a value is one: branches, cells of a table, values with probabilities; else itself."""
+    match expr:
+        case IfElse(then=then, otherwise=otherwise):
+            parts: tuple[Expr, ...] = (then, otherwise)
+        case Piecewise(branches=branches, otherwise=otherwise):
+            parts = (*(then for _, then in branches), otherwise)
+        case Weights(pairs=pairs) | Call(function="Categorical", args=(Weights(pairs=pairs),)):
+            parts = tuple(value for value, _ in pairs)
+        case Table(rows=rows):
+            parts = tuple(_cells(rows))
+        case _:
+            yield expr
+            return
+    for part in parts:
+        yield from alternatives(part)
+
+
+def _cells(rows: tuple[Row, ...]) -> Iterator[Expr]:
+    for row in rows:
+        if isinstance(row.body, tuple):
+            yield from _cells(row.body)
+        else:
+            yield row.body
+
+
 def names(root: Any) -> Iterator[Name | Call]:
     """Every name read and every function called anywhere below a node, in written order."""
     stack = [root]

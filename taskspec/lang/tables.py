@@ -62,7 +62,7 @@ class _Outcomes:
 def weighted(checker: Checker, expr: s.Weights, scope: Scope, want: Domain | None) -> Value:
     """A value drawn with the probabilities written beside each."""
     outcomes = _outcomes(checker, expr, scope, want)
-    nodes, domain = checker.unify(outcomes.values, outcomes.exprs)
+    nodes, domain = checker.unify(outcomes.values, outcomes.exprs, want)
     _same_shape(checker, nodes, expr)
     b = checker.builder
     index = b.draw("categorical", (b.structure("vector", outcomes.p),), Type(Kind.INT))
@@ -123,7 +123,7 @@ def table(checker: Checker, expr: s.Table, scope: Scope, want: Domain | None) ->
     cells = checker.each([(lambda e=e: _outcomes(checker, e, scope, want)) for _, e in leaves])  # type: ignore[misc]
     values = [v for cell in cells for v in cell.values]
     exprs = [e for cell in cells for e in cell.exprs]
-    nodes, domain = checker.unify(values, exprs)
+    nodes, domain = checker.unify(values, exprs, want)
     _same_shape(checker, nodes, expr)
     taken = iter(nodes)
     outcomes = [([next(taken) for _ in cell.values], cell.p) for cell in cells]

@@ -15,10 +15,12 @@ from taskspec.lang.types import BOOL, REAL
 from taskspec.source import Document, Path, read_text
 from taskspec.spec.context import Context
 from taskspec.spec.declare import INSTANCE_SEED
+from taskspec.spec.forms import is_word
 from taskspec.spec.merge import Merged, abstracted, merge
 from taskspec.spec.names import Names, signature
 from taskspec.spec.schema import check_shape
 from taskspec.spec.sections import Sections
+from taskspec.spec.taken import check_names
 from taskspec.spec.task import Component, Surface, Task
 
 MAX_HORIZON = 2**31 - 2
@@ -91,10 +93,12 @@ class _Build:
         """The whole pipeline, in order."""
         context, sections, scope = self.context, self.sections, self.names.scope
         self._check_complete()
+        check_names(self.merged, self.collector)
         self._bind_parameters(given)
         self._bind_constants()
         context.state, context.action = self._components("state"), self._components("action")
         context.domains = [c.domain for c in (*context.state, *context.action) if c.domain is not None]
+        context.forms.labels = frozenset(x for d in context.domains for x in d.labels if not is_word(x))
         context.horizon, discount = self._horizon(), self._discount()
         sections.parse()
         initial, following = sections.initial(), sections.dynamics()

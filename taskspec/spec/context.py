@@ -103,21 +103,36 @@ class Context:
         except Poisoned:
             return None
         except Refused as refused:
-            self.collector.add(refused.code, expr.place, refused.message, refused.hint)
+            self._blame(refused, expr, scope, component)
             return None
 
+    def _blame(self, refused: Refused, expr: s.Expr, scope: Scope, component: Component) -> None:
+        """Report a value that does not fit: at the alternatives that do not, where it is one of several."""
+        blamed = False
+        for part in s.alternatives(expr):
+            try:
+                self._fit(self.checker.value(part, scope, component.domain), part, component)
+            except Poisoned:
+                blamed = True
+            except Refused as own:
+                self.collector.add(own.code, part.place, own.message, own.hint)
+                blamed = True
+        if not blamed:
+            self.collector.add(refused.code, expr.place, refused.message, refused.hint)
+
     def _fit(self, value: Value, expr: s.Expr, c: Component) -> Node:
+        """The value as one of a component; Refused when it cannot be."""
         if c.domain is not None and value.domain != c.domain:
-            labels = ", ".join(c.domain.labels[:6])
-            self.checker.fail("E306", expr, f"'{c.name}' is a choice between {labels}; this is {_what(value)}")
+            labels = ", ".join(c.domain.labels[:6]) + ", ..." * (len(c.domain.labels) > 6)
+            raise Refused(f"'{c.name}' is a choice between {labels}; this is {_what(value)}")
         node = value.node if c.domain is not None else self.checker.number_of(value, expr)
         if node.type.kind > c.type.kind:
             message = f"'{c.name}' is {_NAMED[c.type.kind]}, but this is {_NAMED[node.type.kind]}"
-            self.checker.fail("E306", expr, message, _TO_KIND[c.type.kind])
+            raise Refused(message, "E306", _TO_KIND[c.type.kind])
         node = self.builder.stretch(self.builder.cast(node, c.type.kind), c.type.shape)
         if node.type.shape != c.type.shape:
             message = f"'{c.name}' has shape {list(c.type.shape)}, but this has {list(node.type.shape)}"
-            self.checker.fail("E307", expr, message)
+            raise Refused(message, "E307")
         return node
 
 

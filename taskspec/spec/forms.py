@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from keyword import iskeyword
 from typing import Any
 
 from taskspec.diagnostics import Collector, Span
@@ -19,6 +20,8 @@ class Forms:
     def __init__(self, merged: Merged, collector: Collector) -> None:
         self.merged = merged
         self.collector = collector
+        self.labels: frozenset[str] = frozenset()
+        """Labels that are no names (`very cross`, `go-left`): alone, such a text is the label and no expression."""
 
     def expr(self, path: Path) -> s.Expr | None:
         """The expression at a path, or None when it is broken (and reported)."""
@@ -41,6 +44,8 @@ class Forms:
         match value:
             case bool() | int() | float():
                 return literal(value, s.Text(str(value), lambda start, end: self.merged.span(path)))
+            case str() if value.strip() in self.labels:
+                return s.Quoted(value.strip(), self.place(path))
             case str():
                 return parse_into(self.text(path, value), self.collector)
             case list():
@@ -120,7 +125,7 @@ class Forms:
         text = s.Text(str(key), lambda start, end: _part(self.merged.key_span(path), str(key), start, end))
         if key in ("true", "false"):
             return literal(key == "true", text)
-        if not _is_expression(str(key)):
+        if str(key) in self.labels or not _is_expression(str(key)):
             return s.Quoted(str(key), s.Place(text, 0, len(str(key))))
         return parse_into(text, self.collector)
 
@@ -169,8 +174,13 @@ class Forms:
         return None if broken else tuple(result)
 
 
+def is_word(label: str) -> bool:
+    """Whether a label reads as a name in expressions; others (`go-left`, `top left`, `in`) read as something else."""
+    return label.isidentifier() and not iskeyword(label)
+
+
 def _is_expression(key: str) -> bool:
-    """Whether a key can be read as an expression; a label such as `go-left` or `top left` cannot always."""
+    """Whether a key can be read as an expression; a label such as `top left` cannot."""
     return not any(c.isspace() for c in key.strip()) or any(c in key for c in "()[]+*/<>=,")
 
 

@@ -147,7 +147,7 @@ class Names:
 
     def _without_draws(self, expr: s.Expr, scope: Scope) -> Value:
         inner = scope.child({})
-        inner.draws = "definitions are named expressions, drawn nowhere; name a draw under `noise`"
+        inner.draws = "a definition draws nothing, so name the draw under `noise`"
         return self.context.checker.value(expr, inner)
 
     # -- next values ----------------------------------------------------------------------------------------------

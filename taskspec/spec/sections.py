@@ -107,8 +107,12 @@ class Sections:
     def _number(self, expr: s.Expr, scope: Scope, section: str, type_: Type) -> Node:
         node = self.checker.numeric(expr, scope)
         if not node.type.is_scalar:
-            message = f"the {section} is a single number, but this has shape {list(node.type.shape)}"
-            self.checker.fail("E307", expr, message, "`all(...)`, `any(...)` and `sum(...)` make one value of many")
+            parts = [(part, self.checker.numeric(part, scope).type) for part in s.alternatives(expr)]
+            for part, type_ in [p for p in parts if not p[1].is_scalar] or [(expr, node.type)]:
+                message = f"the {section} is a single number, but this has shape {list(type_.shape)}"
+                hint = "`all(...)`, `any(...)` and `sum(...)` make one value of many"
+                self.collector.add("E307", part.place, message, hint)
+            raise Poisoned
         return self.builder.cast(node, type_.kind)
 
     # -- observation ----------------------------------------------------------------------------------------------
