@@ -13,6 +13,7 @@ from taskspec.cli import failures, listing
 from taskspec.cli.bench import bench
 from taskspec.cli.build import build
 from taskspec.cli.check import check
+from taskspec.cli.docs import docs, figure
 from taskspec.cli.explain import explain
 from taskspec.cli.new import new
 from taskspec.cli.run import run as run_command
@@ -20,7 +21,7 @@ from taskspec.cli.schema import schema
 from taskspec.cli.scoring import score, solve
 from taskspec.cli.show import show
 
-READ, WRITE, USE = "Read tasks", "Write tasks", "Run and score tasks"
+READ, WRITE, USE, PRINT = "Read tasks", "Write tasks", "Run and score tasks", "Print tasks"
 COMMANDS = (
     ("list", listing.list_tasks, READ),
     ("show", show, READ),
@@ -33,6 +34,8 @@ COMMANDS = (
     ("solve", solve, USE),
     ("score", score, USE),
     ("bench", bench, USE),
+    ("docs", docs, PRINT),
+    ("figure", figure, PRINT),
 )
 
 

@@ -15,17 +15,23 @@ if TYPE_CHECKING:
     from taskspec.cli.checking import Report
     from taskspec.spec.task import Task
 
+DOCS = {
+    "html": "the documentation as a site: open index.html",
+    "latex": "the documentation for a paper: include appendix.tex",
+    "markdown": "the documentation for a repository",
+}
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write.", file_okay=False)]
 
 
 def build(targets: Targets = None, output: Output = Path("build")) -> None:
     """Check specs and write everything that comes from them.
 
-    That is an index of the tasks, the generated code, and the schema for editors. Nothing is written while a spec has an error.
+    An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
+    (html), for a paper (latex) and for a repository (markdown). Nothing is written while a spec has an error.
     """
     from taskspec.cli.check import verdict
     from taskspec.cli.checking import check_file, counts
-    from taskspec.cli.console import console
+    from taskspec.cli.console import console, line
     from taskspec.cli.targets import files_of
 
     start = time.perf_counter()
@@ -40,7 +46,7 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
         typer.echo("nothing was written", err=True)
         raise typer.Exit(1)
     for path, what in write(_tasks(reports), output):
-        typer.echo(f"wrote {path}  {what}")
+        out.print(line("wrote ", (str(path), "name"), (f"  {what}", "quiet")))
 
 
 def _print_problems(reports: Sequence[Report]) -> None:
@@ -79,9 +85,37 @@ def _table(reports: Sequence[Report]) -> Any:
 
 
 def write(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
-    """Write everything that exists so far; gives the paths, each with a word on what it is."""
+    """Write everything that comes from tasks; gives the paths, each with a word on what it is."""
     folder.mkdir(parents=True, exist_ok=True)
-    return [_schema(folder), _index(tasks, folder), _sources(tasks, folder)]
+    return [_schema(folder), _index(tasks, folder), _sources(tasks, folder), *_results(tasks, folder)]
+
+
+def _results(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
+    """What rests on exact models: scores and documentation; left out, with a word, where scipy is missing."""
+    from importlib.util import find_spec
+
+    if find_spec("scipy") is None:
+        typer.echo('scores and documentation need scipy: pip install "taskspec[exact]"', err=True)
+        return []
+    return [_scores(tasks, folder), *_docs(tasks, folder)]
+
+
+def _scores(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
+    from taskspec.exact import scores
+
+    found = {task.id: scores(task).record() for task in tasks}
+    return _json(folder / "scores.json", found), "optimal, expert, random and worst returns"
+
+
+def _docs(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
+    """The documentation, a folder for each format."""
+    from taskspec import appendix
+    from taskspec.cli.docs import facts_of
+
+    facts = facts_of(tasks)
+    for name in DOCS:
+        appendix.write(tasks, [name], folder / name, facts=facts)
+    return [(folder / name, what) for name, what in DOCS.items()]
 
 
 def _schema(folder: Path) -> tuple[Path, str]:

@@ -8,7 +8,6 @@ import os
 import sys
 import unicodedata
 from collections.abc import Iterable
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -34,7 +33,6 @@ PIPED = 4096
 """The width of tables that no terminal shows: every row stays on one line."""
 
 
-@lru_cache(maxsize=4)
 def console(err: bool = False, wide: bool = False) -> Console:
     """The console of an output stream.
 

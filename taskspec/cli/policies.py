@@ -44,7 +44,8 @@ def policy_for(name: str, env: Environment, seed: int) -> Callable[[int], Policy
         env.action_space.seed(seed % 2**32)
         return lambda episode: lambda observation: env.action_space.sample()
     if name == "expert":
-        return expert_policy(env, seed)
+        expert = expert_policy(env, seed)
+        return lambda episode: expert
     if Path(name).suffix in SCRIPTS:
         return scripted(Path(name), env.task)
     hint = suggest(name, NAMES) or "random, expert, or a .json or .csv file of actions"
@@ -54,16 +55,15 @@ def policy_for(name: str, env: Environment, seed: int) -> Callable[[int], Policy
 # -- the expert ---------------------------------------------------------------------------------------------------
 
 
-def expert_policy(env: Environment, seed: int) -> Callable[[int], Policy]:
+def expert_policy(env: Environment, seed: int) -> Policy:
     """The expert that the spec gives."""
     match env.task.expert:
         case None:
             raise refuse("E713", f"{env.task.id} gives no expert", "an `expert:` section says how it acts")
         case tuple() as nodes:
-            acts = _expression_expert(env, nodes, seed)
-            return lambda episode: acts
+            return _expression_expert(env, nodes, seed)
         case _:
-            return _planned_expert(env.task, seed)
+            return _planned_expert(env, seed)
 
 
 def _expression_expert(env: Environment, nodes: tuple[Node, ...], seed: int) -> Policy:
@@ -87,22 +87,32 @@ def _state_flat(c: Component, value: Any) -> tuple[Any, ...]:
     return tuple(np.asarray(value).ravel().tolist())
 
 
-def _planned_expert(task: Task, seed: int) -> Callable[[int], Policy]:
-    """The optimal or soft-optimal expert, planned on the exact model; what it hands on counts the steps."""
-    from taskspec.exact import Expert
+def _planned_expert(env: Environment, seed: int) -> Policy:
+    """The optimal or soft-optimal expert: a plan on the exact model, which knows the state whatever is observed."""
+    from taskspec.exact import Results
 
-    expert = Expert(task, seed)
+    task, layout, results = env.task, action_layout(env.task), Results(env.task)
+    model, plan, rng = results.model, results.expert_plan, np.random.default_rng(seed)
+    if model is None or plan is None:
+        raise refuse(
+            "E712", f"the expert of {task.id} is planned on an exact model, and it has none: {results.why_not}"
+        )
+    stand_in = results.abstraction
 
-    def policy(episode: int) -> Policy:
-        memory: list[Any] = [None]
+    def act(observation: Any) -> Any:
+        state = {c.name: _state_array(c, env.state[c.name]) for c in task.state}
+        known = state if stand_in is None else stand_in.map(state)
+        code, _ = model.states.encode([known[c.name] for c in model.states.components], 1)
+        chances = plan(env.time)[:, int(np.searchsorted(model.codes, code[0]))]
+        chosen = model.actions.decode(np.array([rng.choice(len(chances), p=chances / chances.sum())]))
+        return pack(layout, [tuple(chosen[Role.ACTION, c.name].reshape(-1).tolist()) for c in task.action])
 
-        def act(observation: Any) -> Any:
-            action, memory[0] = expert.predict(observation, memory[0])
-            return action
+    return act
 
-        return act
 
-    return policy
+def _state_array(c: Component, value: Any) -> np.ndarray[Any, Any]:
+    """A state component as a batch of one: shape (*shape, 1)."""
+    return np.array(_state_flat(c, value)).reshape(*c.type.shape, 1)
 
 
 # -- scripts ------------------------------------------------------------------------------------------------------

@@ -27,10 +27,10 @@ _STUDENT = (12.706, 4.303, 3.182, 2.776)  # 97.5 % quantiles for 1 to 4 degrees 
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """One episode: its discounted and its plain return, its length, and how it ended (a key of ENDINGS)."""
+    """One episode: its return, discounted as the task says and plain, its length, and how it ended (a key of ENDINGS)."""
 
     total: float
-    discounted: float
+    plain: float
     length: int
     ending: str
 
@@ -42,22 +42,22 @@ Watch = Callable[[str], None]
 def rollout(env: Environment, policy: Policy, seed: int | None, max_steps: int, watch: Watch | None) -> Episode:
     """One episode. A seed restarts the stream of draws; without one it goes on."""
     observation, _ = env.reset(seed=seed)
-    total, discounted, weight, length = 0.0, 0.0, 1.0, 0
+    total, plain, weight, length = 0.0, 0.0, 1.0, 0
     if watch is not None:
         watch(str(env.render()))
     while length < max_steps:
         try:
             action = policy(observation)
         except ScriptEnd:
-            return Episode(total, discounted, length, "script")
+            return Episode(total, plain, length, "script")
         observation, reward, terminated, truncated, _ = env.step(action)
-        total, discounted, length = total + reward, discounted + weight * reward, length + 1
+        total, plain, length = total + weight * reward, plain + reward, length + 1
         weight *= env.task.discount
         if watch is not None:
             watch(f"{env.render()}\n  action {shown(env, action)}, reward {reward:.6g}")
         if terminated or truncated:
-            return Episode(total, discounted, length, "terminated" if terminated else "truncated")
-    return Episode(total, discounted, length, "cut")
+            return Episode(total, plain, length, "terminated" if terminated else "truncated")
+    return Episode(total, plain, length, "cut")
 
 
 def shown(env: Environment, action: Any) -> str:
@@ -83,7 +83,10 @@ def rollouts(
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What episodes amount to. `half` is half the 95 % confidence interval of the mean (None for one episode)."""
+    """What episodes amount to. `half` is half the 95 % confidence interval of the mean (None for one episode).
+
+    Returns are discounted as the task says; `undiscounted` is the mean of the plain sums of rewards.
+    """
 
     episodes: int
     steps: int
@@ -92,7 +95,7 @@ class Summary:
     deviation: float
     lowest: float
     highest: float
-    discounted: float
+    undiscounted: float
     length: float
     endings: dict[str, int]
     seconds: float
@@ -118,7 +121,7 @@ def summarize(episodes: Sequence[Episode], seconds: float) -> Summary:
         episodes=n, steps=sum(e.length for e in episodes), mean=float(returns.mean()),
         half=student(n - 1) * deviation / math.sqrt(n) if n > 1 else None, deviation=deviation,
         lowest=float(returns.min()), highest=float(returns.max()),
-        discounted=float(np.mean([e.discounted for e in episodes])),
+        undiscounted=float(np.mean([e.plain for e in episodes])),
         length=float(np.mean([e.length for e in episodes])), endings=dict(Counter(e.ending for e in episodes)),
         seconds=seconds,
     )  # fmt: skip
@@ -132,4 +135,5 @@ def student(freedom: int) -> float:
     if freedom <= len(_STUDENT):
         return _STUDENT[freedom - 1]
     z, v = 1.959964, freedom
-    return z + (z**3 + z) / (4 * v) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * v**2)
+    third = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / (384 * v**3)
+    return z + (z**3 + z) / (4 * v) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * v**2) + third

@@ -151,7 +151,8 @@ def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
         spread = f"{number(summary.lowest)} to {number(summary.highest)}, standard deviation {summary.deviation:.3g}"
         table.add_row("", Text(spread, style="quiet"))
     if task.discount != 1:
-        table.add_row("  discounted", f"{number(summary.discounted)} at {task.discount:g}")
+        plain = f"discounted by {task.discount:g} a step; {number(summary.undiscounted)} without"
+        table.add_row("", Text(plain, style="quiet"))
     table.add_row("  length", f"{number(summary.length, 2)} steps")
     table.add_row("  episodes", _endings(summary))
     out.print(table)

@@ -1,0 +1,125 @@
+"""`taskspec docs` and `taskspec figure`: tasks in print."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskspec.cli.failures import misuse
+from taskspec.cli.options import Json, Parameters, Targets, TaskArgument, Variant
+
+if TYPE_CHECKING:
+    from taskspec.appendix import Facts
+    from taskspec.spec.task import Task
+
+FORMATS = ("html", "latex", "markdown", "svg", "pdf")
+Format = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--format", "-f", metavar="|".join(FORMATS), help="What to write; may be repeated. HTML by default.",
+        autocompletion=lambda: FORMATS, show_default=False,
+    ),
+]  # fmt: skip
+Output = Annotated[
+    Path, typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where to write.", file_okay=False)
+]
+Sweep = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-p",
+        "--param",
+        metavar="NAME=VALUE,...",
+        help="Values beside the symbols, such as L=5,B=3; a column each.",
+    ),
+]
+Results = Annotated[bool, typer.Option("--results/--no-results", help="Scores, and what became of the claims.")]
+Title = Annotated[str, typer.Option("--title", help="Of the whole; the suite's name by default.", show_default=False)]
+FigureFile = Annotated[
+    Path,
+    typer.Option(
+        "--output", "-o", metavar="FILE", help="Ends in .svg, .tex, .png or .pdf.", dir_okay=False, show_default=False
+    ),
+]
+
+
+def docs(
+    targets: Targets = None,
+    format: Format = None,
+    output: Output = Path("build/docs"),
+    parameters: Sweep = None,
+    results: Results = True,
+    title: Title = "",
+    json: Json = False,
+) -> None:
+    """Write the appendix of a paper: every task with its figure.
+
+    As a static site (html), files to include in a paper and a document of their own (latex, pdf), or for a
+    repository (markdown); what is known of the tasks' returns and claims is worked out now.
+    """
+    from taskspec import appendix
+    from taskspec.cli.check import plural
+    from taskspec.cli.console import write_json
+    from taskspec.cli.targets import near
+
+    tasks = tasks_of(targets or [])
+    wanted = _formats(format or ["html"])
+    written = appendix.write(
+        tasks,
+        wanted,
+        output,
+        title=title,
+        facts=facts_of(tasks) if results else None,
+        columns=columns_of(parameters or []),
+    )
+    if json:
+        write_json([str(path) for path in written])
+    else:
+        typer.echo(f"wrote {plural(len(written), 'file')} on {plural(len(tasks), 'task')} to {near(output)}")
+
+
+def figure(task: TaskArgument, output: FigureFile, variant: Variant = None, parameters: Parameters = None) -> None:
+    """Draw the figure of a task, as SVG, TikZ, PNG or PDF."""
+    from taskspec import appendix
+    from taskspec.cli.targets import task_of
+
+    found = task_of(task, variant, parameters or [])
+    output.parent.mkdir(parents=True, exist_ok=True)
+    typer.echo(f"wrote {appendix.figure(found, output)}")
+
+
+def tasks_of(targets: Sequence[str]) -> list[Task]:
+    """All tasks of ids, files and folders.
+
+    Raises:
+        SpecError: for the first spec that has a mistake.
+    """
+    from taskspec.cli.specs import task_in, variants_of
+    from taskspec.cli.targets import files_of
+
+    return [task_in(file, variant) for file in files_of(targets) for variant in variants_of(file)]
+
+
+def facts_of(tasks: Sequence[Task]) -> dict[str, Facts]:
+    """Scores and verdicts by id of the task."""
+    from taskspec.appendix import gather
+
+    return {task.id: gather(task) for task in tasks}
+
+
+def columns_of(texts: Sequence[str]) -> list[Mapping[str, Any]]:
+    """Columns of parameter values: `L=5,B=3` is one column."""
+    from taskspec.cli.targets import assignments
+
+    return [assignments(text.split(",")) for text in texts]
+
+
+def _formats(names: Sequence[str]) -> list[str]:
+    """The formats asked for; several may stand in one option, with commas between them."""
+    wanted = [name.strip() for text in names for name in text.split(",")]
+    for name in wanted:
+        if name not in FORMATS:
+            raise misuse(f"--format is one of {', '.join(FORMATS)}, not '{name}'")
+    return wanted

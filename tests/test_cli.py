@@ -1,0 +1,335 @@
+"""The command line: what is read, checked and explained; its messages and exit statuses."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from taskspec.cli import options
+from taskspec.cli.app import app
+from taskspec.cli.explain import CLASSES
+from taskspec.diagnostics import CODES
+from taskspec.registry import shipped, task_ids
+
+ROOT = Path(__file__).parent.parent
+DERAIL, SPECS, ERRORS = ROOT / "tasks" / "derail", ROOT / "tests" / "specs", ROOT / "tests" / "errors"
+RISKY = (DERAIL / "risky_path.yaml").read_text(encoding="utf-8")
+BRANCHING = (DERAIL / "branching.yaml").read_text(encoding="utf-8")
+SHIFT = (DERAIL / "init_shift.yaml").read_text(encoding="utf-8")
+
+
+class Done:
+    """What a command did: its exit status, its standard output and its standard error."""
+
+    def __init__(self, *args: object, columns: int | None = None) -> None:
+        env = {"COLUMNS": str(columns) if columns else "", "NO_COLOR": "", "FORCE_COLOR": ""}
+        result = CliRunner().invoke(app, [str(a) for a in args], env=env)
+        self.status, self.out, self.err = result.exit_code, result.stdout, result.stderr
+        assert "Traceback" not in self.out + self.err
+
+    @property
+    def data(self) -> Any:
+        return json.loads(self.out)
+
+
+def spec(folder: Path, text: str, name: str = "x.yaml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+# -- list ---------------------------------------------------------------------------------------------------------
+
+
+def test_list_has_a_row_for_every_task_that_is_known() -> None:
+    rows = Done("list").out.splitlines()
+    assert {row.split()[0] for row in rows[1:]} == set(task_ids())
+    assert not any(row.endswith(" ") for row in rows)
+
+
+def test_list_fits_into_80_columns_with_the_capability_as_a_heading() -> None:
+    lines = Done("list", columns=80).out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "exploration" in lines
+    assert "  derail/Branching-v0              L=10 B=2           21 × 2       10" in lines
+
+
+def test_list_takes_folders_suites_files_and_ids_alike() -> None:
+    wanted = [entry.id for entry in shipped().values() if entry.path.name == "sort.yaml"]
+    for target in (DERAIL / "sort.yaml", "derail/Sort"):
+        assert [task["id"] for task in Done("list", target, "--json").data] in (wanted, wanted[:1])
+    assert len(Done("list", DERAIL, "--json").data) == len(Done("list", "derail", "--json").data) == len(shipped())
+
+
+def test_list_json_says_what_a_program_needs() -> None:
+    (task,) = Done("list", "derail/Branching-v0", "--json").data
+    assert (task["states"], task["actions"], task["horizon"]) == (21, 2, 10)
+    assert task["action_space"] == {"space": "Discrete", "n": 2, "start": 0}
+    assert [(p["name"], p["default"]) for p in task["parameters"]] == [("L", 10), ("B", 2)]
+
+
+def test_list_goes_on_after_a_broken_spec(tmp_path: Path) -> None:
+    spec(tmp_path, "taskspec: [", "a.yaml")
+    spec(tmp_path, RISKY, "b.yaml")
+    done = Done("list", tmp_path)
+    assert done.status == 1
+    assert "RiskyPath" in done.out
+    assert "a.yaml:1:" in done.err
+
+
+# -- check --------------------------------------------------------------------------------------------------------
+
+
+def test_check_passes_every_shipped_task() -> None:
+    done = Done("check", DERAIL.parent)
+    assert done.status == 0, done.out
+    assert "no errors, no warnings" in done.out
+    assert all(task_id in done.out for task_id in task_ids())
+
+
+BROKEN = {
+    "a misspelt key": (RISKY.replace("name: RiskyPath", "nmae: RiskyPath"), "2:1", "E202", "did you mean 'name'?"),
+    "an unknown name": (BRANCHING.replace("s': s + (a", "s': ss + (a"), "38:7", "E302", "did you mean 's'?"),
+    "a shape error": (RISKY.replace("reward:\n  by: [s']", "reward: [1, 2]\nx:\n  by: [s']"), "", "E", ""),
+    "a row of 0.9": (RISKY.replace("trap: 1/2", "trap: 0.4"), "40:36", "E401", "sum to 0.9"),
+    "a state out of range": (SHIFT.replace("high: 6", "high: 5"), "29:7", "E403", "from s = 2 with a = right"),
+    "a comma in a flow mapping": (RISKY.replace("  s: start", "  s: {x: clip(1, 0, 1)}"), "", "E106", "quotes"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_check_says_what_is_wrong_and_where(case: str, tmp_path: Path) -> None:
+    text, place, code, words = BROKEN[case]
+    path = spec(tmp_path, text)
+    done = Done("check", path)
+    assert done.status == 1
+    assert f"{path}:{place}" in done.out
+    assert f"error[{code}" in done.out
+    assert words in done.out
+
+
+@pytest.mark.parametrize("path", sorted(ERRORS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_check_survives_every_broken_spec(path: Path) -> None:
+    done = Done("check", path, "--json", "--strict")
+    assert done.status == 1
+    assert path.stem[:4] in [d["code"] for d in done.data["diagnostics"]]
+
+
+def test_check_tells_what_variants_share_once(tmp_path: Path) -> None:
+    done = Done("check", spec(tmp_path, BRANCHING.replace("s': s + (a", "s': ss + (a")))
+    assert done.out.count("'ss' is not defined") == 1
+    assert "the same in BranchingSeals" in done.out
+
+
+def test_check_formats(tmp_path: Path) -> None:
+    path = spec(tmp_path, SHIFT.replace("high: 6", "high: 5"))
+    data = Done("check", path, "--json").data
+    assert data == {**Done("check", path, "--format", "json").data, "seconds": data["seconds"], "tasks": data["tasks"]}
+    assert data["errors"] == len([d for d in data["diagnostics"] if d["severity"] == "error"])
+    lines = Done("check", path, "--format", "github").out.splitlines()
+    assert f"::error file={path},line=29," in "\n".join(lines)
+    assert all(line.startswith(("::error ", "::warning ")) for line in lines)
+
+
+def test_strict_makes_warnings_errors(tmp_path: Path) -> None:
+    path = spec(tmp_path, Done("new", "Odd", "-o", tmp_path / "odd.yaml").out and (tmp_path / "odd.yaml").read_text())
+    path.write_text(
+        path.read_text().replace("  s: {type: int, low: 0, high: L", "  s: {type: int, low: 0, high: L + 5")
+    )
+    assert Done("check", path).status == 0
+    assert "W501" in Done("check", path).out
+    assert Done("check", path, "--strict").status == 1
+
+
+def test_check_takes_parameters_and_variants() -> None:
+    (task,) = Done("check", DERAIL / "branching.yaml", "--variant", "seals", "-p", "L=10", "--json", "--quick").data[
+        "tasks"
+    ]
+    assert task["id"] == "derail/BranchingSeals-v0"
+    assert task["other_parameter_values"] == 0
+
+
+# -- show ---------------------------------------------------------------------------------------------------------
+
+EVERY = [*task_ids(), *(str(path) for path in sorted(SPECS.glob("*.yaml")))]
+
+
+@pytest.mark.parametrize("task", EVERY)
+def test_show_is_a_page_of_80_columns(task: str) -> None:
+    done = Done("show", task, columns=80)
+    assert done.status == 0, done.err
+    assert max(map(len, done.out.splitlines())) <= 80
+    for title in ("State", "Action", "Observation", "Equations"):
+        assert f"\n{title}" in done.out
+
+
+def test_show_tells_values_equations_errata_claims_and_sources() -> None:
+    text = Done("show", "Branching", "-p", "L=4").out
+    for line in (
+        "  L  4  int 1..1000  number of choices on the path",
+        "  s  int 0..8  position",
+        "  dynamics     s' = s + (a + 1) * (s % B == 0 and s < L * B)",
+        "  horizon      L = 4",
+        "  expert       a = B - 1",
+        "  optimal_return == 1",
+        "  here    the goal is absorbing",
+        "  freire2020derail  sections 3.2, A.4",
+    ):
+        assert f"\n{line}" in text
+
+
+def test_show_source_is_the_code_that_runs() -> None:
+    from taskspec import load
+    from taskspec.backends.program import compile_scalar
+
+    assert Done("show", "Sort", "--source").out.rstrip() == compile_scalar(load("derail/Sort")).source.rstrip()
+    assert Done("show", "Sort", "--source", "--json").data["language"] == "python"
+
+
+def test_show_json_holds_the_merged_spec() -> None:
+    data = Done("show", "derail/EarlyTermNeg", "--json").data
+    assert (data["id"], data["spec"]["reward"]) == ("derail/EarlyTermNeg-v0", -1)
+
+
+def test_show_obeys_nothing_that_a_spec_says(tmp_path: Path) -> None:
+    text = RISKY.replace("summary: A shortcut", 'summary: "\\e]0;owned\\a\\e[31m [bold]A shortcut').replace(
+        "half of the time.", 'half."'
+    )
+    done = Done("show", spec(tmp_path, text))
+    assert done.status == 0
+    assert "\x1b" not in done.out
+    assert "[bold]A shortcut" in done.out
+
+
+# -- explain, schema, new -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_explain_knows_every_code(code: str) -> None:
+    done = Done("explain", code.lower())
+    assert CODES[code].slug in done.out
+    assert CODES[code].explanation.strip() in done.out
+    assert code[:2] in CLASSES
+
+
+def test_explain_lists_all() -> None:
+    assert all(code in Done("explain").out for code in CODES)
+    assert [entry["code"] for entry in Done("explain", "--json").data] == list(CODES)
+
+
+def test_schema_is_json_on_the_terminal_and_in_a_file(tmp_path: Path) -> None:
+    assert "$schema" in Done("schema").data
+    assert Done("schema", "-o", tmp_path / "deep" / "s.json").status == 0
+    assert "$defs" in json.loads((tmp_path / "deep" / "s.json").read_text())
+    assert "yaml-language-server: $schema" in Done("schema", "--help").out
+
+
+def test_new_passes_check_and_runs(tmp_path: Path) -> None:
+    path = tmp_path / "my_first_task.yaml"
+    assert Done("new", "MyFirstTask", "-o", tmp_path).status == 0
+    checked = Done("check", path, "--strict")
+    assert checked.status == 0, checked.out
+    assert Done("run", path, "--policy", "expert", "--json").data["mean"] == 1
+    before = path.read_text()
+    again = Done("new", "MyFirstTask", "-o", path)
+    assert (again.status, path.read_text()) == (1, before)
+    assert "exists already" in again.err
+
+
+# -- messages -----------------------------------------------------------------------------------------------------
+
+REFUSED = [
+    (["show", "Branchng"], 1, "did you mean 'derail/Branching'?"),
+    (["show", "nope.yaml"], 1, "E710"),
+    (["check", "nowhere/"], 1, "E710"),
+    (["show", str(DERAIL)], 1, "is a folder"),
+    (["show", "Branching", "-p", "L"], 1, "name=value"),
+    (["show", "Branching", "-p", "L=0"], 1, "E703"),
+    (["show", "Branching", "-p", "L=abc"], 1, "E703"),
+    (["show", "Branching", "-p", "Q=1"], 1, "E702"),
+    (["show", "Branching", "-p", "L=1", "-p", "L=2"], 1, "twice"),
+    (["show", str(DERAIL / "early_term.yaml")], 1, "only its variants are tasks"),
+    (["show", "Branching", "--variant", "sealz"], 1, "did you mean 'seals'?"),
+    (["new", "1st"], 1, "E205"),
+    (["explain", "E999"], 1, "no code 'E999'"),
+    (["run", "Branching", "--policy", "bogus"], 1, "no policy 'bogus'"),
+    (["run", "Branching", "--policy", "nope.json"], 1, "E710"),
+    (["check", "--format", "xml"], 2, "text, json, github"),
+    (["run", "Branching", "--json", "--render"], 2, "do not go together"),
+    (["run", "Branching", "--seed", "-1"], 2, "--seed"),
+    (["bench", "speed"], 2, "seals"),
+    (["frobnicate"], 2, "frobnicate"),
+    (["show"], 2, "TASK"),
+]
+
+
+@pytest.mark.parametrize(
+    ("args", "status", "words"), REFUSED, ids=lambda x: " ".join(x) if isinstance(x, list) else None
+)
+def test_every_misuse_gets_one_clear_message(args: list[str], status: int, words: str) -> None:
+    done = Done(*args)
+    assert done.status == status
+    assert words in done.err
+    assert done.out == ""
+
+
+def test_a_fault_of_our_own_is_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any) -> None:
+        raise RuntimeError("oh")
+
+    monkeypatch.setattr("taskspec.cli.targets.task_of", broken)
+    done = Done("show", "Branching")
+    assert done.status == 70
+    assert "internal error: RuntimeError: oh" in done.err
+
+
+def test_an_interrupt_has_its_own_status(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("taskspec.cli.targets.task_of", interrupted)
+    assert Done("show", "Branching").status == 130
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    command = f"{sys.executable} -m taskspec explain | head -1"
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+
+
+# -- completion, weight -------------------------------------------------------------------------------------------
+
+
+def context(**params: Any) -> Any:
+    return type("Context", (), {"params": params, "args": []})()
+
+
+def test_completion_offers_ids_parameters_and_variants() -> None:
+    assert [name for name, _ in options.complete_targets("derail/Br")] == [
+        "derail/Branching-v0",
+        "derail/BranchingSeals-v0",
+    ]
+    assert [name for name, _ in options.complete_targets(f"{DERAIL}/so")] == [f"{DERAIL}/sort.yaml"]
+    assert [name for name, _ in options.complete_parameters(context(task="Branching"), "")] == ["L=10", "B=2"]
+    assert [name for name, _ in options.complete_variants(context(task="Branching"), "se")] == ["seals"]
+    assert options.complete_parameters(context(task="Nothing"), "") == []
+    assert options.complete_variants(context(task="Nothing"), "") == []
+
+
+def test_completion_works_in_a_shell() -> None:
+    env = {"_TASKSPEC_COMPLETE": "complete_bash", "COMP_WORDS": "taskspec show Branching -p ", "COMP_CWORD": "4"}
+    command = [sys.executable, "-m", "taskspec"]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["L=10", "B=2"]
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = "import sys, taskspec.cli.app; print(sorted({'numpy', 'gymnasium', 'scipy', 'yaml'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
