@@ -61,7 +61,7 @@ def shown(value: Exact) -> str:
 
 def _power(a: Exact, b: Exact) -> Exact:
     if not isinstance(b, int) or isinstance(a, float) or abs(b) >= 10_000:
-        return float(a) ** float(b)
+        return math.pow(a, b) if a >= 0 or float(b).is_integer() else math.nan
     if a == 0 and b < 0:
         return math.inf
     power: Fraction = Fraction(a) ** b

@@ -1,0 +1,292 @@
+"""Scores, policies, experts as objects, abstractions, reports, compiled sweeps, and the benchmark on a small grid."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taskspec import exact, source
+from taskspec.diagnostics import SpecError
+from taskspec.exact import benchmark, rows, solve
+from taskspec.exact.abstraction import abstraction, unfaithful
+from taskspec.exact.returns import Results, Return
+from taskspec.spec.build import build
+from taskspec.spec.task import Task
+
+ROOT = Path(__file__).parents[1]
+
+
+def shipped(name: str, variant: str | None = None, **parameters: Any) -> Task:
+    return build(source.read(ROOT / "tasks" / "derail" / f"{name}.yaml"), variant, parameters, "derail")
+
+
+# -- scores ---------------------------------------------------------------------------------------
+
+
+def test_scores_of_a_finite_task_are_exact() -> None:
+    found = exact.scores(shipped("risky_path"))
+    assert (found.optimal, found.worst) == (Return(4.0), Return(-247.5))
+    assert found.gap == 0
+    assert found.normalise(4.0) == 1
+    assert found.normalise(-122.21875) == 0
+    assert found.normalise(-247.5) == pytest.approx(-125.28125 / 126.21875)
+
+
+def test_scores_by_simulation_have_an_interval() -> None:
+    found = exact.scores(shipped("largest_sum"))
+    assert found.optimal is None
+    assert found.gap is None
+    assert found.why_not_exact is not None
+    assert found.random is not None
+    assert not found.random.exact
+    low, high = found.random.interval()
+    assert low < 0.5 < high
+    assert high - low < 0.07
+
+
+def test_scores_below_the_floor_are_cut() -> None:
+    found = exact.scores(shipped("early_term", "EarlyTermNeg"))
+    assert found.normalise(-10) == -1
+    assert found.normalise(-10, floor=None) == pytest.approx(-6.125 / 1.875)
+    assert found.normalise(-2) == 1
+
+
+def test_scores_are_kept_and_refused_when_stale(tmp_path: Path) -> None:
+    task = shipped("branching")
+    found = exact.scores(task)
+    path = tmp_path / "scores.json"
+    found.save(path)
+    assert exact.Scores.load(path, task) == found
+    assert json.loads(path.read_text())["gap"] == 0
+    with pytest.raises(exact.StaleScores):
+        exact.Scores.load(path, shipped("branching", L=5))
+
+
+def test_an_expert_no_better_than_random_has_no_score() -> None:
+    assert math.isnan(exact.normalised(1.0, 2.0, 2.0))
+
+
+# -- policies -------------------------------------------------------------------------------------
+
+
+def test_a_table_a_function_and_returns_are_scored() -> None:
+    task = shipped("risky_path")
+    assert exact.score(task, np.zeros(4, np.int64)).normalised == 1
+    assert exact.score(task, np.full((2, 4), 0.5)).normalised == pytest.approx(0)
+    assert exact.score(task, np.full((5, 2, 4), 0.5)).normalised == pytest.approx(0)
+    assert exact.score(task, lambda state, t: {"a": 0 * state["s"]}).value == Return(4.0)
+    found = exact.score(task, [4.0, 4.0, -300.0])
+    assert found.value.episodes == 3
+    with pytest.raises(ValueError, match="probabilities of the actions"):
+        exact.score(task, np.full((2, 4), 0.4))
+    with pytest.raises(SpecError, match="E706"):
+        exact.score(task, lambda state, t: {"a": state["s"]})
+
+
+class Predicts:
+    """What a model of Stable-Baselines3 looks like from outside."""
+
+    def __init__(self, function: Any) -> None:
+        self.function = function
+
+    def predict(self, observation: Any, deterministic: bool = False) -> tuple[Any, None]:
+        return self.function(observation), None
+
+
+def test_an_object_with_predict_is_asked_about_observations() -> None:
+    assert exact.score(shipped("risky_path"), Predicts(lambda o: np.zeros(len(o), int))).value == Return(4.0)
+    seen: list[Any] = []
+
+    def grid(o: Any) -> Any:
+        seen.append(o.shape)
+        x, y = o[:, 0], o[:, 1]
+        return np.select([x < 2, y > 2, x > 2, y < 2], [3, 0, 2, 1], 4)
+
+    found = exact.score(shipped("noisy_obs"), Predicts(grid), episodes=50)
+    assert seen[0] == (50, 22)
+    assert found.value.value == 12
+    assert found.value.episodes == 50
+
+
+EXPERTS = [
+    ("risky_path", None), ("branching", None), ("noisy_obs", None), ("parabola", None), ("largest_sum", None),
+    ("proc_goal", None), ("sort", None), ("early_term", "EarlyTermNeg"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "variant"), EXPERTS)
+def test_experts_as_policy_objects_walk_through_the_environment(name: str, variant: str | None) -> None:
+    task = shipped(name, variant)
+    expert, env = exact.Expert(task), task.make()
+    returns = []
+    for seed in range(5):
+        observation, _ = env.reset(seed=seed)
+        state, start, total, over = None, np.array([True]), 0.0, False
+        while not over:
+            action, state = expert.predict(observation, state, start, deterministic=True)
+            observation, reward, terminated, truncated, _ = env.step(action)
+            total, start, over = total + float(reward), np.array([False]), terminated or truncated
+        returns.append(total)
+    best = Results(task).optimal
+    if best is not None and name != "sort":
+        assert returns == [pytest.approx(best.value)] * 5
+    assert expert.gap in (None, pytest.approx(0))
+
+
+def test_planned_experts_count_their_steps() -> None:
+    task = build(source.read(ROOT / "tests" / "specs" / "frozen_lake.yaml"), None, {"slippery": False})
+    expert, env = exact.Expert(task), task.make()
+    observation, _ = env.reset(seed=0)
+    state, total, over = None, 0.0, False
+    while not over:
+        action, state = expert.predict(observation, state)
+        observation, reward, terminated, truncated, _ = env.step(action)
+        total, over = total + float(reward), terminated or truncated
+    assert total == 1
+    batch, counts = expert.predict(np.array([0, 4, 8]), (np.array([0, 1, 2]),), np.array([False, True, False]))
+    assert batch.shape == (3,)
+    assert counts[0].tolist() == [1, 1, 3]
+
+
+def test_simulation_walks_the_trajectories_of_the_environment() -> None:
+    """Lane i of a rollout is the environment of seed + i, to the bit of its start and the digits of its rewards."""
+    from taskspec.exact.rollout import Rollout
+
+    for task in (shipped("noisy_obs"), shipped("proc_goal"), shipped("sort"), shipped("risky_path")):
+        rollout, env = Rollout(task, 4, seed=11), task.make()
+        rng = np.random.default_rng(0)
+        from taskspec.exact.rollout import at_random
+
+        actions, state, rewards = at_random(task), rollout.start(), []
+        chosen = []
+        for t in range(3):
+            action = actions(state, t, rng)
+            moved = rollout.step(state, action, t)
+            chosen.append(action)
+            rewards.append(moved.reward)
+            state = moved.state
+        for lane in range(4):
+            env.reset(seed=11 + lane)
+            for action, reward in zip(chosen, rewards, strict=True):
+                packed = [np.asarray(action[c.name])[..., lane] for c in task.action]
+                value = packed[0].item() if len(packed) == 1 else np.array(packed)
+                assert env.step(value)[1] == pytest.approx(reward[lane], abs=1e-12)
+
+
+# -- abstractions ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "variant"), [("sort", None), ("sort", "seals"), ("proc_goal", None), ("proc_goal", "seals")]
+)
+def test_abstractions_are_faithful(name: str, variant: str | None) -> None:
+    found = abstraction(shipped(name, variant))
+    assert found is not None
+    assert unfaithful(found) is None
+
+
+UNFAITHFUL = """
+taskspec: 1
+name: Drift
+state:
+  x: {type: real, low: 0, high: 10}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 5
+initial:
+  x: Uniform(0, 2)
+dynamics:
+  x': min(x + a, 10)
+reward: REWARD
+abstraction:
+  state:
+    x: {type: int, low: 0, high: 10}
+  map:
+    x: min(floor(x), 10)
+  initial:
+    x: INITIAL
+"""
+
+
+@pytest.mark.parametrize(
+    ("reward", "initial", "problem"),
+    [
+        ("floor(x) == 3", "UniformInt(0, 1)", None),
+        ("x", "UniformInt(0, 1)", "another reward, end or next state"),
+        ("floor(x) == 3", "UniformInt(0, 2)", "episodes start in x ="),
+    ],
+)
+def test_unfaithful_abstractions_are_noticed(reward: str, initial: str, problem: str | None) -> None:
+    text = UNFAITHFUL.replace("REWARD", reward).replace("INITIAL", initial)
+    found = abstraction(build(source.read_text(text, "drift.yaml")))
+    assert found is not None
+    said = unfaithful(found)
+    if problem is None:
+        assert said is None
+    else:
+        assert said is not None
+        assert problem in said.message
+        assert said.span is not None
+
+
+# -- reports --------------------------------------------------------------------------------------
+
+
+def test_a_report_says_everything() -> None:
+    found = exact.check(shipped("branching"))
+    assert found.diagnostics == ()
+    assert found.method.exact
+    assert len(found.cases) == 4
+    assert all(v.status == "proved" for v in found.verdicts)
+    assert found.skipped is None
+
+
+def test_without_scipy_soundness_is_still_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    from taskspec.exact import report
+
+    monkeypatch.setattr(report, "is_installed", lambda module: False)
+    found = exact.check(shipped("branching"))
+    assert found.diagnostics == ()
+    assert found.skipped is not None
+    assert 'pip install "taskspec[exact]"' in found.skipped
+
+
+def test_a_missing_package_is_named_with_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    import sys
+
+    monkeypatch.setitem(sys.modules, "scipy.sparse", None)
+    with pytest.raises(SpecError, match=r"E705(.|\n)*pip install \"taskspec\[exact\]\""):
+        exact.extract(shipped("branching"))
+
+
+# -- compiled sweeps and the benchmark ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tidy", [0, 10**9])
+@pytest.mark.parametrize("largest", [True, False])
+def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, tidy: int, largest: bool) -> None:
+    kernels = pytest.importorskip("taskspec.exact.kernels_numba")
+    monkeypatch.setattr(rows, "TIDY", tidy)
+    for task in (
+        benchmark.grid(70, 100),
+        build(source.read(ROOT / "tests" / "specs" / "taxi.yaml")),
+        shipped("risky_path"),
+    ):
+        model = exact.extract(task)
+        found = kernels.extreme_values(model, largest)
+        plain = solve.solve(model, solve.best if largest else solve.worst).value
+        np.testing.assert_allclose(found, plain, atol=1e-12)
+    assert (exact.extract(benchmark.grid(70)).steps[0].slots is None) == (tidy > 0)
+
+
+def test_the_benchmark_agrees_with_plain_loops() -> None:
+    found = [benchmark.ours(45, 60), benchmark.loops(45, 60)]
+    assert found[0].value == pytest.approx(found[1].value, abs=1e-12)
+    assert "plain Python" in benchmark.table(found)
+    assert benchmark.memory(exact.extract(benchmark.grid(45))) < 2**20
+    assert benchmark.record(found)[0]["total"] == found[0].total
