@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from taskspec import registry
-from taskspec.appendix import Overlay, figure, render_frame, scene
+from taskspec.appendix import Overlay, figure, overlay, render_frame, scene
 from taskspec.appendix.figures.elide import drawing
 from taskspec.appendix.figures.machine import explore
 from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Scene
@@ -117,6 +117,27 @@ def test_overlays() -> None:
     assert "V = 4" in labels(found)
     assert any(isinstance(x, Line) and x.width > 0.05 for x in found.items)
     assert any(isinstance(x, Circle) and x.shade == 0.5 for x in found.items)
+
+
+def test_overlays_from_the_exact_model() -> None:
+    found = overlay(task("RiskyPath"), ["values", "expert", "occupancy"])
+    assert found.values[0] == 4
+    assert found.policy[0] == (0,)
+    assert found.occupancy[2] == 1
+    assert found.occupancy[3] == 0
+
+
+def test_overlays_on_a_grid() -> None:
+    one = task("NoisyObs")
+    found = scene(one, overlay(one, ["values", "policy"]))
+    assert found is not None
+    assert "12" in labels(found)
+    assert len([x for x in found.items if isinstance(x, Line) and x.arrow]) > 20
+
+
+def test_unknown_overlay() -> None:
+    with pytest.raises(SpecError, match="E713"):
+        overlay(task("RiskyPath"), ["colour"])
 
 
 @pytest.mark.parametrize("name", IDS)

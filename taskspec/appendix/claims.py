@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from taskspec.appendix.prose import Formula, Inlines, Text
 from taskspec.appendix.writing import Writing
 from taskspec.lang import syntax as s
@@ -13,6 +15,7 @@ _RESULTS = {
 }  # fmt: skip
 _MODELS = {
     "optimal": "an optimal agent", "maxent": "a non-causal maximum-entropy learner",
+    "soft": "a causal maximum-entropy agent", "expert": "the expert",
     "zero_terminal_value": "a learner that values every terminal state at zero", "uniform": "a random agent",
 }  # fmt: skip
 
@@ -40,15 +43,15 @@ def sentence(w: Writing, expr: s.Expr) -> Inlines:
 def _truth(w: Writing, expr: s.Expr) -> Formula:
     words: dict[str, m.Math] = {name: m.Words(text) for name, text in _RESULTS.items()}
     chance: dict[str, m.Math] = {"probability": m.Ident("P", "blackboard")}
-    return Formula(w.truth(expr, w.notation.with_symbols(words | chance)))
+    return Formula(w.truth(expr, replace(w.notation.with_symbols(words | chance), events=frozenset({"probability"}))))
 
 
 def _model(w: Writing, model: s.Expr) -> Inlines:
     match model:
         case s.Name(id=name) if name in _MODELS:
             return (Text(_MODELS[name]),)
-        case s.Call(function="soft", args=(beta,)):
+        case s.Call(function=name, args=(beta,)) if name in _MODELS:
             temperature = m.Row((m.Ident("β"), m.Sym("="), w.math(beta)))
-            return (Text("a causal maximum-entropy agent ("), Formula(temperature), Text(")"))
+            return (Text(f"{_MODELS[name]} ("), Formula(temperature), Text(")"))
         case _:
             return (Formula(w.math(model)),)

@@ -44,6 +44,7 @@ class Notation:
     conditions: frozenset[str] = frozenset()  # names of conditions without a value of their own
     singles: frozenset[str] = frozenset()  # vectors of one element, written like a number
     lengths: Mapping[str, s.Expr] = field(default_factory=dict)  # of vectors, symbolic
+    events: frozenset[str] = frozenset()  # functions of conditions, such as a probability
 
     def symbol(self, name: str) -> m.Math:
         return self.symbols.get(name) or symbol(name)
@@ -240,7 +241,8 @@ class Writer:
         function = FUNCTIONS.get(expr.function)
         if function is not None and function.accepts(len(expr.args)):
             return self._template(function.latex, expr)
-        arguments = m.brackets(m.joined(self.numbers(expr.args)))
+        write = self.truth if expr.function in self.notation.events else self.number
+        arguments = m.brackets(m.joined(write(a).tree for a in expr.args))
         return Piece(m.Row((self.notation.symbol(expr.function), arguments)))
 
     def _template(self, latex: str, expr: s.Call) -> Piece:

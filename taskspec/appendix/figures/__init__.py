@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from taskspec.appendix.figures.curve import curve
 from taskspec.appendix.figures.graph import graph
 from taskspec.appendix.figures.grid import grid
 from taskspec.appendix.figures.overlay import Overlay as Overlay
+from taskspec.appendix.figures.results import OVERLAYS as OVERLAYS
+from taskspec.appendix.figures.results import overlay as overlay
 from taskspec.appendix.figures.scene import Scene as Scene
 from taskspec.appendix.figures.svg import svg as svg
 from taskspec.appendix.figures.table import table
@@ -22,29 +24,31 @@ from taskspec.appendix.figures.tikz import tikz as tikz
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.spec.task import Task
 
-__all__ = ["KINDS", "Overlay", "Scene", "figure", "render_frame", "scene", "svg", "tikz", "tikz_colors"]
+__all__ = [
+    "KINDS", "OVERLAYS", "Overlay", "Scene", "figure", "overlay", "render_frame", "scene", "svg", "tikz", "tikz_colors",
+]  # fmt: skip
 
 KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
     "graph": graph, "grid": grid, "curve": curve, "bars": bars, "swaps": bars, "vector": bars,
 }  # fmt: skip
 
 
-def scene(task: Task, overlay: Overlay | None = None) -> Scene | None:
+def scene(task: Task, over: Overlay | None = None) -> Scene | None:
     """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can."""
-    overlay = overlay or Overlay()
+    over = over or Overlay()
     kind = (task.surface.data.get("figure") or {}).get("kind")
     makers = [KINDS[kind]] if kind in KINDS else [graph]
-    return next((found for make in makers if (found := make(task, overlay)) is not None), None)
+    return next((found for make in makers if (found := make(task, over)) is not None), None)
 
 
-def figure(task: Task, path: Path | str, overlay: Overlay | None = None) -> Path:
-    """Draw a task's figure to a file: `.svg`, `.tex` (TikZ), `.png` or `.pdf`.
+def figure(task: Task, path: Path | str, overlays: Iterable[str] = ()) -> Path:
+    """Draw a task's figure to a file: `.svg`, `.tex` (TikZ), `.png` or `.pdf`; `overlays` are names of `OVERLAYS`.
 
     Raises:
         SpecError: when the task has no figure, the ending is another, or an extra is missing.
     """
     path = Path(path)
-    found = scene(task, overlay)
+    found = scene(task, overlay(task, overlays))
     if found is None:
         raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn"),))
     match path.suffix:
@@ -71,6 +75,5 @@ def render_frame(
         title: a line of text above, such as the step.
         dpi: pixels an inch.
     """
-    overlay = Overlay(here=state)
-    found = scene(task, overlay) or table(task, state)
+    found = scene(task, Overlay(here=state)) or table(task, state)
     return raster.pixels(found, dpi)
