@@ -45,6 +45,7 @@ class Value:
 class Lane:
     """Emits statements for nodes.
 
+    Subclasses emit for other targets; with `unrolled` large enough, every element is an expression of its own.
     `names` gives the source of every read; `words` the names of the random words of every draw, by site. `constants`
     collects the arrays that the statements refer to.
     """
@@ -56,6 +57,7 @@ class Lane:
     lines: list[str] = field(default_factory=list)
     values: dict[int, Value] = field(default_factory=dict)
     fresh: int = 0
+    unrolled: int = UNROLLED
 
     def emit(self, roots: Iterable[Node]) -> list[Value]:
         """Statements for the roots are appended to `lines`; the values refer to them."""
@@ -130,17 +132,20 @@ class Lane:
                 entry = OPS[op]
                 return self._elementwise(node, entry) if entry.elementwise else self._reduction(node)
             case Apply(op=op):
-                return _STRUCTURE[op](self, node)
+                return self._structure(node)
+
+    def _structure(self, node: Apply) -> Value:
+        return _STRUCTURE[node.op](self, node)
 
     def _const(self, node: Const) -> Value:
         flat = [plain(v) for v in node.flat]
-        if node.type.size <= UNROLLED:
+        if node.type.size <= self.unrolled:
             return Value([literal(v) for v in flat])
         return Value(packed=self.constant(tuple(flat)))
 
     def _elementwise(self, node: Apply, entry: Op) -> Value:
         template = self._template(node, entry)
-        if node.type.size <= UNROLLED or all(self.values[id(a)].atoms is not None for a in node.args):
+        if node.type.size <= self.unrolled or all(self.values[id(a)].atoms is not None for a in node.args):
             columns = [self.atoms(a) if a.type.shape else [self.scalar(a)] * node.type.size for a in node.args]
             if node.type.shape:
                 columns = [
@@ -190,9 +195,9 @@ class Lane:
             if node.op == "count":
                 atoms = [f"(1 if {a} else 0)" for a in atoms]
             return Value([f"({chain[0].join(atoms)})"])
-        if node.op == "sort" and x.type.size <= UNROLLED:
+        if node.op == "sort" and x.type.size <= self.unrolled:
             return Value(list(self._sorted(self.atoms(x))))
-        if node.op == "cumsum" and x.type.size <= UNROLLED:
+        if node.op == "cumsum" and x.type.size <= self.unrolled:
             return Value(self._running(self.atoms(x)))
         name = {"min": "min", "max": "max"}.get(node.op) if x.type.kind is not Kind.REAL else None
         call = f"{name or _HELPERS[node.op]}({self.packed(x)})"
@@ -216,9 +221,9 @@ class Lane:
     # -- structure ------------------------------------------------------------------------------------------------
 
     def _vector(self, node: Apply) -> Value:
-        if node.type.size <= UNROLLED:
+        if node.type.size <= self.unrolled:
             return Value([atom for arg in node.args for atom in self.atoms(arg)])
-        parts = [f"*{self.packed(a)}" if a.type.size > UNROLLED else ", ".join(self.atoms(a)) for a in node.args]
+        parts = [f"*{self.packed(a)}" if a.type.size > self.unrolled else ", ".join(self.atoms(a)) for a in node.args]
         return Value(packed=self.assign(f"({', '.join(parts)})"))
 
     def _slice(self, node: Apply) -> Value:
@@ -250,7 +255,7 @@ class Lane:
 
     def _fill_shape(self, node: Apply) -> Value:
         atom = self.assign(self.scalar(node.args[0]))
-        if node.type.size <= UNROLLED:
+        if node.type.size <= self.unrolled:
             return Value([atom] * node.type.size)
         return Value(packed=self.assign(f"({atom},) * {node.type.size}"))
 
@@ -285,7 +290,7 @@ class Lane:
         if isinstance(x, Const):
             return self.constant(tuple(plain(v) for v in x.flat))
         value = self.values[id(x)]
-        if value.packed is None and len(value.atoms or ()) <= UNROLLED:
+        if value.packed is None and len(value.atoms or ()) <= self.unrolled:
             return _tuple(self.atoms(x))
         return self.packed(x)
 

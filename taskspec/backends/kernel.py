@@ -1,0 +1,308 @@
+"""The lane form for compiled kernels: an expression for every element, selects instead of branches, narrow integers.
+
+Subclasses the emitter of the scalar program; what differs is the target: all values are named scalars, both sides of a
+condition are worked out, and small tables are chains of selects, so that a loop over lanes turns into vector code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.lane import Lane, Value, literal
+from taskspec.draws import poisson_table, poisson_terms, thresholds
+from taskspec.draws.layout import poisson_bound
+from taskspec.lang.arrays import network
+from taskspec.lang.ir import Apply, Const, Draw, Node, plain, walk
+from taskspec.lang.ops import Op
+from taskspec.lang.structure import strided
+from taskspec.lang.types import INT_MAX, Kind
+from taskspec.spec.task import Task
+
+EVERYTHING = 10**9
+CHAIN = 24
+"""Tables up to this many rows are chains of selects; larger ones are looked up in memory."""
+ELEMENTS = 6000
+"""Tasks with more elements in all their values take too long to compile, and are left to NumPy."""
+WIDE = 64
+"""Largest vector that is permuted, ordered or indexed at run time."""
+
+
+def suits(task: Task) -> bool:
+    """Whether a kernel of the task compiles in reasonable time."""
+    roots = (*task.initial, *task.next, task.reward, task.terminal, *task.first_observation, *task.next_observation)
+    nodes = [n for n in walk(roots) if not isinstance(n, Const)]
+    quadratic = ("argsort", "swap", "put", "index", "argmin", "argmax")
+    wide = [n for n in nodes if isinstance(n, Apply) and n.op in quadratic and not isinstance(n.args[0], Const)]
+    wide_draws = [n for n in nodes if isinstance(n, Draw) and n.base == "permutation"]
+    largest = max([n.args[0].type.size for n in wide] + [n.type.shape[-1] for n in wide_draws], default=0)
+    return sum(n.type.size for n in nodes) <= ELEMENTS and largest <= WIDE
+
+
+LANE: dict[str, str] = {
+    "where": "select({0}, {1}, {2})",
+    "and": "({0} & {1})",
+    "or": "({0} | {1})",
+    "not": "({0} == False)",
+    "to_int": "i32({0})",
+    "to_real": "f64({0})",
+    "div": "({0} / {1})",
+    "abs": "abs({0})",
+}
+"""Templates that differ from those of the scalar program for every kind."""
+REAL_LANE = {
+    "min2": "min2({0}, {1})",
+    "max2": "max2({0}, {1})",
+    "sign": "(f64({0} > 0.0) - f64({0} < 0.0))",
+    "floordiv": "floordiv_real({0}, {1})",
+    "mod": "mod_real({0}, {1})",
+}
+INT_LANE = {
+    "min2": "select({0} <= {1}, {0}, {1})",
+    "max2": "select({0} >= {1}, {0}, {1})",
+    "sign": "(i32({0} > 0) - i32({0} < 0))",
+    "abs": "select({0} < 0, -{0}, {0})",
+    "floordiv": "floordiv_int({0}, {1})",
+    "mod": "mod_int({0}, {1})",
+}
+
+
+class KernelLane(Lane):
+    """Emits statements whose values are all named scalars; `words` names words, `reals` what is made of them beforehand."""
+
+    reals: dict[int, Sequence[str]]
+
+    def is_narrow(self, node: Node) -> bool:
+        """Whether every element is an int that fits 32 bits."""
+        low, high = self.bounds(node)
+        return node.type.kind is Kind.INT and -INT_MAX <= low and high <= INT_MAX
+
+    def _const(self, node: Const) -> Value:
+        if node.type.size > 4096:
+            return Value()  # a table, which is looked up by the node itself
+        return Value([literal(plain(v)) for v in node.flat])
+
+    def _template(self, node: Apply, entry: Op) -> str:
+        real = any(a.type.kind is Kind.REAL for a in node.args)
+        table = REAL_LANE if real else INT_LANE
+        template = table.get(node.op) or LANE.get(node.op) or entry.lane
+        if node.op in ("floordiv", "mod") and not real:
+            template = self._whole_division(node)
+        return f"i32({template})" if self.is_narrow(node) and node.op != "to_int" else template
+
+    def _whole_division(self, node: Apply) -> str:
+        """Without signs, division is one instruction that vectorises; ints of 32 bits are quicker still."""
+        sign = "//" if node.op == "floordiv" else "%"
+        (a_low, a_high), (b_low, b_high) = map(self.bounds, node.args)
+        if a_low >= 0 and b_low > 0 and a_high <= INT_MAX and b_high <= INT_MAX:
+            return f"(u32({{0}}) {sign} u32({{1}}))"
+        return INT_LANE[node.op]
+
+    def _fill(self, template: str, args: Sequence[str]) -> str:
+        """Every operation gets a name: what is shorter is folded by the compiler."""
+        return self.assign(template.format(*[self.assign(a) for a in args]))
+
+    # -- reductions -----------------------------------------------------------------------------------------------
+
+    def _reduction(self, node: Apply) -> Value:
+        made = _REDUCE[node.op](self, node, [self.assign(a) for a in self.atoms(node.args[0])])
+        return Value(made)
+
+    def _fold(self, node: Apply, atoms: Sequence[str], join: str, none: str) -> list[str]:
+        total = atoms[0] if atoms else none
+        for atom in atoms[1:]:
+            text = f"({total} {join} {atom})"
+            total = self.assign(f"i32({text})" if self.is_narrow(node) else text)
+        return [total]
+
+    def _best(self, node: Apply, atoms: Sequence[str], sign: str, place: bool) -> list[str]:
+        """The best element or its place: a later one must be better, or the first that is a number."""
+        real = node.args[0].type.kind is Kind.REAL
+        best, at = atoms[0], "0"
+        for k, atom in enumerate(atoms[1:], 1):
+            better = f"({atom} {sign} {best})"
+            if real:
+                better = f"({better} | (({best} != {best}) & ({atom} == {atom})))"
+            won = self.assign(better)
+            at = self.assign(f"select({won}, {k}, {at})") if place else at
+            best = self.assign(f"select({won}, {atom}, {best})")
+        return [f"i32({at})" if place else best]
+
+    def _order(self, atoms: Sequence[str], real: bool) -> list[str]:
+        """The places that sort: the rank of every element, then which element has each rank."""
+        n = len(atoms)
+        ranks = ["0"] * n
+        for i in range(n):
+            for j in range(i + 1, n):
+                later = f"({atoms[j]} < {atoms[i]})"
+                if real:  # nan comes last
+                    later = f"({later} | (({atoms[i]} != {atoms[i]}) & ({atoms[j]} == {atoms[j]})))"
+                moved = self.assign(f"i32({later})")
+                ranks[i] = self.assign(f"i32({ranks[i]} + {moved})")
+                ranks[j] = self.assign(f"i32({ranks[j]} + (1 - {moved}))")
+        return [self._pick([str(i) for i in range(n)], [f"({r} == {k})" for r in ranks]) for k in range(n)]
+
+    def _pick(self, values: Sequence[str], conditions: Sequence[str]) -> str:
+        """The value whose condition holds; one of them does."""
+        picked = values[0]
+        for value, condition in zip(values[1:], conditions[1:], strict=True):
+            picked = self.assign(f"select({condition}, {value}, {picked})")
+        return picked
+
+    def _network(self, node: Apply, atoms: Sequence[str]) -> list[str]:
+        rows, real = list(atoms), node.type.kind is Kind.REAL
+        for i, j in network(len(rows)):
+            a, b = rows[i], rows[j]
+            kept = self.assign(f"(({a} <= {b}) | ({b} != {b}))" if real else f"({a} <= {b})")
+            rows[i], rows[j] = self.assign(f"select({kept}, {a}, {b})"), self.assign(f"select({kept}, {b}, {a})")
+        return rows
+
+    # -- structure ------------------------------------------------------------------------------------------------
+
+    def _structure(self, node: Apply) -> Value:
+        special = _STRUCTURE.get(node.op)
+        return special(self, node) if special is not None else super()._structure(node)
+
+    def _position(self, node: Apply) -> Value:
+        n = node.static[0]
+        return Value([self.assign(f"i32(position({self.assign(a)}, {n}))") for a in self.atoms(node.args[0])])
+
+    def _index(self, node: Apply) -> Value:
+        x, i = node.args
+        row, rows = strided(x.type.shape), x.type.shape[0]
+        out: list[str] = []
+        for index in self.atoms(i):
+            at = self.assign(index)
+            out += [self._element_at(x, at, column, row, rows) for column in range(row)]
+        return Value(out)
+
+    def _element_at(self, x: Node, at: str, column: int, row: int, rows: int) -> str:
+        if isinstance(x, Const):
+            cells = [plain(v) for v in x.flat[column::row]]
+            if rows > CHAIN:
+                return self.assign(f"{self.table(cells, x.type.kind)}[u64({at})]")
+            return self._chain([literal(v) for v in cells], at)
+        return self._chain([self.assign(a) for a in self.atoms(x)[column::row]], at)
+
+    def _chain(self, cells: Sequence[str], at: str) -> str:
+        """The cell at a place, as selects; the commonest constant needs none."""
+        common = max(set(cells), key=lambda c: (cells.count(c), c == cells[-1]))
+        picked = common
+        for k, cell in enumerate(cells):
+            if cell != common:
+                picked = self.assign(f"select({at} == {k}, {cell}, {picked})")
+        return picked
+
+    def table(self, cells: Sequence[Any], kind: Kind) -> str:
+        """The name of a constant array."""
+        dtype: Any = {Kind.BOOL: np.bool_, Kind.REAL: np.float64}.get(kind)
+        if dtype is None:
+            dtype = np.int32 if all(abs(v) <= INT_MAX for v in cells) else np.int64
+        return self._array(np.array(cells, dtype))
+
+    def _array(self, array: Any) -> str:
+        for name, known in self.constants.items():
+            if known.dtype == array.dtype and np.array_equal(known, array):
+                return name
+        name = f"T{len(self.constants)}"
+        self.constants[name] = array
+        return name
+
+    def _put(self, node: Apply) -> Value:
+        x, i, value = node.args
+        at, row = self.assign(self.scalar(i)), strided(x.type.shape)
+        new = [self.assign(a) for a in self.atoms(value)]
+        old = [self.assign(a) for a in self.atoms(x)]
+        return Value([self.assign(f"select({at} == {k // row}, {new[k % row]}, {a})") for k, a in enumerate(old)])
+
+    def _swap(self, node: Apply) -> Value:
+        x, i, j = node.args
+        row = strided(x.type.shape)
+        a, b = self.assign(self.scalar(i)), self.assign(self.scalar(j))
+        old = [self.assign(v) for v in self.atoms(x)]
+        at_a = [self._chain(old[c::row], a) for c in range(row)]
+        at_b = [self._chain(old[c::row], b) for c in range(row)]
+        made = []
+        for k, v in enumerate(old):
+            kept = self.assign(f"select({b} == {k // row}, {at_a[k % row]}, {v})")
+            made.append(self.assign(f"select({a} == {k // row}, {at_b[k % row]}, {kept})"))
+        return Value(made)
+
+    # -- draws ----------------------------------------------------------------------------------------------------
+
+    def _draw(self, node: Draw) -> Value:
+        if node.base in ("normal", "exponential"):
+            return Value([f"f64({r})" for r in self.reals[node.site][: node.type.size]])
+        words = self.words[node.site]
+        return Value([self.assign(a) for a in _DRAW[node.base](self, node, words)])
+
+    def _arguments(self, node: Draw) -> list[str]:
+        atoms = [self.assign(a) for a in self.atoms(node.args[0])]
+        return atoms * node.type.size if len(atoms) == 1 else atoms
+
+    def _groups(self, node: Draw, words: Sequence[str]) -> list[str]:
+        step = len(words) // node.type.size
+        return [f"({', '.join(words[k : k + step])},)" for k in range(0, len(words), step)]
+
+    def _categorical(self, node: Draw, words: Sequence[str]) -> list[str]:
+        p = node.args[0]
+        if isinstance(p, Const):
+            table = self._array(np.array(thresholds(p.flat), np.int64))
+            return [f"i32(search({table}, i64({w})))" for w in words]
+        weights = f"({', '.join(self.atoms(p))},)"
+        return [f"i32(weighted({w}, {weights}))" for w in words]
+
+    def _poisson(self, node: Draw, words: Sequence[str]) -> list[str]:
+        rate, bound = node.args[0], poisson_bound(node)
+        if not isinstance(rate, Const):
+            arguments = f"{bound!r}, {poisson_terms(bound)}"
+            groups = zip(self._groups(node, words), self._arguments(node), strict=True)
+            return [f"i32(poisson({g}, {r}, {arguments}))" for g, r in groups]
+        rates = rate.flat * len(words) if len(rate.flat) == 1 else rate.flat
+        tables = [poisson_table(float(r)) for r in rates]
+        named = [(first, self._array(np.array(limits, np.int64))) for first, limits in tables]
+        return [f"i32({first} + search({t}, i64({w})))" for (first, t), w in zip(named, words, strict=True)]
+
+    def _permutation(self, node: Draw, words: Sequence[str]) -> list[str]:
+        n = node.type.shape[-1]
+        return [a for k in range(0, len(words), n) for a in self._order(words[k : k + n], real=False)]
+
+
+Reduce = Callable[[KernelLane, Apply, list[str]], list[str]]
+_REDUCE: dict[str, Reduce] = {
+    "sum": lambda k, node, a: k._fold(node, a, "+", "0"),
+    "prod": lambda k, node, a: k._fold(node, a, "*", "1"),
+    "count": lambda k, node, a: k._fold(node, [f"i32({x})" for x in a], "+", "0"),
+    "any": lambda k, node, a: k._fold(node, a, "|", "False"),
+    "all": lambda k, node, a: k._fold(node, a, "&", "True"),
+    "min": lambda k, node, a: k._best(node, a, "<", place=False),
+    "max": lambda k, node, a: k._best(node, a, ">", place=False),
+    "argmin": lambda k, node, a: k._best(node, a, "<", place=True),
+    "argmax": lambda k, node, a: k._best(node, a, ">", place=True),
+    "sort": lambda k, node, a: k._network(node, a),
+    "argsort": lambda k, node, a: k._order(a, node.args[0].type.kind is Kind.REAL),
+    "cumsum": lambda k, node, a: k._running(a),
+}
+_STRUCTURE: dict[str, Callable[[KernelLane, Apply], Value]] = {
+    "position": KernelLane._position,
+    "index": KernelLane._index,
+    "put": KernelLane._put,
+    "swap": KernelLane._swap,
+}
+_DRAW: dict[str, Callable[[KernelLane, Draw, Sequence[str]], list[str]]] = {
+    "uniform": lambda k, node, words: [f"uniform({w})" for w in words],
+    "index": lambda k, node, words: [
+        f"i32(index({w}, max2({n}, 1)))" for w, n in zip(words, k._arguments(node), strict=True)
+    ],
+    "bernoulli": lambda k, node, words: [
+        f"bernoulli({w}, {p})" for w, p in zip(words, k._arguments(node), strict=True)
+    ],
+    "categorical": KernelLane._categorical,
+    "poisson": KernelLane._poisson,
+    "gamma": lambda k, node, words: [
+        f"gamma({g}, {a})" for g, a in zip(k._groups(node, words), k._arguments(node), strict=True)
+    ],
+    "permutation": KernelLane._permutation,
+}
