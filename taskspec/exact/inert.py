@@ -44,7 +44,8 @@ def differs(model: Model, action: str, state: str | None = None) -> tuple[bool, 
             rows, others = _rows(model, table[:, 0]), _rows(model, table[:, column])
             gap: Any = 0.0
             if state is None:
-                gap = np.abs(step.reward[rows] - step.reward[others])
+                with np.errstate(invalid="ignore"):  # rewards that are not finite are reported elsewhere
+                    gap = np.abs(step.reward[rows] - step.reward[others])
                 for part in parts:
                     gap = gap + np.asarray(abs(part[rows] - part[others]).sum(axis=1)).reshape(-1)
             else:

@@ -144,29 +144,37 @@ class Model:
     def acting(self) -> Array:
         """States (S,) in which some episode acts."""
         found = np.zeros(self.n_states, np.bool_)
-        for _, level in self._growth():
+        for _, level in self._growth(self.horizon):
             found |= level
         return found
 
     @cached_property
     def entered(self) -> Array:
         """States (S,) that some episode is ever in."""
+        return self._entered(self.horizon)
+
+    @cached_property
+    def connected(self) -> Array:
+        """States (S,) that some episode would be in if there were no horizon (where the time does not matter)."""
+        return self._entered(self.horizon if self.is_timed else None)
+
+    def _entered(self, horizon: int | None) -> Array:
         found = self.start > 0
-        for t, level in self._growth():
+        for t, level in self._growth(horizon):
             step = self.step(t)
             found = found | self.successors(step.going, level)
             if step.ending is not None:
                 found |= self.successors(step.ending, level)
         return found
 
-    def _growth(self) -> Iterator[tuple[int, Array]]:
+    def _growth(self, horizon: int | None) -> Iterator[tuple[int, Array]]:
         """As `levels`, but where the time does not matter only with the states that are new."""
         if self.is_timed:
             yield from self.levels()
             return
         level, seen = self.start > 0, np.zeros(self.n_states, np.bool_)
         t = 0
-        while level.any() and (self.horizon is None or t < self.horizon):
+        while level.any() and (horizon is None or t < horizon):
             yield t, level
             seen |= level
             level = self.successors(self.step(0).going, level) & ~seen

@@ -84,11 +84,11 @@ def sense(task: Task, results: Results | None = None) -> tuple[Diagnostic, ...]:
 
 
 def unreachable(case: Case, collector: Collector) -> None:
-    """W501: values of a component that occur in no episode, of this task or of one that shares its roles."""
+    """W501: values of a component that occur in no episode, however long, of this task or of one that shares its roles."""
     model = case.model
     if model is None:
         return
-    entered = [model.states.decode(m.codes[m.entered]) for m in (model, *_partners(case))]
+    entered = [model.states.decode(m.codes[m.connected]) for m in (model, *_partners(case))]
     for c in model.task.state:
         seen = np.concatenate([e[Role.STATE, c.name].reshape(-1, e[Role.STATE, c.name].shape[-1]) for e in entered], 1)
         missing = _missing(c, seen)
@@ -128,7 +128,7 @@ def rewards(case: Case, collector: Collector) -> None:
         collector.add("W503", case.merged.span(("reward",)), f"every step that can occur pays {value}")
         return
     message = f"within {case.task.horizon} steps every reward is {value}; in longer episodes others follow"
-    hint = f"the first comes in step {later}, for a state that is reached only when the episode is over"
+    hint = f"the first of them is paid in step {later}"
     collector.add("W502", case.merged.span(("horizon",)), message, hint)
 
 
