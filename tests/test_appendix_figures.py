@@ -172,15 +172,24 @@ def test_unknown_ending(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", [*IDS, *map(str, SPECS)], ids=lambda x: Path(x).stem)
 def test_every_task_has_a_frame(name: str) -> None:
     one = registry.load(name)
-    frame = render_frame(one, first_state(one), dpi=50)
+    frame = render_frame(one, first_state(one), size=(160, 120))
     assert frame.dtype == np.uint8
-    assert frame.shape[2] == 3
+    assert frame.shape == (120, 160, 3)
     assert frame.std() > 0
+
+
+@pytest.mark.parametrize("state", [0, 1, 7, 20])
+def test_a_frame_of_a_graph_shows_where_the_agent_is(state: int) -> None:
+    """Also where the state is one of those that dots stand for."""
+    one = task("Branching", L=10)
+    found = scene(one, Overlay(here={"s": state}))
+    assert found is not None
+    assert fills(found).count("accent") == 1
 
 
 def test_frames_of_an_episode_have_one_size_and_follow_the_state() -> None:
     one = task("NoisyObs")
-    a, b = (render_frame(one, {"x": x, "y": 1}, dpi=50) for x in (0, 3))
+    a, b = (render_frame(one, {"x": x, "y": 1}, size=(160, 120)) for x in (0, 3))
     assert a.shape == b.shape
     assert not np.array_equal(a, b)
 

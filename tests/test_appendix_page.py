@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 import time
 from pathlib import Path
 from xml.etree import ElementTree
@@ -11,6 +13,7 @@ import pytest
 
 from taskspec import registry
 from taskspec.appendix import Facts, gather, page, write
+from taskspec.appendix.extras import need
 from taskspec.appendix.facts import Score, Verdict
 from taskspec.appendix.prose import Formula, Inlines, Mark, Text
 from taskspec.appendix.write import gather_pages
@@ -197,6 +200,29 @@ def test_the_suite_is_written_fast(tmp_path: Path) -> None:
     start = time.perf_counter()
     write(every, ["latex", "html", "markdown"], tmp_path)
     assert time.perf_counter() - start < 3
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdftotext") is None, reason="no TeX or no poppler")
+def test_the_suite_as_pdf(tmp_path: Path) -> None:
+    """It compiles without an overfull box, and its text says what it should."""
+    every = tasks()
+    path = write(every, ["pdf"], tmp_path, facts={t.id: gather(t) for t in every}, columns=[{}])[-1]
+    log = (tmp_path / "document.log").read_text(encoding="latin-1")
+    assert "Overfull" not in log
+    assert "undefined" not in log
+    text = subprocess.run(["pdftotext", "-layout", path, "-"], capture_output=True, text=True, check=True).stdout
+    for task in every:
+        assert f"{task.name}: " in text
+    for found in ("Exact scores: optimal return 4", "Configurable parameters", "Horizon: 3M", "References", "DERAIL"):
+        assert found in text
+    assert "[U+" not in text
+
+
+def test_a_missing_extra_says_how_to_install_it() -> None:
+    with pytest.raises(SpecError, match=r"taskspec\[docs\]") as caught:
+        need("taskspec_has_no_such_module", "docs")
+    assert caught.value.diagnostics[0].code == "E705"
 
 
 def test_unknown_format(tmp_path: Path) -> None:

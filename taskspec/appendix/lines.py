@@ -81,13 +81,18 @@ def grids(w: Writing) -> Iterator[tuple[str, str]]:
 
 
 def state(w: Writing) -> Iterator[Inlines]:
-    yield (formula(m.Ident("S", "calligraphic"), m.Sym("="), w.space("state")),)
+    yield (formula(m.Ident("S", "calligraphic"), m.Sym("="), w.space("state")), *_numbered(w.task.state))
     yield from _components(w, "state", w.task.state)
 
 
 def actions(w: Writing) -> Iterator[Inlines]:
-    yield (formula(m.Ident("A", "calligraphic"), m.Sym("="), w.space("action")),)
+    yield (formula(m.Ident("A", "calligraphic"), m.Sym("="), w.space("action")), *_numbered(w.task.action))
     yield from _components(w, "action", w.task.action)
+
+
+def _numbered(components: tuple[Component, ...]) -> Inlines:
+    """How labels are carried, where there are some."""
+    return (Text(", numbered from 0"),) if any(c.domain is not None for c in components) else ()
 
 
 def _components(w: Writing, section: str, components: tuple[Component, ...]) -> Iterator[Inlines]:

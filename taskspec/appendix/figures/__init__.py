@@ -65,7 +65,7 @@ def figure(task: Task, path: Path | str, overlays: Iterable[str] = ()) -> Path:
 
 
 def render_frame(
-    task: Task, state: Mapping[str, Any], title: str = "", dpi: int = 100
+    task: Task, state: Mapping[str, Any], title: str = "", size: tuple[int, int] = (640, 480)
 ) -> np.ndarray[Any, np.dtype[np.uint8]]:
     """One state as a picture (height, width, 3) of uint8; every task has one.
 
@@ -73,7 +73,7 @@ def render_frame(
         task: the task.
         state: values by component; labels or their indices for choices.
         title: a line of text above, such as the step.
-        dpi: pixels an inch.
+        size: width and height in pixels; frames of an episode are all alike in it.
     """
     found = scene(task, Overlay(here=state)) or table(task, state)
-    return raster.pixels(found, dpi)
+    return raster.pixels(found, size, title)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
@@ -13,21 +12,20 @@ import numpy as np
 from taskspec.appendix.extras import need
 from taskspec.appendix.figures.elide import DOTS, Arc, Drawing, Vertex, drawing
 from taskspec.appendix.figures.machine import Machine, explore
+from taskspec.appendix.figures.marks import RADIUS, beside_line, chance, decimal, edge, near, number, shape, signed
 from taskspec.appendix.figures.overlay import Overlay
 from taskspec.appendix.figures.scene import (
     Box,
-    Circle,
     Item,
     Label,
     Line,
     Point,
     Role,
     Scene,
-    bezier,
     fitted,
     text_width,
 )
-from taskspec.appendix.figures.values import at_states, compile_value
+from taskspec.appendix.figures.values import at_states, compile_value, reads_of
 from taskspec.exact.space import Space
 from taskspec.lang.ir import Role as Reading
 from taskspec.printers import tree as m
@@ -35,7 +33,7 @@ from taskspec.printers.names import of_task
 from taskspec.printers.notation import Notation
 from taskspec.spec.task import Component, Task
 
-DX, DY, RADIUS, SMALL = 1.55, 1.05, 0.31, 0.28
+DX, DY, SMALL = 1.55, 1.05, 0.28
 LOOPS_UP_TO = 6
 _HIGHLIGHT: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end", "first": "accent", "second": "second"}
 
@@ -125,7 +123,7 @@ class _Graph:
         parts = []
         for c in components:
             is_label = c.domain is not None and not c.type.shape
-            parts.append(self.notation.labels[c.name][str(values[c.name])] if is_label else _plain(values[c.name]))
+            parts.append(self.notation.labels[c.name][str(values[c.name])] if is_label else number(values[c.name]))
         return parts[0] if len(parts) == 1 else m.joined(parts)
 
     @cached_property
@@ -163,7 +161,7 @@ class _Graph:
     def notes(self) -> Iterator[str]:
         how, _, same = self.rewards
         if how == "all" and same is not None:
-            yield f"Every step pays {_decimal(same)}."
+            yield f"Every step pays {decimal(same)}."
         if how == "left":
             yield "Rewards are paid for the state left."
         hidden = any(t.source == t.target and not t.ends for t in self.machine.transitions)
@@ -188,8 +186,20 @@ class _Graph:
             return max(RADIUS, text_width(self.labels[v], SMALL) / 2 + 0.1)
         return 0.12 if isinstance(v, tuple) and v[0] == "chance" else 0.26
 
+    @cached_property
+    def present(self) -> Vertex | None:
+        """Where the present state of a frame is shown: at its vertex, or at the dots that stand for it."""
+        if self.overlay.here is None:
+            return None
+        arrays = [reads_of(self.task, self.overlay.here)[c.read] for c in self.task.state]
+        code = int(self.space.encode(arrays, 1)[0][0])
+        dots = [v for v in self.drawing.vertices if isinstance(v, tuple) and v[0] == DOTS]
+        return code if code in self.places else next(reversed(dots), None)
+
     def vertex(self, v: Vertex) -> Iterator[Item]:
         x, y = self.places[v]
+        if v == self.present:
+            yield Circle((x, y), self.size(v) + 0.16, "accent", None)
         if not isinstance(v, int):
             if isinstance(v, tuple) and v[0] == DOTS:
                 upright = v[1] != 2
@@ -208,17 +218,17 @@ class _Graph:
             fill, shade = "accent", min(1.0, self.overlay.occupancy[v])
         half = self.size(v)
         if v in self.machine.ending:
-            yield _shape(x, y, half + 0.07, RADIUS + 0.07, "paper", 1.0)
-        yield _shape(x, y, half, RADIUS, fill, shade)
+            yield shape(x, y, half + 0.07, RADIUS + 0.07, "paper", 1.0)
+        yield shape(x, y, half, RADIUS, fill, shade)
 
     def _beside(self, v: int, x: float, y: float) -> Iterator[Item]:
         """Rewards and values next to a state."""
         how, by, _ = self.rewards
         words: list[m.Math] = []
         if how in ("reached", "left") and by.get(v):
-            words.append(m.Row((m.Ident("r"), m.Sym("="), _signed(by[v]))))
+            words.append(m.Row((m.Ident("r"), m.Sym("="), signed(by[v]))))
         if v in self.overlay.values:
-            words.append(m.Row((m.Ident("V"), m.Sym("="), _signed(self.overlay.values[v]))))
+            words.append(m.Row((m.Ident("V"), m.Sym("="), signed(self.overlay.values[v]))))
         last = v in self.drawing.layers[-1]
         for i, text in enumerate(words):
             loop = 0.42 if self.shows_loops and last and self._loops(v) else 0.0
@@ -245,18 +255,18 @@ class _Graph:
         yield line
         text = self._text(arc)
         if text is not None:
-            yield Label(_beside_line(line), text, 0.25, color="muted", halo=True)
+            yield Label(beside_line(line), text, 0.25, color="muted", halo=True)
 
     def _curve(self, arc: Arc) -> Line:
         a, b = self.places[arc.source], self.places[arc.target]
         both = any(x.source == arc.target and x.target == arc.source for x in self.drawing.arcs)
-        blocked = any(_near(a, b, self.places[v]) for v in self.drawing.vertices if v not in (arc.source, arc.target))
+        blocked = any(near(a, b, self.places[v]) for v in self.drawing.vertices if v not in (arc.source, arc.target))
         bend = 0.32 if both else 0.75 if blocked else 0.0
         dx, dy = b[0] - a[0], b[1] - a[1]
         length = math.hypot(dx, dy) or 1.0
         nx, ny = dy / length * bend, -dx / length * bend
         c1, c2 = (a[0] + dx * 0.3 + nx, a[1] + dy * 0.3 + ny), (a[0] + dx * 0.7 + nx, a[1] + dy * 0.7 + ny)
-        start, end = _edge(a, c1, self.size(arc.source)), _edge(b, c2, self.size(arc.target) + 0.02 + self._rim(arc.target))
+        start, end = edge(a, c1, self.size(arc.source)), edge(b, c2, self.size(arc.target) + 0.02 + self._rim(arc.target))
         arrow = not (isinstance(arc.target, tuple) and arc.target[0] == "chance")
         width = 0.065 if self._chosen(arc) else 0.03
         if bend:
@@ -289,64 +299,9 @@ class _Graph:
         """Action and probability of an arrow, and its reward where no state tells it."""
         parts: list[m.Math] = []
         if arc.probability is not None:
-            parts.append(_chance(arc.probability))
+            parts.append(chance(arc.probability))
         elif arc.actions and len(arc.actions) < self.machine.n_actions:
             parts += [self.actions[a] for a in arc.actions]
         if self.rewards[0] == "arrow" and arc.reward:
-            parts.append(m.Row((m.Ident("r"), m.Sym("="), _signed(arc.reward))))
+            parts.append(m.Row((m.Ident("r"), m.Sym("="), signed(arc.reward))))
         return m.joined(parts) if parts else None
-
-
-def _shape(x: float, y: float, half: float, radius: float, fill: Role, shade: float) -> Item:
-    if half <= radius + 0.02:
-        return Circle((x, y), radius, fill, shade=shade)
-    return Box((x - half, y - radius), 2 * half, 2 * radius, fill, round=0.2, shade=shade)
-
-
-def _plain(value: object) -> m.Math:
-    return m.Num(str(value).replace("-", "−"))
-
-
-def _signed(value: float) -> m.Math:
-    return m.Num(_decimal(value))
-
-
-def _decimal(value: float) -> str:
-    return f"{value:.4g}".replace("-", "−")
-
-
-def _chance(p: float) -> m.Math:
-    """A probability as per cent where that is short, else as a fraction or three digits."""
-    if abs(100 * p - round(100 * p)) < 1e-9:
-        return m.Num(f"{round(100 * p)}%")
-    ratio = Fraction(p).limit_denominator(99)
-    if abs(float(ratio) - p) < 1e-12:
-        return m.Num(f"{ratio.numerator}/{ratio.denominator}")
-    return m.Num(f"{p:.3g}")
-
-
-def _edge(centre: Point, towards: Point, radius: float) -> Point:
-    dx, dy = towards[0] - centre[0], towards[1] - centre[1]
-    length = math.hypot(dx, dy) or 1.0
-    return centre[0] + dx / length * radius, centre[1] + dy / length * radius
-
-
-def _near(a: Point, b: Point, p: Point) -> bool:
-    """Whether a vertex is in the way of a straight arrow."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / ((dx * dx + dy * dy) or 1.0)
-    if not 0.05 < t < 0.95:
-        return False
-    return math.hypot(a[0] + t * dx - p[0], a[1] + t * dy - p[1]) < RADIUS + 0.05
-
-
-def _beside_line(line: Line) -> Point:
-    """Where the label of an arrow goes: above its middle."""
-    (x0, y0), (x1, y1) = line.points[0], line.points[-1]
-    mx, my = bezier(line.points, 0.5) if line.curved else ((x0 + x1) / 2, (y0 + y1) / 2)
-    length = math.hypot(x1 - x0, y1 - y0) or 1.0
-    nx, ny = (y1 - y0) / length, -(x1 - x0) / length
-    if ny > 0 and not line.curved:
-        nx, ny = -nx, -ny
-    off = 0.18
-    return mx + nx * off, my + ny * off

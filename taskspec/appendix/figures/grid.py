@@ -118,7 +118,8 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     agents = _agents(task, place, by_code, overlay)
     shades, values = ({by_code[c]: v for c, v in by.items()} for by in (overlay.occupancy, overlay.values))
     moves = _moves(task, by_code, overlay) if overlay.policy else []
-    board = _Board(columns, rows, colors, _letters(task, columns, rows), agents, shades, values, moves)
+    letters = {} if values else _letters(task, columns, rows)  # a cell has room for one of them
+    board = _Board(columns, rows, colors, letters, {} if values else agents, shades, values, moves)
     return fitted(board.items(), f"Grid of {task.name}: {columns} columns and {rows} rows")
 
 
@@ -168,7 +169,7 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene | No
     marks = [(role, found[0].astype(int)) for role, found in _marks(task, reads, 1) if found.shape == (1, 2)]
     points = np.array([(ax, ay), *(p for _, p in marks)])
     middle = np.round(points.mean(axis=0)).astype(int)
-    half = min(LARGEST // 2, max(4, int(np.abs(points - middle).max()) + 1))
+    half = LARGEST // 2 if overlay.here is not None else min(LARGEST // 2, max(4, int(np.abs(points - middle).max()) + 1))
     corner = middle - half
     colors: dict[Cell, Role] = {(int(p[0] - corner[0]), int(p[1] - corner[1])): role for role, p in marks}
     agents = {(int(ax - corner[0]), int(ay - corner[1])): 1.0}

@@ -19,6 +19,8 @@ from taskspec.printers.plain import plain
 INCH = 2.54
 FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks
 DPI = 200
+TITLE = 0.6  # room for a line above a frame, in centimetres
+LARGEST_SCALE = 1.6
 
 
 def save(scene: Scene, path: Path, kind: str) -> None:
@@ -29,11 +31,19 @@ def save(scene: Scene, path: Path, kind: str) -> None:
         figure.savefig(path, format=kind, dpi=DPI, metadata=metadata)
 
 
-def pixels(scene: Scene, dpi: int = 100) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """The picture as an array (height, width, 3) of uint8."""
+def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:
+    """The picture as an array (height, width, 3) of uint8, as large as fits in the middle of `size` = (width, height)."""
     agg = need("matplotlib.backends.backend_agg", "figures")
-    figure = _figure(scene)
-    figure.set_dpi(dpi)
+    width, height = (n * INCH / DPI for n in size)
+    room = height - (TITLE if title else 0.0)
+    scale = min(width / scene.width, room / scene.height, LARGEST_SCALE)
+    figure, axes = _canvas(width, height)
+    left, top = (width / scale - scene.width) / 2, (height - room) / scale + (room / scale - scene.height) / 2
+    axes.set_xlim(-left, width / scale - left)
+    axes.set_ylim(height / scale - top, -top)
+    _draw_all(axes, scene, scale)
+    if title:
+        axes.text(0.02, 0.98, title, transform=axes.transAxes, ha="left", va="top", fontsize=9, family=FONTS, parse_math=False)
     canvas = agg.FigureCanvasAgg(figure)
     with _quiet():
         canvas.draw()
@@ -49,21 +59,31 @@ def _quiet() -> Iterator[None]:
 
 
 def _figure(scene: Scene) -> Any:
-    module, backend = need("matplotlib.figure", "figures"), need("matplotlib.backends.backend_agg", "figures")
-    figure = module.Figure(figsize=(scene.width / INCH, scene.height / INCH))
-    backend.FigureCanvasAgg(figure)
-    axes = figure.add_axes((0, 0, 1, 1))
+    figure, axes = _canvas(scene.width, scene.height)
     axes.set_xlim(0, scene.width)
     axes.set_ylim(scene.height, 0)
-    axes.axis("off")
-    for order, item in enumerate(scene.items):
-        _draw(axes, item, order)
+    _draw_all(axes, scene, 1.0)
     return figure
 
 
-def _draw(axes: Any, item: Item, order: int) -> None:
+def _canvas(width: float, height: float) -> tuple[Any, Any]:
+    """A figure of a size in centimetres, with axes that fill it."""
+    module, backend = need("matplotlib.figure", "figures"), need("matplotlib.backends.backend_agg", "figures")
+    figure = module.Figure(figsize=(width / INCH, height / INCH), dpi=DPI)
+    backend.FigureCanvasAgg(figure)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.axis("off")
+    return figure, axes
+
+
+def _draw_all(axes: Any, scene: Scene, scale: float) -> None:
+    for order, item in enumerate(scene.items):
+        _draw(axes, item, order, scale)
+
+
+def _draw(axes: Any, item: Item, order: int, scale: float) -> None:
     patches, paths = need("matplotlib.patches", "figures"), need("matplotlib.path", "figures")
-    points = 72 / INCH  # a centimetre in points
+    points = 72 / INCH * scale  # a centimetre in points
     match item:
         case Circle(centre=centre, radius=r):
             axes.add_patch(patches.Circle(centre, r, zorder=order, **_paint(item)))
@@ -80,8 +100,9 @@ def _draw(axes: Any, item: Item, order: int) -> None:
                 axes.add_patch(patches.Polygon(head(item), facecolor=COLORS[item.color], edgecolor="none", zorder=order))
         case Label(at=(x, y), anchor=anchor):
             side = {"start": "left", "middle": "center", "end": "right"}[anchor]
+            halo = {"facecolor": COLORS["paper"], "edgecolor": "none", "pad": 0.6} if item.halo else None
             axes.text(x, y, mathtext(item.text), fontsize=item.size * points * 0.95, ha=side, va="center_baseline",
-                      color=COLORS[item.color], zorder=order, family=FONTS, math_fontfamily="cm")  # fmt: skip
+                      color=COLORS[item.color], zorder=order, family=FONTS, math_fontfamily="cm", bbox=halo)  # fmt: skip
 
 
 def _paint(item: Circle | Box) -> dict[str, Any]:

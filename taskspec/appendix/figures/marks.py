@@ -1,0 +1,66 @@
+"""Small parts of graphs: shapes of states, numbers on labels, where arrows touch and labels go."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from taskspec.appendix.figures.scene import Box, Circle, Item, Line, Point, Role, bezier
+from taskspec.printers import tree as m
+
+RADIUS = 0.31
+
+
+def shape(x: float, y: float, half: float, radius: float, fill: Role, shade: float) -> Item:
+    if half <= radius + 0.02:
+        return Circle((x, y), radius, fill, shade=shade)
+    return Box((x - half, y - radius), 2 * half, 2 * radius, fill, round=0.2, shade=shade)
+
+
+def number(value: object) -> m.Math:
+    return m.Num(str(value).replace("-", "−"))
+
+
+def signed(value: float) -> m.Math:
+    return m.Num(decimal(value))
+
+
+def decimal(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−")
+
+
+def chance(p: float) -> m.Math:
+    """A probability as per cent where that is short, else as a fraction or three digits."""
+    if abs(100 * p - round(100 * p)) < 1e-9:
+        return m.Num(f"{round(100 * p)}%")
+    ratio = Fraction(p).limit_denominator(99)
+    if abs(float(ratio) - p) < 1e-12:
+        return m.Num(f"{ratio.numerator}/{ratio.denominator}")
+    return m.Num(f"{p:.3g}")
+
+
+def edge(centre: Point, towards: Point, radius: float) -> Point:
+    dx, dy = towards[0] - centre[0], towards[1] - centre[1]
+    length = math.hypot(dx, dy) or 1.0
+    return centre[0] + dx / length * radius, centre[1] + dy / length * radius
+
+
+def near(a: Point, b: Point, p: Point) -> bool:
+    """Whether a vertex is in the way of a straight arrow."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / ((dx * dx + dy * dy) or 1.0)
+    if not 0.05 < t < 0.95:
+        return False
+    return math.hypot(a[0] + t * dx - p[0], a[1] + t * dy - p[1]) < RADIUS + 0.05
+
+
+def beside_line(line: Line) -> Point:
+    """Where the label of an arrow goes: above its middle."""
+    (x0, y0), (x1, y1) = line.points[0], line.points[-1]
+    mx, my = bezier(line.points, 0.5) if line.curved else ((x0 + x1) / 2, (y0 + y1) / 2)
+    length = math.hypot(x1 - x0, y1 - y0) or 1.0
+    nx, ny = (y1 - y0) / length, -(x1 - x0) / length
+    if ny > 0 and not line.curved:
+        nx, ny = -nx, -ny
+    off = 0.18
+    return mx + nx * off, my + ny * off
