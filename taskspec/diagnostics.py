@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import textwrap
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ Format = Literal["text", "json", "github"]
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _EXCERPT_WIDTH = 100
+_GUTTER = len("12345 | ") + 2  # and an ellipsis on either side
 _COLORS = {"error": "\x1b[1;31m", "warning": "\x1b[1;33m", "dim": "\x1b[2m", "reset": "\x1b[0m"}
 
 
@@ -173,11 +175,18 @@ def render(
     diagnostics: Iterable[Diagnostic],
     format: Format = "text",
     color: bool = False,
+    width: int | None = None,
 ) -> str:
-    """Write diagnostics out: for a terminal, as a JSON array, or as GitHub workflow commands."""
+    """Write diagnostics out: as text, as a JSON array, or as GitHub workflow commands.
+
+    Args:
+        format: "text", "json" or "github".
+        color: whether text has the colours of a terminal.
+        width: of the terminal that text is broken for; without one, sentences stay on one line.
+    """
     match format:
         case "text":
-            return "\n".join(_text(each, color) for each in diagnostics)
+            return "\n".join(_text(each, color, width) for each in diagnostics)
         case "json":
             return _json(diagnostics)
         case "github":
@@ -185,41 +194,54 @@ def render(
     raise ValueError(f"unknown format {format!r}: one of 'text', 'json', 'github'")
 
 
-def _text(diagnostic: Diagnostic, color: bool) -> str:
+def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
     code = CODES[diagnostic.code]
+    room = _EXCERPT_WIDTH if width is None else min(_EXCERPT_WIDTH, max(20, width - _GUTTER))
     paint = _COLORS if color else dict.fromkeys(_COLORS, "")
     place = "" if diagnostic.span is None else f"{_printable(str(diagnostic.span))}: "
     title = f"{paint[code.severity]}{code.severity}[{code.code} {code.slug}]{paint['reset']}"
-    lines = [f"{place}{title}: {_clean(diagnostic.message)}"]
+    used = len(f"{place}{code.severity}[{code.code} {code.slug}]: ")
+    lines = [f"{place}{title}: {_broken(_clean(diagnostic.message), width, used, 4)}"]
     remarks = [("note", note) for note in diagnostic.notes]
     hint = diagnostic.hint
     if diagnostic.span is not None:
-        excerpt, pad = _excerpt(diagnostic.span)
+        excerpt, pad = _excerpt(diagnostic.span, room)
         marks = paint[code.severity] + pad + paint["reset"]
         number = str(diagnostic.span.line)
         margin = " " * max(5, len(number))
-        if hint is not None and "\n" not in hint and len(pad) + len(hint) <= _EXCERPT_WIDTH:
+        if hint is not None and "\n" not in hint and len(pad) + len(hint) < room:
             marks, hint = f"{marks} {_clean(hint)}", None
         lines += [f"{number:>5} | {excerpt}".rstrip(), f"{margin} | {marks}"]
     if hint is not None:
         remarks.insert(0, ("hint", hint))
-    return "\n".join(lines + [_remark(kind, text, paint) for kind, text in remarks])
+    return "\n".join(lines + [_remark(kind, text, paint, width) for kind, text in remarks])
 
 
-def _remark(kind: str, text: str, paint: dict[str, str]) -> str:
-    first, *rest = _clean(text).split("\n")
+def _remark(kind: str, text: str, paint: dict[str, str], width: int | None) -> str:
     lead = f"      {paint['dim']}={paint['reset']} {kind}: "
-    under = " " * len(f"      = {kind}: ")
-    return "\n".join([lead + first] + [under + line for line in rest])
+    under = len(f"      = {kind}: ")
+    lines = [_broken(line, width, under, under) for line in _clean(text).split("\n")]
+    return lead + f"\n{' ' * under}".join(lines)
 
 
-def _excerpt(span: Span) -> tuple[str, str]:
+def _broken(text: str, width: int | None, used: int, indent: int) -> str:
+    """Text broken into lines between words, the first of which has less room, the others an indent."""
+    if width is None or used + _width(text) <= width:
+        return text
+    lead, margin = " " * used, " " * indent
+    if used + _width(text.split(" ")[0]) > width:  # no room beside a long path
+        lead, text = "", f"{margin}{text}"
+    lines = textwrap.wrap(text, max(width, indent + 20), initial_indent=lead, subsequent_indent=margin)
+    return "\n".join(lines)[used:] if lead else "\n" + "\n".join(lines)
+
+
+def _excerpt(span: Span, room: int) -> tuple[str, str]:
     """The line a span starts on (a window of it when long) and the carets that go under it."""
     line = span.origin.line(span.line)
     start = min(span.column - 1, len(line))
     end = min(span.end_column - 1, len(line)) if span.end_line == span.line else len(line)
-    first = 0 if len(line) <= _EXCERPT_WIDTH else max(0, start - _EXCERPT_WIDTH // 2)
-    last = min(len(line), first + _EXCERPT_WIDTH)
+    first = 0 if len(line) <= room or end <= room // 2 else max(0, start - room // 2)
+    last = min(len(line), first + room)
     before, marked = _printable(line[first:start]), _printable(line[start : min(end, last)])
     head, tail = ("…" if first else ""), ("…" if last < len(line) else "")
     excerpt = head + _printable(line[first:last]) + tail

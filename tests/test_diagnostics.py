@@ -73,9 +73,7 @@ def test_color_only_adds_escapes() -> None:
         ("ab", 1, 99, "ab", "^^"),
     ],
 )
-def test_carets_stand_under_what_they_mean(
-    text: str, column: int, end: int, excerpt: str, carets: str
-) -> None:
+def test_carets_stand_under_what_they_mean(text: str, column: int, end: int, excerpt: str, carets: str) -> None:
     shown = render([Diagnostic("E301", in_text(text, 1, column, end), "m")]).split("\n")
     assert shown[1:] == [f"    1 | {excerpt}", f"      | {carets}"]
 
@@ -120,8 +118,7 @@ def test_json() -> None:
 def test_github() -> None:
     odd = Span(Origin("a,b:c.yaml", "x"), 1, 1, 1, 2)
     assert render([Diagnostic("W506", odd, "50%\nmore")], "github") == (
-        "::warning file=a%2Cb%3Ac.yaml,line=1,endLine=1,col=1,endColumn=2,"
-        "title=W506 unused::50%25%0Amore"
+        "::warning file=a%2Cb%3Ac.yaml,line=1,endLine=1,col=1,endColumn=2,title=W506 unused::50%25%0Amore"
     )
 
 
@@ -191,3 +188,17 @@ def test_every_code_is_explained(code: object) -> None:
 
 def test_slugs_are_unique() -> None:
     assert len({code.slug for code in CODES.values()}) == len(CODES)
+
+
+@pytest.mark.parametrize("width", [70, 80, 120])
+def test_text_is_broken_for_a_terminal(width: int) -> None:
+    line = "reward: " + " + ".join(f"term{i}" for i in range(40))
+    origin = Origin("a/file/in/some/folder.yaml", line)
+    found = Diagnostic(
+        "E302", Span(origin, 1, 150, 1, 156), "a message of many words " * 8, "a hint " * 20, ("a note " * 30,)
+    )
+    text = render([found], width=width)
+    assert max(map(len, text.splitlines())) <= width
+    assert " ".join(text.split()).count("message of many words") >= 1
+    assert text.replace("\n", " ").count("hint") >= 20
+    assert render([found]).splitlines()[0].endswith("a message of many words ")

@@ -20,6 +20,8 @@ DOCS = {
     "latex": "the documentation for a paper: include appendix.tex",
     "markdown": "the documentation for a repository",
 }
+WIDE = 90
+"""From this width on, there is room for the horizon."""
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write.", file_okay=False)]
 
 
@@ -39,7 +41,7 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _print_problems(reports)
     out = console(wide=True)
-    out.print(_table(reports))
+    out.print(_table(reports, out.width))
     out.print()
     out.print(verdict(reports, errors, warnings, time.perf_counter() - start))
     if errors:
@@ -62,22 +64,21 @@ def _tasks(reports: Sequence[Report]) -> list[Task]:
     return [each.task for report in reports for each in report.tasks if each.task is not None]
 
 
-def _table(reports: Sequence[Report]) -> Any:
+def _table(reports: Sequence[Report], width: int) -> Any:
     """Every task with its size and how it was checked."""
     from rich.text import Text
 
     from taskspec.cli.check import mark
     from taskspec.cli.console import columns
-    from taskspec.cli.records import size
+    from taskspec.cli.records import horizon, size
 
-    table = columns("", "task", "size", "horizon", "sound by", "claims", right=(2, 3))
+    headers = ["", "task", "size", *(["horizon"] if width >= WIDE else []), "sound by", "claims"]
+    table = columns(*headers, right=(2, 3) if width >= WIDE else (2,))
     for each in (each for report in reports for each in report.tasks):
-        task = each.task
-        extent, horizon = (
-            ("", "") if task is None else (size(task), "none" if task.horizon is None else f"{task.horizon:,}")
-        )
-        name = Text(each.title, style="name")
-        table.add_row(mark(each.diagnostics), name, extent, horizon, each.finding.how, each.finding.claims_words)
+        cells = [mark(each.diagnostics), Text(each.title, style="name"), "" if each.task is None else size(each.task)]
+        if width >= WIDE:
+            cells.append("" if each.task is None else horizon(each.task))
+        table.add_row(*cells, each.finding.how, each.finding.claims_words)
     return table
 
 

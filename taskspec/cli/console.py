@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import sys
 import unicodedata
 from collections.abc import Iterable
@@ -69,6 +70,14 @@ def colored(err: bool = False) -> bool:
     return stream.isatty() or bool(os.environ.get("FORCE_COLOR"))
 
 
+def terminal_width(err: bool = False) -> int | None:
+    """The columns of a terminal (or COLUMNS), None for what is none."""
+    stream = sys.stderr if err else sys.stdout
+    if not stream.isatty() and not os.environ.get("COLUMNS", "").isdigit():
+        return None
+    return shutil.get_terminal_size().columns
+
+
 def write_json(data: Any) -> None:
     """Print data as JSON; what JSON cannot hold (infinities) becomes text."""
     typer.echo(to_json(data))
@@ -129,4 +138,4 @@ def measured(value: float, half: float) -> tuple[str, str]:
     if not half > 0:
         return number(value), "0"
     digits = max(0, 1 - math.floor(math.log10(half)))
-    return number(value, digits), number(half, digits)
+    return f"{value:,.{digits}f}".replace("-", "−"), f"{half:,.{digits}f}"

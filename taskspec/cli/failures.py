@@ -47,11 +47,11 @@ def fail(diagnostics: Iterable[Diagnostic], status: int = 1) -> None:
 
 
 def show(diagnostics: Iterable[Diagnostic], err: bool = True) -> None:
-    """Print problems, in colour on a terminal."""
-    from taskspec.cli.console import colored
+    """Print problems; on a terminal in colour, and broken to its width."""
+    from taskspec.cli.console import colored, terminal_width
 
-    color = colored(err)
-    text = "\n\n".join(render([each], color=color) for each in diagnostics)
+    color, width = colored(err), terminal_width(err)
+    text = "\n\n".join(render([each], color=color, width=width) for each in diagnostics)
     if text:
         typer.echo(text, err=err, color=color)
 

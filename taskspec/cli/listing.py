@@ -69,14 +69,14 @@ def _print(tasks: list[Task]) -> None:
 def _wide(tasks: list[Task]) -> Table:
     """One row a task, with everything in it."""
     from taskspec.cli.console import clean, columns
-    from taskspec.cli.records import defaults, size
+    from taskspec.cli.records import defaults, horizon, size
 
     table = columns("task", "isolates", "parameters", "size", "horizon", "summary", right=(3, 4))
     table.columns[5].overflow = "ellipsis"
     for task in tasks:
         data = task.surface.data
         table.add_row(
-            f"{task.id}", clean(str(data.get("capability") or "")), defaults(task), size(task), _horizon(task),
+            f"{task.id}", clean(str(data.get("capability") or "")), defaults(task), size(task), horizon(task),
             clean(str(data.get("summary") or "")), style=_style(task),
         )  # fmt: skip
     table.columns[5].style = "quiet"
@@ -89,19 +89,15 @@ def _narrow(tasks: list[Task]) -> Table:
     from rich.text import Text
 
     from taskspec.cli.console import clean, columns
-    from taskspec.cli.records import defaults, size
+    from taskspec.cli.records import defaults, horizon, size
 
     table = columns("task", "parameters", "size", "horizon", right=(2, 3))
     capability = lambda task: str(task.surface.data.get("capability") or "other")  # noqa: E731
     for title, members in groupby(tasks, capability):
         table.add_row(Text(clean(title), style="title"))
         for task in members:
-            table.add_row(Text(f"  {task.id}", style="name"), defaults(task), size(task), _horizon(task))
+            table.add_row(Text(f"  {task.id}", style="name"), defaults(task), size(task), horizon(task))
     return table
-
-
-def _horizon(task: Task) -> str:
-    return "none" if task.horizon is None else f"{task.horizon:,}"
 
 
 def _style(task: Task) -> str:

@@ -31,10 +31,12 @@ class Finding:
 
     @property
     def claims_words(self) -> str:
-        """`8 proved`, or what became of them otherwise."""
-        failed = self.claims - self.proved - self.supported
-        parts = ((self.proved, "proved"), (self.supported, "tested"), (failed, "failed"))
-        return ", ".join(f"{n} {what}" for n, what in parts if n)
+        """`8 proved`, or what became of them otherwise; `3 (2 tested)` are three of which one is proved."""
+        if self.claims > self.proved + self.supported:
+            return f"{self.claims - self.proved - self.supported} failed"
+        if self.proved and self.supported:
+            return f"{self.claims} ({self.supported} tested)"
+        return f"{self.proved} proved" if self.proved else f"{self.supported} tested" if self.supported else ""
 
 
 def examine(task: Task, ranges: bool = True, claims: bool = True) -> Finding:

@@ -101,6 +101,10 @@ def _short(n: int) -> str:
     return f"{n // 10 ** (digits - 1) / 10:.1f}·10{str(digits).translate(_RAISED)}"
 
 
+def horizon(task: Task) -> str:
+    return "none" if task.horizon is None else f"{task.horizon:,}"
+
+
 def space(layout: Layout) -> dict[str, Any]:
     """A Gymnasium space as data."""
     match layout.form:
