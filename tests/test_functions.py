@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 import pytest
@@ -38,3 +39,19 @@ def test_a_function_of_several_takes_one_vector_too() -> None:
     assert constant("max((3, 1, 2))").value == 3
     assert constant("min((3, 1, 2))").value == 1
     assert constant("concat((3, 1))").flat == (3, 1)
+
+
+@pytest.mark.parametrize(
+    ("expression", "value"),
+    [
+        ("1/3", Fraction(1, 3)),
+        ("1 - 1/3 - 1/6", Fraction(1, 2)),
+        ("-(1/3) * 2", Fraction(-2, 3)),
+        ("1/3 + 0.5", 1 / 3 + 0.5),
+        ("1/0", float("inf")),
+    ],
+)
+def test_fractions_stay_exact_until_they_meet_a_float(expression: str, value: Fraction | float) -> None:
+    found = constant(expression).value
+    assert type(found) is type(value)
+    assert found == value

@@ -21,6 +21,7 @@ N = TypeVar("N", bound=Node)
 MAX_ELEMENTS = 2_000_000
 MAX_NODES = 200_000
 MAX_BITS = 256
+_RATIONAL = ("add", "sub", "mul", "div", "neg")
 
 
 class Builder:
@@ -74,6 +75,9 @@ class Builder:
         if isinstance(result, str):
             raise Refused(result, "E307" if "shape" in result else "E306")
         self._check_size(result.shape)
+        rational = self._fold_rational(name, args, result)
+        if rational is not None:
+            return rational
         args = self._promote(name, args, result)
         if all(isinstance(a, Const) for a in args):
             return self._fold(name, args, result, ())
@@ -191,6 +195,19 @@ class Builder:
         constants = [a for a in args if isinstance(a, Const)]
         flat = apply_flat(name, [c.flat for c in constants], tuple(c.type for c in constants), static, type)
         return self.const(flat[0] if type.is_scalar else flat, type)
+
+    def _fold_rational(self, name: str, args: tuple[Node, ...], result: Type) -> Const | None:
+        """Arithmetic on whole numbers and fractions, which stay exact until they meet a float."""
+        if name not in _RATIONAL or result.kind is not Kind.REAL or not all(isinstance(a, Const) for a in args):
+            return None
+        flats = [a.flat for a in args if isinstance(a, Const)]
+        if any(isinstance(v, float) for flat in flats for v in flat) or (name == "div" and not all(flats[1])):
+            return None
+        fractions = [tuple(Fraction(v) for v in flat) for flat in flats]
+        values = apply_flat(name, fractions, tuple(a.type for a in args), (), result)
+        if any(max(v.numerator.bit_length(), v.denominator.bit_length()) > MAX_BITS for v in values):
+            return None
+        return self.const(values[0] if result.is_scalar else values, result)
 
     def _fold_power(self, base: Const, exponent: Const) -> Const | None:
         b, e = base.value, exponent.value
