@@ -16,6 +16,7 @@ from taskspec.appendix.figures.marks import RADIUS, beside_line, chance, decimal
 from taskspec.appendix.figures.overlay import Overlay
 from taskspec.appendix.figures.scene import (
     Box,
+    Circle,
     Item,
     Label,
     Line,
