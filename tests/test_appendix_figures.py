@@ -70,6 +70,10 @@ def test_wide_families_are_elided_too() -> None:
     assert len(labels(found)) < 40
 
 
+def test_a_knot_is_not_drawn() -> None:
+    assert scene(registry.load(str(ROOT / "tests" / "specs" / "queue.yaml"))) is None
+
+
 def test_small_branching_is_drawn_whole() -> None:
     assert "…" not in labels(drawn("Branching", L=2))
 

@@ -36,6 +36,8 @@ from taskspec.spec.task import Component, Task
 
 DX, DY, SMALL = 1.55, 1.05, 0.28
 LOOPS_UP_TO = 6
+READABLE = 32
+"""More arrows than these make a knot, not a figure."""
 _HIGHLIGHT: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end", "first": "accent", "second": "second"}
 
 
@@ -45,7 +47,9 @@ def graph(task: Task, overlay: Overlay) -> Scene | None:
     if machine is not None and all(t.source == t.target for t in machine.transitions):
         return None  # nothing leads anywhere
     found = drawing(machine) if machine is not None else None
-    return None if machine is None or found is None else _Graph(machine, found, overlay).scene()
+    if machine is None or found is None or len(found.arcs) > READABLE:
+        return None
+    return _Graph(machine, found, overlay).scene()
 
 
 @dataclass(frozen=True)

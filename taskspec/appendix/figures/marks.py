@@ -31,7 +31,7 @@ def decimal(value: float) -> str:
 
 def chance(p: float) -> m.Math:
     """A probability as per cent where that is short, else as a fraction or three digits."""
-    if abs(100 * p - round(100 * p)) < 1e-9:
+    if p >= 0.01 and abs(100 * p - round(100 * p)) < 1e-9:
         return m.Num(f"{round(100 * p)}%")
     ratio = Fraction(p).limit_denominator(99)
     if abs(float(ratio) - p) < 1e-12:
