@@ -21,6 +21,8 @@ N = TypeVar("N", bound=Node)
 MAX_ELEMENTS = 2_000_000
 MAX_NODES = 200_000
 MAX_BITS = 256
+_ROUNDING = ("floor", "ceil", "round")
+"""Operators that leave ints as they are."""
 _RATIONAL = ("add", "sub", "mul", "div", "neg")
 
 
@@ -71,6 +73,8 @@ class Builder:
     def apply(self, name: str, *args: Node) -> Node:
         """An operator of the table on arguments of any kind that promotes."""
         op = OPS[name]
+        if name in _ROUNDING and args[0].type.kind is not Kind.REAL:
+            return self.cast(args[0], Kind.INT)
         result = op.rule(tuple(a.type for a in args))
         if isinstance(result, str):
             raise Refused(result, "E307" if "shape" in result else "E306")
@@ -185,8 +189,8 @@ class Builder:
             return tuple(self.cast(a, kind) for a in args)
         if name == "where":
             return (args[0], *(self.cast(a, result.kind) for a in args[1:]))
-        if name in ("floor", "ceil", "round"):
-            return tuple(self.cast(a, Kind.REAL) for a in args)
+        if name in _ROUNDING:
+            return args
         if name in ("argmin", "argmax"):
             return tuple(self.cast(a, Kind.INT) for a in args)
         return tuple(self.cast(a, result.kind) for a in args)
@@ -250,8 +254,8 @@ class Builder:
                 return self.scalar(False)
             case ("or", (Const(value=True), _)) | ("or", (_, Const(value=True))) if type == BOOL:
                 return self.scalar(True)
-            case "floor" | "ceil" | "round", (Apply(op="to_real", args=(inner,)),):
-                return inner if inner.type == type else self.cast(inner, Kind.INT)
+            case _, (Apply(op="to_real", args=(inner,)),) if name in _ROUNDING:
+                return self.cast(inner, Kind.INT)
             case _:
                 return self._decided(name, args) if type == BOOL else None
 

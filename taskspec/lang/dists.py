@@ -83,7 +83,7 @@ class Dist:
     latex: str
     shaped: bool = True  # takes `shape=`
     scipy: str | None = None  # the scipy.stats reference, with arguments as below
-    samples: tuple[Mapping[str, float], ...] = ()
+    samples: tuple[Mapping[str, float | tuple[float, ...]], ...] = ()
 
 
 def _uniform(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
@@ -138,30 +138,30 @@ DISTS: dict[str, Dist] = {
     for d in (
         Dist("Uniform", (Argument("low"), Argument("high")), _uniform,
              "Uniform real between `low` and `high`; `Uniform({a, b, ...})` is uniform over a finite set.",
-             r"\operatorname{Unif}({low}, {high})", scipy="uniform", samples=({"low": -1, "high": 3},)),
+             r"\operatorname{Unif}({low}, {high})", scipy="uniform", samples=({"low": -1, "high": 3}, {"low": 2.5, "high": 2.5})),
         Dist("UniformInt", (Argument("low"), Argument("high")), _uniform_int,
              "Uniform integer from `low` to `high`, both included.",
-             r"\operatorname{Unif}\{{low}, \ldots, {high}\}", samples=({"low": -2, "high": 5},)),
+             r"\operatorname{Unif}\{{low}, \ldots, {high}\}", samples=({"low": -2, "high": 5}, {"low": 3, "high": 3})),
         Dist("Normal", (Argument("mean", 0), Argument("std", 1)), _normal, "Normal (Gaussian) real.",
-             r"\mathcal{N}({mean}, {std}^2)", scipy="norm", samples=({"mean": 1, "std": 2},)),
+             r"\mathcal{N}({mean}, {std}^2)", scipy="norm", samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0})),
         Dist("Bernoulli", (Argument("p"),), _bernoulli, "A condition that holds with probability `p`.",
-             r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3},)),
+             r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
         Dist("Exponential", (Argument("rate", 1),), _exponential, "Exponential real with mean 1/`rate`.",
              r"\operatorname{Exp}({rate})", scipy="expon", samples=({"rate": 2},)),
         Dist("Poisson", (Argument("rate"),), _poisson, "Number of events at a mean of `rate`.",
-             r"\operatorname{Poisson}({rate})", scipy="poisson", samples=({"rate": 4},)),
+             r"\operatorname{Poisson}({rate})", scipy="poisson", samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
         Dist("Dirichlet", (Argument("alpha", vector=True),), _dirichlet,
              "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
-             shaped=False),
+             shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
         Dist("Permutation", (Argument("n", static=True),), _permutation,
              "A uniform permutation of 0, ..., n - 1; `shape=` gives one in each place.",
-             r"\operatorname{Perm}({n})"),
+             r"\operatorname{Perm}({n})", samples=({"n": 5}, {"n": 1})),
     )
 }  # fmt: skip
 
 CATEGORICAL = Dist(
     "Categorical", (Argument("p"),), lambda b, a, shape: b.draw("categorical", (a["p"],), Type(Kind.INT, shape)),
     "`Categorical({value: p, ...})` draws a value; `Categorical(p)` with a vector of probabilities draws an index.",
-    r"\operatorname{Categorical}({p})",
+    r"\operatorname{Categorical}({p})", samples=({"p": (0.25, 0.0, 0.75)}, {"p": (0.5, 0.5)}, {"p": (1.0,)}),
 )  # fmt: skip
 DIST_NAMES = (*DISTS, CATEGORICAL.name)

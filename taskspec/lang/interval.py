@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from taskspec.lang import reference
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, children, walk
 from taskspec.lang.types import Kind
 
@@ -61,7 +62,7 @@ def _draw_bounds(base: str, node: Draw, args: list[Interval]) -> Interval:
         case "categorical":
             return (0, node.args[0].type.shape[-1] - 1)
         case "permutation":
-            return (0, max(0, node.type.shape[0] - 1))
+            return (0, max(0, node.type.shape[-1] - 1))
         case "normal":
             return (-NORMAL_REACH, NORMAL_REACH)
         case "poisson" | "exponential" | "gamma":
@@ -89,8 +90,11 @@ def _quotient(args: list[Interval], node: Any) -> Interval:
 
 
 def _floor_quotient(args: list[Interval], node: Any) -> Interval:
-    low, high = _quotient(args, node)
-    return (math.floor(low) if math.isfinite(low) else low), (math.floor(high) if math.isfinite(high) else high)
+    (a, b), (c, d) = args
+    if c <= 0 <= d or not all(map(math.isfinite, (a, b, c, d))):
+        return EVERYTHING
+    corners = [a // c, a // d, b // c, b // d]
+    return min(corners), max(corners)
 
 
 def _remainder(args: list[Interval], node: Any) -> Interval:
@@ -130,12 +134,34 @@ def _total(args: list[Interval], node: Any) -> Interval:
     return _mul(args[0][0], n), _mul(args[0][1], n)
 
 
-def _monotone(function: Callable[[float], float]) -> Callable[[list[Interval], Any], Interval]:
+def _to_int(function: Callable[[float], int]) -> Callable[[list[Interval], Any], Interval]:
+    """Of a monotone function to ints, 0 for nan: saturating where the bounds are finite."""
+
     def rule(args: list[Interval], node: Any) -> Interval:
         ((a, b),) = args
-        return (function(a) if math.isfinite(a) else a), (function(b) if math.isfinite(b) else b)
+        low, high = (function(x) if math.isfinite(x) else x for x in (a, b))
+        return (min(low, 0), max(high, 0)) if _may_be_nan(node.args[0], args[0]) else (low, high)
 
     return rule
+
+
+def _may_be_nan(node: Node, edge: Interval) -> bool:
+    """Whether a value within bounds may also be nan; not tight."""
+    return node.type.kind is Kind.REAL and (not all(map(math.isfinite, edge)) or any(map(_makes_nan, walk([node]))))
+
+
+def _makes_nan(node: Node) -> bool:
+    match node:
+        case Const():
+            return not all(math.isfinite(v) for v in node.flat)
+        case Read():
+            return node.type.kind is Kind.REAL and not (math.isfinite(node.low) and math.isfinite(node.high))
+        case Apply(op="div", args=(_, Const() as divisor)):
+            return 0 in divisor.flat
+        case Apply(op=op):
+            return op in ("div", "floordiv", "mod", "pow", "log", "sqrt") and node.type.kind is Kind.REAL
+        case _:
+            return False
 
 
 def _same(args: list[Interval], node: Any) -> Interval:
@@ -151,16 +177,13 @@ _RULES: dict[str, Callable[[list[Interval], Any], Interval]] = {
     "floordiv": _floor_quotient,
     "mod": _remainder,
     "abs": _magnitude,
-    "sign": lambda a, n: (
-        -1 if a[0][0] < 0 else 0 if a[0][0] == 0 else 1,
-        1 if a[0][1] > 0 else min(0, a[0][1]),
-    ),
+    "sign": _to_int(reference.sign),
     "min2": lambda a, n: _extreme(min, a, n),
     "max2": lambda a, n: _extreme(max, a, n),
     "where": _chosen,
-    "floor": _monotone(math.floor),
-    "ceil": _monotone(math.ceil),
-    "round": _monotone(round),
+    "floor": _to_int(reference.floor),
+    "ceil": _to_int(reference.ceil),
+    "round": _to_int(reference.round_),
     "to_int": _same,
     "to_real": _same,
     "sqrt": lambda a, n: (

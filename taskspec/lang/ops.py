@@ -76,6 +76,9 @@ def _arithmetic(types: tuple[Type, ...]) -> Kind:
 arithmetic = _elementwise(_arithmetic)
 real = _elementwise(lambda types: Kind.REAL)
 to_integer = _elementwise(lambda types: Kind.INT)
+truth = _elementwise(
+    lambda types: Kind.INT if types[0].kind is Kind.BOOL else f"a condition is needed, not {_a(types[0])}"
+)
 compare = _elementwise(lambda types: Kind.BOOL)
 
 
@@ -218,7 +221,7 @@ TABLE: tuple[Op, ...] = (
     Op("ceil", to_integer, ref.ceil, "ceil({0})", "rt.to_int(xp.ceil({0}))", "Rounded up, as an int.", _REALS),
     Op("round", to_integer, ref.round_, "round_({0})", "rt.to_int(xp.round({0}))",
        "Rounded to the nearest int, halves to even.", (*_REALS, (0.5,), (1.5,), (-2.5,))),
-    Op("to_int", to_integer, ref.to_int, "(1 if {0} else 0)", "rt.as_int({0})", "A condition as 0 or 1.",
+    Op("to_int", truth, ref.to_int, "(1 if {0} else 0)", "rt.as_int({0})", "A condition as 0 or 1.",
        ((True,), (False,))),
     Op("to_real", real, ref.to_real, "float({0})", "rt.as_real({0})", "An int or a condition as a real.",
        ((True,), (False,), (3,), (-4,))),

@@ -59,11 +59,11 @@ def mod(a: Number, b: Number) -> Number:
 def pow_(a: Number, b: Number) -> float:
     try:
         return math.pow(a, b)
-    except OverflowError:
+    except (OverflowError, ValueError):
+        if a != 0 and not (float(b).is_integer() or a > 0):
+            return math.nan
         odd = float(b).is_integer() and b % 2 == 1
-        return -math.inf if a < 0 and odd else math.inf
-    except ValueError:
-        return math.inf if a == 0 else math.nan
+        return math.copysign(math.inf, a) if odd else math.inf
 
 
 def abs_(a: Number) -> Number:

@@ -7,6 +7,7 @@ Vectors are nested by rows; flat tuples are row-major.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -27,12 +28,16 @@ def strided(shape: tuple[int, ...]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """One operator: result type from argument types and static values; reference on flat row-major tuples."""
+    """One operator: result type from argument types and static values; reference on flat row-major tuples.
+
+    `samples` are arguments (numbers, or tuples nested by rows) and static values on which every form is tested.
+    """
 
     name: str
     rule: Callable[[tuple[Type, ...], tuple[int, ...]], Type]
     reference: Callable[[Sequence[Flat], tuple[Type, ...], tuple[int, ...]], Flat]
     doc: str
+    samples: tuple[tuple[tuple[Any, ...], tuple[int, ...]], ...]
 
 
 def _rows(flat: Flat, shape: tuple[int, ...]) -> list[Flat]:
@@ -84,31 +89,47 @@ def _swap(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]
     return _join(rows)
 
 
+_V, _R, _M = (3, -1, 2, 7), (0.5, -2.0, math.nan, 1.5), ((1, 2), (3, 4), (5, 6))
+_LONG = tuple(range(40, 0, -2))
+_WIDE = tuple(tuple(range(i, i + 20)) for i in range(3))
+
 STRUCTURES: dict[str, Structure] = {
     entry.name: entry
     for entry in (
-        Structure("vector", _vector_type, lambda a, t, s: _join(a), "Arguments of one shape, stacked."),
-        Structure("concat", _concat_type, lambda a, t, s: _join(a), "Arguments laid end to end."),
+        Structure("vector", _vector_type, lambda a, t, s: _join(a), "Arguments of one shape, stacked.",
+                  (((1, 2, 3), ()), ((_V, _R), ()), ((_M, _M), ()), ((_LONG, _LONG), ()), ((True, 0.5), ()))),
+        Structure("concat", _concat_type, lambda a, t, s: _join(a), "Arguments laid end to end.",
+                  (((_V, (9,)), ()), ((_M, _M), ()), ((_R, _LONG), ()), ((_LONG, _V), ()))),
         Structure(
             "slice", lambda t, s: Type(t[0].kind, (s[1], *t[0].shape[1:])), _slice,
             "Static (start, count, step) along the first axis.",
+            (((_V,), (1, 2, 1)), ((_V,), (3, 4, -1)), ((_M,), (2, 2, -2)), ((_LONG,), (0, 7, 3)), ((_LONG,), (19, 20, -1)),
+             ((_WIDE,), (2, 3, -1)), ((_WIDE,), (1, 2, 1))),
         ),
         Structure(
             "element", lambda t, s: Type(t[0].kind, t[0].shape[1:]),
             lambda a, t, s: _rows(a[0], t[0].shape)[s[0]], "Static (index,) along the first axis.",
+            (((_V,), (2,)), ((_M,), (1,)), ((_LONG,), (19,)), ((_WIDE,), (2,))),
         ),
-        Structure("reshape", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0], "The same elements, in shape `static`."),
+        Structure("reshape", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0], "The same elements, in shape `static`.",
+                  (((_V,), (2, 2)), ((_M,), (6,)), ((_LONG,), (5, 4)), ((2.5,), (1,)))),
         Structure(
             "fill", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0] * Type(Kind.INT, s).size,
-            "A scalar repeated in shape `static`.",
+            "A scalar repeated in shape `static`.", (((2,), (3,)), ((math.nan,), (2, 2)), ((True,), (30,))),
         ),
         Structure(
             "position", lambda t, s: Type(Kind.INT, t[0].shape),
             lambda a, t, s: tuple(position(i, s[0]) for i in a[0]),
             "An index brought into range(static[0]): from the end when negative, then clamped.",
+            (*(((i,), (3,)) for i in (-4, -3, -1, 0, 2, 3, 99)), ((_V,), (3,)), ((_LONG,), (7,))),
         ),
-        Structure("index", _index_type, _index, "Rows of the first argument at the indices of the second."),
-        Structure("put", _put_type, _put, "The vector with the element at an index replaced."),
-        Structure("swap", lambda t, s: t[0], _swap, "The vector with two elements exchanged."),
+        Structure("index", _index_type, _index, "Rows of the first argument at the indices of the second.",
+                  (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
+                   ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ()))),
+        Structure("put", _put_type, _put, "The vector with the element at an index replaced.",
+                  (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
+                   ((_WIDE, 1, _LONG), ()))),
+        Structure("swap", lambda t, s: t[0], _swap, "The vector with two elements exchanged.",
+                  (((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ()))),
     )
 }  # fmt: skip
