@@ -152,7 +152,8 @@ class Evaluator:
             if name == "expert_return" and self.results.task.expert is None:
                 raise Unfit("the spec gives no expert", expr)
             why = self.results.why_not or "its range of actions has no end"
-            raise Undecidable(f"'{name}' needs an exact model, and there is none: {why}", expr)
+            lack = "cannot be worked out" if self.results.model else "needs an exact model, and there is none"
+            raise Undecidable(f"'{name}' {lack}: {why}", expr)
         if not found.exact and found.episodes < self.episodes:
             self.results = Results(self.results.task, self.episodes)
             return self._return(name, expr)

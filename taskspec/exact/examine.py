@@ -24,6 +24,7 @@ Array = np.ndarray[Any, Any]
 BATCH = 65_536
 MOST_WORDS = 2_000_000
 FEW_OUTCOMES = 64
+STARTS = 1024
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,8 @@ class Examination:
         if not self.phase.checks:
             return Method(True, 0)
         if self.phase.name == "start":
-            return Method(self.phase.exact, int(max(1, min(count(self.phase.draws, {}), 1e12))))
+            exact = self.phase.exact and len(self.enumerated) == len(self.phase.draws)
+            return Method(exact, int(max(1, count(self.phase.draws, {}))) if exact else STARTS)
         points = self.phase.points
         exact = self.phase.exact and len(self.enumerated) == len(self.phase.draws)
         states = points.states.size if isinstance(points, Grid) else None
@@ -61,7 +63,7 @@ class Examination:
 
     def batches(self) -> Iterator[Batch]:
         if self.phase.name == "start":
-            lanes = 1 if len(self.enumerated) == len(self.phase.draws) else 1024
+            lanes = 1 if len(self.enumerated) == len(self.phase.draws) else STARTS
             yield Batch({}, lanes, None)
             return
         outcomes = max(1.0, count(self.enumerated, {}))

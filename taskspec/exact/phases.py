@@ -60,7 +60,7 @@ class Check:
         high = np.array(self.high if shape else self.high[0]).reshape(*shape, 1)
         if self.node.type.kind is not Kind.REAL:
             return np.asarray(((value < low) | (value > high)).any(axis=axes))
-        slack = 1e-9 * (1 + np.abs(np.where(np.isfinite(value), value, 0)))
+        slack = (1e-6 if self.code == "E401" else 1e-9) * (1 + np.abs(np.where(np.isfinite(value), value, 0)))
         inside = (value >= low - slack) & (value <= high + slack) & np.isfinite(value)
         return np.asarray((~inside).any(axis=axes))
 
@@ -105,7 +105,7 @@ def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> Phase:
         grid = Grid(Space(task.state, Role.STATE), actions, times)
         if grid.size * outcomes <= limit:
             return Phase(task, name, left, grid, True)
-    given = visited(task, left_over=name == "step") if left else None
+    given = visited(task) if left else None
     components = [(Role.STATE, c) for c in task.state] + [(Role.ACTION, c) for c in task.action]
     return Phase(task, name, left, Samples(tuple(components), _times(task, name), given), not left)
 

@@ -83,7 +83,12 @@ class Grid:
 
 @dataclass(frozen=True)
 class Samples:
-    """Sampled points: of the declared domains (their ends more often than not), and given ones."""
+    """Points that episodes visit, and samples of the declared domains with their ends more often than not.
+
+    The domain of a real value says where it lies, but not what holds between several (a point on a
+    circle, probabilities that sum to 1). States with one among others are therefore taken from
+    episodes alone, and their actions sampled anew.
+    """
 
     components: tuple[tuple[Role, Component], ...]
     times: range | None
@@ -99,13 +104,17 @@ class Samples:
         return 0 if self.given is None else max(v.shape[-1] for v in self.given.values())
 
     def batches(self, most: int) -> Iterator[Batch]:
+        if self.given is None:
+            return
         rng = np.random.default_rng(self.seed)
+        yield from _parts(self.given, self._given_count, most)
         reads = {(role, c.name): sampled(c, SAMPLES, rng) for role, c in self.components}
-        if self.times is not None:
-            reads[TIME] = rng.integers(self.times.start, self.times.stop, SAMPLES)
+        reads[TIME] = rng.integers(*((0, 1) if self.times is None else (self.times.start, self.times.stop)), SAMPLES)
+        state = [c for role, c in self.components if role is Role.STATE]
+        if any(c.type.kind is Kind.REAL for c in state) and sum(c.type.size for c in state) > 1:
+            lanes = rng.integers(0, self._given_count, SAMPLES)
+            reads |= {k: v[..., lanes] for k, v in self.given.items() if k[0] is not Role.ACTION}
         yield from _parts(reads, SAMPLES, most)
-        if self.given is not None:
-            yield from _parts(self.given, self._given_count, most)
 
 
 def _parts(reads: Reads, lanes: int, most: int) -> Iterator[Batch]:

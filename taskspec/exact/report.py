@@ -21,6 +21,8 @@ from taskspec.exact.soundness import check_ranges, examine
 from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
+MODERATE = 4_000_000
+"""Entries up to which a model is extracted for warnings alone."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: b
     if not is_installed("scipy"):
         skipped = 'sense and claims need scipy: pip install "taskspec[exact]"' if with_sense or claims else None
         return Report(task, in_order(found), sound.method, cases, skipped=skipped)
-    results = Results(task)
+    results = Results(task) if task.claims else Results(task, limit=MODERATE)
     said: tuple[Verdict, ...] = ()
     if with_sense:
         found += _sense(task, results)
@@ -75,12 +77,11 @@ def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: b
 
 def _sense(task: Task, results: Results) -> list[Diagnostic]:
     try:
-        found = list(sense(task, results))
         stand_in = results.abstraction
     except SpecError as error:
         return list(error.diagnostics)
     problem = None if stand_in is None else unfaithful(stand_in)
-    return found + ([] if problem is None else [problem])
+    return [*sense(task, results), *([] if problem is None else [problem])]
 
 
 # -- scores ---------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ import numpy as np
 from taskspec.diagnostics import SpecError
 from taskspec.exact import solve
 from taskspec.exact.abstraction import Abstraction, abstraction
-from taskspec.exact.extract import extract
+from taskspec.exact.extract import MAX_ENTRIES, extract
 from taskspec.exact.failure import refuse
 from taskspec.exact.model import Model
 from taskspec.exact.plans import Plan, expert_plan, uniform_plan
@@ -59,8 +59,9 @@ class Results:
     `model` is that of the task or of its abstraction, or None; `why_not` then says why.
     """
 
-    def __init__(self, task: Task, episodes: int = EPISODES, seed: int = 0) -> None:
-        self.task, self.episodes, self.seed = task, episodes, seed
+    def __init__(self, task: Task, episodes: int = EPISODES, seed: int = 0, limit: int = MAX_ENTRIES) -> None:
+        self.task, self.episodes, self.seed, self.limit = task, episodes, seed, limit
+        self.unsettled: str | None = None
 
     @cached_property
     def abstraction(self) -> Abstraction | None:
@@ -70,7 +71,7 @@ class Results:
     def _extracted(self) -> Model | SpecError:
         found = self.abstraction
         try:
-            return extract(self.task if found is None else found.stand_in)
+            return extract(self.task if found is None else found.stand_in, limit=self.limit)
         except SpecError as error:
             if any(d.code == "E705" for d in error.diagnostics):
                 raise
@@ -82,25 +83,25 @@ class Results:
 
     @property
     def why_not(self) -> str | None:
-        """Why there is no exact model, in words; None when there is one."""
+        """Why there is no exact model, or why some value on it does not exist, in words; None when all is well."""
         found = self._extracted
-        return None if isinstance(found, Model) else found.diagnostics[0].message
+        return self.unsettled if isinstance(found, Model) else found.diagnostics[0].message
 
     # -- returns ----------------------------------------------------------------------------------
 
     @cached_property
     def optimal(self) -> Return | None:
-        return None if self.model is None else Return(solve.optimal_return(self.model))
+        return self._solved(solve.optimal_return)
 
     @cached_property
     def worst(self) -> Return | None:
-        return None if self.model is None else Return(solve.worst_return(self.model))
+        return self._solved(solve.worst_return)
 
     @cached_property
     def random(self) -> Return | None:
         """Of uniformly random actions; None where the action has no finite range."""
         if self.model is not None:
-            return Return(solve.random_return(self.model))
+            return self._solved(solve.random_return)
         ends = [v for c in self.task.action for v in (*c.low, *c.high)]
         return self.simulated(at_random(self.task)) if all(map(math.isfinite, ends)) else None
 
@@ -109,13 +110,25 @@ class Results:
         """Of the spec's expert; None where there is none, or it cannot be worked out."""
         plan = self.expert_plan
         if plan is not None and self.model is not None:
-            return Return(solve.policy_return(self.model, plan))
+            return self._solved(lambda model: solve.policy_return(model, plan))
         return self.simulated(by_expert(self.task)) if isinstance(self.task.expert, tuple) else None
+
+    def _solved(self, how: Callable[[Model], float]) -> Return | None:
+        """A return on the model; None where there is none, or where it is infinite for want of a horizon."""
+        try:
+            return None if self.model is None else Return(how(self.model))
+        except SpecError as error:
+            self.unsettled = error.diagnostics[0].message
+            return None
 
     @cached_property
     def expert_plan(self) -> Plan | None:
-        """The expert as probabilities of actions in the model."""
-        return None if self.model is None else expert_plan(self.model)
+        """The expert as probabilities of actions in the model; None where there is none."""
+        try:
+            return None if self.model is None else expert_plan(self.model)
+        except SpecError as error:
+            self.unsettled = error.diagnostics[0].message
+            return None
 
     @property
     def random_plan(self) -> Plan | None:

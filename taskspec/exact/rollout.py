@@ -121,11 +121,11 @@ def by_expert(task: Task) -> Choose:
 LANES, STEPS = 64, 60
 
 
-def visited(task: Task, left_over: bool = True) -> Mapping[Key, Array]:
-    """States, actions and times of a few episodes at random and, if there is one, by the expert."""
+def visited(task: Task) -> Mapping[Key, Array]:
+    """States, actions and times of a few episodes: at random, by holding on to an action, and by the expert."""
     parts = []
     rng = np.random.default_rng(0)
-    everyone = [sampled_actions(task)] + ([by_expert(task)] if isinstance(task.expert, tuple) else [])
+    everyone = [sampled_actions(task), _held(task)] + ([by_expert(task)] if isinstance(task.expert, tuple) else [])
     for choose in everyone:
         rollout = Rollout(task, LANES)
         state = rollout.start()
@@ -137,6 +137,19 @@ def visited(task: Task, left_over: bool = True) -> Mapping[Key, Array]:
                 break
             state = {n: np.where(moved.terminal, state[n], moved.state[n]) for n in state}
     return columns(parts)
+
+
+def _held(task: Task) -> Choose:
+    """One action for each lane, the same at all times: it drives states to where they end up."""
+    actions = sampled_actions(task)
+    chosen: list[Mapping[str, Array]] = []
+
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        if not chosen:
+            chosen.append(actions(state, t, rng))
+        return chosen[0]
+
+    return choose
 
 
 def sampled_actions(task: Task) -> Choose:

@@ -254,6 +254,8 @@ def hidden_goal(case: Case, collector: Collector) -> None:
     seen = _first_looks(model, first)
     if seen is None or len(np.unique(seen, axis=0)) == len(first):
         return
+    if case.results.optimal is None:
+        return
     good = solve.ties(solve.all_action_values(model)[0])[:, first]
     _, group = np.unique(seen, axis=0, return_inverse=True)
     group = group.reshape(-1)
