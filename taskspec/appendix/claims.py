@@ -31,6 +31,10 @@ def sentence(w: Writing, expr: s.Expr) -> Inlines:
             return (_truth(w, what), Text(" can be reached"))
         case s.Unary(op="not", operand=s.Call(function="reachable", args=(what,))):
             return (_truth(w, what), Text(" cannot be reached"))
+        case s.Call(function="influences", args=(cause, effect)):
+            return (_truth(w, cause), Text(" has an effect on "), _truth(w, effect))
+        case s.Unary(op="not", operand=s.Call(function="influences", args=(cause, effect))):
+            return (_truth(w, cause), Text(" has no effect on "), _truth(w, effect))
         case s.Unary(op="not", operand=operand):
             return (Text("it is not so that "), *sentence(w, operand))
         case s.Logical(op=op, operands=operands):

@@ -83,6 +83,9 @@ def _scores(facts: Facts) -> Iterator[Line]:
         if score.exact:
             yield Line((Text(f"{name} "), Formula(number(score.value))))
             continue
+        if score.error == 0:
+            yield Line((Text(f"{name} "), Formula(number(round(score.value, 6))), Text(f" (in all of {score.episodes} episodes)")))
+            continue
         value, error = _rounded(score.value, score.error)
         yield Line((Text(f"{name} "), Formula(value), Text(" ± "), Formula(error), Text(f" (from {score.episodes} episodes)")))
     if facts.states is not None:
@@ -92,7 +95,7 @@ def _scores(facts: Facts) -> Iterator[Line]:
 def _rounded(value: int | float | Fraction, error: float) -> tuple[m.Math, m.Math]:
     """An estimate and its standard error, to two digits of the error."""
     if not 0 < error < math.inf:
-        return number(round(float(value), 6)), number(0 if error == 0 else float(error))
+        return number(round(float(value), 6)), number(float(error))
     digits = max(0, 1 - math.floor(math.log10(error)))
     sign = (m.Sym("−"),) if value < 0 else ()
     return m.row(*sign, m.Num(f"{abs(value):.{digits}f}")), m.Num(f"{error:.{digits}f}")

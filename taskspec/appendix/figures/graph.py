@@ -36,7 +36,7 @@ from taskspec.spec.task import Component, Task
 
 DX, DY, SMALL = 1.55, 1.05, 0.28
 LOOPS_UP_TO = 6
-READABLE = 32
+READABLE = 28
 """More arrows than these make a knot, not a figure."""
 _HIGHLIGHT: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end", "first": "accent", "second": "second"}
 
