@@ -10,6 +10,7 @@ import pytest
 from taskspec import source
 from taskspec.diagnostics import SpecError
 from taskspec.exact.claims import Verdict, verdicts
+from taskspec.exact.vocabulary import FUNCTIONS, MODELS, RESULTS
 from taskspec.spec.build import build
 from taskspec.spec.merge import variant_names
 from taskspec.spec.task import Task
@@ -166,6 +167,25 @@ def test_what_is_not_a_claim(claim: str, message: str) -> None:
     assert found.diagnostic is not None
     assert found.diagnostic.code == "E603"
     assert message in found.diagnostic.message
+
+
+def test_everything_in_the_vocabulary_is_understood() -> None:
+    for name in RESULTS:
+        assert verdict(f"{name} > -1").status == "proved"
+    examples = {
+        "reachable": "reachable(s == 1)",
+        "probability": "probability(s == 1, under=expert) == 1",
+        "prefers": "prefers(optimal, a == go, at=s == 2 and t == T - 1)",
+        "influences": "influences(a, s)",
+        "abs": "abs(0 - optimal_return) == 1",
+    }
+    assert examples.keys() == FUNCTIONS.keys()
+    for claim in examples.values():
+        assert verdict(claim).status == "proved"
+    for word in MODELS.values():
+        for written in word.written.split(", "):
+            model = written.replace("beta", "2").replace("shift", "1/2")
+            assert verdict(f"probability(s == n, under={model}) <= 1").status == "proved"
 
 
 def test_claims_by_simulation() -> None:

@@ -288,5 +288,7 @@ def test_the_benchmark_agrees_with_plain_loops() -> None:
     found = [benchmark.ours(45, 60), benchmark.loops(45, 60)]
     assert found[0].value == pytest.approx(found[1].value, abs=1e-12)
     assert "plain Python" in benchmark.table(found)
+    other = benchmark.storm(45, 60)
+    assert other is None or other.value == pytest.approx(found[0].value, abs=1e-9)
     assert benchmark.memory(exact.extract(benchmark.grid(45))) < 2**20
     assert benchmark.record(found)[0]["total"] == found[0].total

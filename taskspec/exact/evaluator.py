@@ -1,18 +1,8 @@
-"""Evaluates the expression of a claim about one task.
+"""Evaluates the expression of a claim about one task. What claims may say is in `exact.vocabulary`.
 
-Names: `optimal_return`, `random_return`, `worst_return`, `expert_return`, `states` (those that
-episodes can be in), `actions`, and the parameters and constants of the spec. Functions of results:
-
-- `reachable(condition)`: some episode is in such a state at some time, its last state included.
-- `probability(condition)`: how likely an episode is ever in such a state; of uniformly random
-  actions, or `under=` another decision model.
-- `prefers(model, condition, at=condition)`: in every state that fulfils `at` and in which an episode
-  acts, the actions that the model takes most often fulfil the condition. Where it is indifferent
-  (as when nothing depends on the last action) nothing is asked, but in each such state it must
-  prefer at some time. `t` may be used in both conditions.
-
-  With `under:` beside the claim the model is left out: `prefers(condition, at=condition)`.
-- `influences(a, s)`: the action component can change the next value of the state component.
+Anything made of parameters and constants alone is checked and folded as everywhere in the language.
+With `under:` beside the claim, that is the decision model: `probability(condition)` is asked under
+it, and `prefers(condition, at=condition)` leaves the model out.
 """
 
 from __future__ import annotations
@@ -37,6 +27,7 @@ from taskspec.exact.models import model_named
 from taskspec.exact.plans import Plan
 from taskspec.exact.returns import Results, Return
 from taskspec.exact.solve import visit_probability
+from taskspec.exact.vocabulary import RESULTS
 from taskspec.lang import syntax as s
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Const
@@ -44,7 +35,7 @@ from taskspec.lang.parse import parse_into
 from taskspec.lang.types import Refused
 
 Array = np.ndarray[Any, Any]
-RETURNS = ("optimal_return", "random_return", "worst_return", "expert_return")
+RETURNS = tuple(name for name in RESULTS if name.endswith("_return"))
 
 
 @dataclass(frozen=True, slots=True)

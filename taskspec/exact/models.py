@@ -9,6 +9,7 @@ from taskspec.exact import plans
 from taskspec.exact.claim_values import Number, Unfit
 from taskspec.exact.plans import Plan
 from taskspec.exact.returns import Results
+from taskspec.exact.vocabulary import MODELS
 from taskspec.lang import syntax as s
 
 _PLAIN: dict[str, Callable[[Any], Plan]] = {
@@ -22,7 +23,6 @@ _WITH_NUMBER: dict[str, Callable[[Any, float], Plan]] = {
     "maxent": plans.maxent_plan,
     "zero_terminal_value": plans.zero_terminal_value_plan,
 }
-NAMES = ("optimal", "soft(beta)", "maxent", "zero_terminal_value", "uniform", "expert")
 
 
 def model_named(
@@ -51,4 +51,6 @@ def model_named(
         case s.Call(function=name, args=(argument,)) if name in _WITH_NUMBER:
             return _WITH_NUMBER[name](model(expr), float(number(argument).value))
         case _:
-            raise Unfit(f"a decision model is one of {', '.join(NAMES)}", expr)
+            raise Unfit(
+                f"a decision model is one of {', '.join(w.written.split(', ')[0] for w in MODELS.values())}", expr
+            )

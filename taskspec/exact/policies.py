@@ -152,14 +152,24 @@ class Expert:
             episode_start: (N,) whether an episode begins with this observation.
             deterministic: take the most likely action instead of drawing one.
         """
-        single = not isinstance(observation, dict) and np.ndim(observation) == len(self.observation.shape)
-        batch = [observation] if single else list(observation)
+        single, batch = self._split(observation)
         steps = np.zeros(len(batch), np.int64) if state is None else np.asarray(state[0]).copy()
         if episode_start is not None:
             steps[np.asarray(episode_start, np.bool_).reshape(-1)] = 0
         actions = [self._choose(one, int(t), deterministic) for one, t in zip(batch, steps, strict=True)]
         packed = [_spaces().pack(self.action, action) for action in actions]
         return (packed[0] if single else np.stack(packed)), (steps + 1,)
+
+    def _split(self, observation: Any) -> tuple[bool, list[Any]]:
+        """Whether this is one observation, and the observations one by one."""
+        if not isinstance(observation, dict):
+            single = np.ndim(observation) == len(self.observation.shape)
+            return single, [observation] if single else list(observation)
+        first = self.observation.components[0]
+        if np.ndim(observation[first.name]) == len(first.type.shape):
+            return True, [observation]
+        lanes = len(observation[first.name])
+        return False, [{name: value[i] for name, value in observation.items()} for i in range(lanes)]
 
     def _choose(self, observation: Any, t: int, deterministic: bool) -> list[tuple[Any, ...]]:
         state = self._state(observation)

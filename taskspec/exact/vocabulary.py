@@ -1,0 +1,75 @@
+"""What claims may say beyond the language itself: results, functions of results, decision models.
+
+The language reference is made from these tables, and the evaluator knows no others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A name with how it is written and what it means."""
+
+    name: str
+    written: str
+    doc: str
+
+
+RESULTS: dict[str, Word] = {
+    w.name: w
+    for w in (
+        Word("optimal_return", "optimal_return", "Expected return of the best policy."),
+        Word("random_return", "random_return", "Expected return of uniformly random actions."),
+        Word("worst_return", "worst_return", "Expected return of the worst policy."),
+        Word("expert_return", "expert_return", "Expected return of the expert."),
+        Word("states", "states", "How many states episodes can be in, the last one of an episode included."),
+        Word("actions", "actions", "How many actions there are."),
+    )
+}
+
+FUNCTIONS: dict[str, Word] = {
+    w.name: w
+    for w in (
+        Word("reachable", "reachable(condition)", "Some episode is ever in a state that fulfils the condition."),
+        Word(
+            "probability", "probability(condition, under=model)",
+            "How likely an episode is ever in such a state; of uniformly random actions unless `under` says otherwise.",
+        ),
+        Word(
+            "prefers", "prefers(model, condition, at=condition)",
+            "In every state that fulfils `at` and in which an episode acts, the actions that the model takes most often "
+            "fulfil the condition. Nothing is asked where it is indifferent, as when nothing depends on the last action, "
+            "but in each such state it must prefer at some time. Both conditions may use `t`.",
+        ),
+        Word(
+            "influences", "influences(action, state)",
+            "The action component can change the next value of the state component.",
+        ),
+        Word("abs", "abs(number)", "Absolute value of a number made of results."),
+    )
+}  # fmt: skip
+
+MODELS: dict[str, Word] = {
+    w.name: w
+    for w in (
+        Word("optimal", "optimal", "Takes the best actions, all of them alike where several are best."),
+        Word(
+            "soft", "soft(beta)",
+            "Causal maximum entropy: actions in proportion to exp(beta Q), where Q counts entropy as well.",
+        ),
+        Word(
+            "maxent", "maxent, maxent(beta)",
+            "Non-causal maximum entropy: whole trajectories in proportion to their probability times exp(beta return), "
+            "as if the outcomes of chance could be chosen. beta is 1 unless given.",
+        ),
+        Word(
+            "zero_terminal_value", "zero_terminal_value, zero_terminal_value(shift)",
+            "Optimal for the reward plus a constant, with nothing to come after a terminal state. A learner that knows "
+            "rewards up to a constant cannot tell the shifts apart.",
+        ),
+        Word("uniform", "uniform", "Uniformly random actions."),
+        Word("expert", "expert", "The expert of the spec."),
+    )
+}  # fmt: skip
