@@ -60,6 +60,15 @@ def test_list_fits_into_80_columns_with_the_capability_as_a_heading() -> None:
     assert "  derail/Branching-v0              L=10 B=2           21 × 2       10" in lines
 
 
+@pytest.mark.parametrize("columns", [110, 120, 160, 300])
+def test_wide_list_shows_every_column_whole_but_the_summary(columns: int) -> None:
+    lines = Done("list", columns=columns).out.splitlines()
+    assert max(map(len, lines)) <= columns
+    row = next(line for line in lines if line.startswith("derail/Branching-v0"))
+    assert row.startswith("derail/Branching-v0              exploration             L=10 B=2           21 × 2       10")
+    assert ("A long path" in row) == (columns > 120)
+
+
 def test_list_takes_folders_suites_files_and_ids_alike() -> None:
     wanted = [entry.id for entry in shipped().values() if entry.path.name == "sort.yaml"]
     for target in (DERAIL / "sort.yaml", "derail/Sort"):

@@ -91,7 +91,7 @@ def table_of(reports: Sequence[Report]) -> Table:
     from taskspec.cli.console import columns
 
     built = any(each.task is not None for report in reports for each in report.tasks)
-    table = columns("", "", *(("sound by", "ranges", "claims") if built else ("", "", "")))
+    table = columns("", "", *(("sound by", "ranges", "claims") if built else ("", "", "")), fold=(1,))
     for report in reports:
         table.add_row(mark(report.diagnostics), Text(report.path, style="title"))
         for each in report.tasks:

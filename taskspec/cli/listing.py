@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 WIDE = 110
 """From this width on, a row has room for everything."""
+ROOM = 40
+"""With less room than this, summaries are left out."""
 
 
 def list_tasks(targets: Targets = None, json: Json = False) -> None:
@@ -31,7 +33,7 @@ def list_tasks(targets: Targets = None, json: Json = False) -> None:
             problems += found.diagnostics
         else:
             tasks.append(found)
-    _print_json(tasks) if json else _print(tasks)
+    _print_json(tasks) if json else _print(_grouped(tasks))
     if problems:
         failures.fail(problems)
 
@@ -49,6 +51,14 @@ def _tasks(targets: list[str]) -> Iterator[Task | SpecError]:
             yield error
 
 
+def _grouped(tasks: list[Task]) -> list[Task]:
+    """Tasks that isolate the same thing side by side, in order of first mention."""
+    order: dict[str, int] = {}
+    for task in tasks:
+        order.setdefault(_words(task, "capability"), len(order))
+    return sorted(tasks, key=lambda task: order[_words(task, "capability")])
+
+
 def _print_json(tasks: list[Task]) -> None:
     from taskspec.cli.console import write_json
     from taskspec.cli.records import record
@@ -60,45 +70,49 @@ def _print(tasks: list[Task]) -> None:
     from taskspec.cli.console import console
 
     out = console(wide=True)
-    out.print(_wide(tasks) if out.width >= WIDE else _narrow(tasks))
+    out.print(_wide(tasks, out.width) if out.width >= WIDE else _narrow(tasks))
     if out.is_terminal:
         files = len({task.document.origin.name for task in tasks})
         out.print(f"\n{len(tasks)} tasks in {files} specs; `taskspec show ID` shows one", style="quiet")
 
 
-def _wide(tasks: list[Task]) -> Table:
-    """One row a task, with everything in it."""
-    from taskspec.cli.console import clean, columns
+def _wide(tasks: list[Task], width: int) -> Table:
+    """One row a task, with as much of its summary as there is room for."""
+    from rich.cells import cell_len
+    from rich.text import Text
+
+    from taskspec.cli.console import columns
     from taskspec.cli.records import defaults, horizon, size
 
-    table = columns("task", "isolates", "parameters", "size", "horizon", "summary", right=(3, 4))
-    table.columns[5].overflow = "ellipsis"
-    for task in tasks:
-        data = task.surface.data
-        table.add_row(
-            f"{task.id}", clean(str(data.get("capability") or "")), defaults(task), size(task), horizon(task),
-            clean(str(data.get("summary") or "")), style=_style(task),
-        )  # fmt: skip
-    table.columns[5].style = "quiet"
+    headers = ("task", "isolates", "parameters", "size", "horizon")
+    rows = [(task.id, _words(task, "capability"), defaults(task), size(task), horizon(task)) for task in tasks]
+    used = sum(2 + max(map(cell_len, column)) for column in zip(headers, *rows, strict=True))
+    room = width - used
+    table = columns(*headers, *(["summary"] if room >= ROOM else []), right=(3, 4), fold=(2,))
     table.columns[0].style = "name"
+    for task, row in zip(tasks, rows, strict=True):
+        summary = Text(_words(task, "summary"), style="quiet")
+        summary.truncate(max(room, 1), overflow="ellipsis")
+        table.add_row(*row, *([summary] if room >= ROOM else []))
     return table
+
+
+def _words(task: Task, key: str) -> str:
+    from taskspec.cli.console import clean
+
+    return clean(str(task.surface.data.get(key) or ""))
 
 
 def _narrow(tasks: list[Task]) -> Table:
     """For 80 columns: the capability is a heading, so that rows have room."""
     from rich.text import Text
 
-    from taskspec.cli.console import clean, columns
+    from taskspec.cli.console import columns
     from taskspec.cli.records import defaults, horizon, size
 
-    table = columns("task", "parameters", "size", "horizon", right=(2, 3))
-    capability = lambda task: str(task.surface.data.get("capability") or "other")  # noqa: E731
-    for title, members in groupby(tasks, capability):
-        table.add_row(Text(clean(title), style="title"))
+    table = columns("task", "parameters", "size", "horizon", right=(2, 3), fold=(1,))
+    for title, members in groupby(tasks, lambda task: _words(task, "capability") or "other"):
+        table.add_row(Text(title, style="title"))
         for task in members:
             table.add_row(Text(f"  {task.id}", style="name"), defaults(task), size(task), horizon(task))
     return table
-
-
-def _style(task: Task) -> str:
-    return "quiet" if task.variant == "seals" else ""
