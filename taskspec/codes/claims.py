@@ -35,7 +35,7 @@ the task finite.
         "a claim that is not a statement",
         """
 A claim is a condition over exact results, such as `optimal_return`, `random_return`, `states` or
-`prefers(...)`, that is true or false.
+`prefers(...)`, that is true or false. The language reference lists everything that a claim may use.
 
 ```yaml
 claims: [optimal_return]           # wrong: a number

@@ -10,9 +10,9 @@ TABLE = (
         "unreachable-states",
         "states that no episode can reach",
         """
-Some states of the declared space are never entered, whatever the actions and the draws. Often a
-bound is too wide or a transition is missing. Harmless when the state space is a box of which only a
-part is used.
+A component of the state never takes some of its values, whatever the actions and the draws, however
+long an episode lasts, and in whichever of the variants under `roles`. Often a bound is too wide or a
+transition is missing. Combinations of values that do not occur together are not reported.
 """,
     ),
     Code(
@@ -29,8 +29,8 @@ would. Check whether the horizon counts steps or states: `L` steps visit `L + 1`
         "constant-reward",
         "a reward that is the same whatever happens",
         """
-On every episode that can occur the reward is the same in each step. The task cannot tell a good
-policy from a bad one.
+On every episode that can occur the reward is the same in each step, and it makes no difference how
+many steps there are. The task cannot tell a good policy from a bad one.
 """,
     ),
     Code(
@@ -65,7 +65,8 @@ it. Remove it, or find the expression that forgot it.
         "an expert below the optimum",
         """
 The expert's expected return is below the best possible one. If that is intended, say so with a
-claim, such as `expert_return < optimal_return`.
+claim, such as `expert_return < optimal_return`. Where there is no exact model, the warning is given
+when random actions return more than the expert does, in simulated episodes.
 """,
     ),
     Code(
@@ -73,7 +74,8 @@ claim, such as `expert_return < optimal_return`.
         "reward-in-observation",
         "a reward that the observation gives away",
         """
-The reward can be read off the next observation, in a task that is meant to hide it.
+A component of the observation is the reward of the step before, which a learner that is to infer the
+reward should not see. Rewards that chance decides are passed over: they can only be known by being shown.
 """,
     ),
     Code(
@@ -81,8 +83,8 @@ The reward can be read off the next observation, in a task that is meant to hide
         "goal-not-observable",
         "a goal that the observation does not show",
         """
-Two states that look the same to the agent, and that both begin episodes, need different actions to
-succeed. No policy of the observation can do well in both.
+Two states that both begin episodes look the same to the agent, noise apart, and no action is best in
+both. No policy of the observation can do well in both.
 """,
     ),
 )
