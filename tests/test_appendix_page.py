@@ -101,6 +101,21 @@ def test_values_stand_beside_the_symbols() -> None:
     assert [words(v) for v in horizon.lines[0].values] == ["5", "2"]
 
 
+def test_values_are_printed_in_every_format(tmp_path: Path) -> None:
+    write([registry.load("derail/Branching-v0")], ["latex", "html", "markdown"], tmp_path, columns=[{"L": 5, "B": 3}])
+    assert r"\taskspecvalues{L = 5, B = 3}{$\mathcal{S} = \{0, \ldots , 15\}$}" in (tmp_path / "branching.tex").read_text()
+    assert 'alttext="S = {0, … , 15}"' in (tmp_path / "branching.html").read_text()
+    assert r"\ldots , 15\rbrace" in (tmp_path / "branching.md").read_text()
+
+
+def test_links_in_the_head_of_a_site(tmp_path: Path) -> None:
+    links = {"Language <reference>": "../language.html", "Trap": "javascript:alert(1)"}
+    write([registry.load("derail/Sort-v0")], ["html"], tmp_path, links=links)
+    text = (tmp_path / "sort.html").read_text()
+    assert '<a href="../language.html">Language &lt;reference&gt;</a>' in text
+    assert "javascript:" not in text
+
+
 def test_make_line_names_what_differs_from_the_defaults() -> None:
     assert page(registry.load("derail/Branching-v0", L=4)).make == 'gymnasium.make("derail/Branching-v0", L=4)'
 
@@ -217,6 +232,21 @@ def test_the_suite_as_pdf(tmp_path: Path) -> None:
     for found in ("Exact scores: optimal return 4", "Configurable parameters", "Horizon: 3M", "References", "DERAIL"):
         assert found in text
     assert "[U+" not in text
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no TeX")
+def test_the_appendix_goes_into_a_paper_of_another_folder(tmp_path: Path) -> None:
+    write([registry.load("derail/RiskyPath-v0"), registry.load("derail/Sort-v0")], ["latex"], tmp_path / "build")
+    paper = (
+        r"\documentclass[twocolumn]{article}\newcommand{\taskspecpath}{build/}\input{build/preamble}"
+        r"\begin{document}Text.\onecolumn\appendix\input{build/appendix}\end{document}"
+    )
+    (tmp_path / "paper.tex").write_text(paper, encoding="utf-8")
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "paper.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, errors="replace", check=False)
+    assert done.returncode == 0, done.stdout[-2000:]
+    assert "Overfull" not in done.stdout
 
 
 def test_a_missing_extra_says_how_to_install_it() -> None:

@@ -84,7 +84,8 @@ def _scores(facts: Facts) -> Iterator[Line]:
             yield Line((Text(f"{name} "), Formula(number(score.value))))
             continue
         if score.error == 0:
-            yield Line((Text(f"{name} "), Formula(number(round(score.value, 6))), Text(f" (in all of {score.episodes} episodes)")))
+            value = number(round(float(score.value), 6))
+            yield Line((Text(f"{name} "), Formula(value), Text(f" (in all of {score.episodes} episodes)")))
             continue
         value, error = _rounded(score.value, score.error)
         yield Line((Text(f"{name} "), Formula(value), Text(" ± "), Formula(error), Text(f" (from {score.episodes} episodes)")))
