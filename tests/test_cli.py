@@ -164,6 +164,11 @@ def test_check_takes_parameters_and_variants() -> None:
     assert task["other_parameter_values"] == 0
 
 
+def test_claims_speak_of_the_default_parameters() -> None:
+    assert Done("check", "NoisyObs", "-p", "M=7").status == 0
+    assert Done("check", "NoisyObs", "--json").data["tasks"][0]["claims_proved"] > 0
+
+
 # -- show ---------------------------------------------------------------------------------------------------------
 
 EVERY = [*task_ids(), *(str(path) for path in sorted(SPECS.glob("*.yaml")))]

@@ -39,8 +39,8 @@ def check(
     """Prove specs right, or say exactly what is wrong and where.
 
     Every task and variant of the given files and folders: the shape of the spec, the meaning of every expression,
-    soundness (with a counterexample where it fails), sense, and the claims that are made. Soundness is looked at for the
-    default parameters, or those given by [green]-p[/], and at the ends of the declared ranges.
+    soundness (with a counterexample where it fails) for the default parameters and at the ends of their ranges, sense,
+    and the claims that are made. With [green]-p[/], soundness and sense for those parameters.
 
     Exit status 1 if there is an error.
     """
@@ -52,7 +52,7 @@ def check(
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
     values = assignments(parameters or [])
     files = [_narrowed(file, variant) for file in files_of(targets or [])]
-    reports = [check_file(file, values, lambda task: examine(task, not (quick or values), not quick)) for file in files]
+    reports = [check_file(file, values, lambda task: examine(task, not quick, not values)) for file in files]
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
     if errors or (strict and warnings):

@@ -39,16 +39,17 @@ class Finding:
         return f"{self.proved} proved" if self.proved else f"{self.supported} tested" if self.supported else ""
 
 
-def examine(task: Task, ranges: bool = True, claims: bool = True) -> Finding:
+def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
     """Everything that is wrong with a well-formed task.
 
     Args:
-        ranges: whether the ends of its parameters' ranges are tried as well.
-        claims: whether sense and claims are looked at.
+        sense: whether sense and claims are looked at, beyond soundness.
+        defaults: whether its parameters have their defaults: claims speak of these, and ranges are looked at
+            from there.
     """
     from taskspec import exact
 
-    report = exact.check(task, ranges=ranges, with_sense=claims, claims=claims)
+    report = exact.check(task, ranges=sense and defaults, with_sense=sense, claims=sense and defaults)
     statuses = [verdict.status for verdict in report.verdicts]
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
