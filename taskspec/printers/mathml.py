@@ -95,6 +95,8 @@ def _symbol(text: str) -> str:
         return '<mo lspace="0.28em" rspace="0.28em">mod</mo>'
     if text in _FENCES:
         return f'<mo fence="true" stretchy="false">{escape(text)}</mo>'
+    if text == "…":
+        return "<mi>…</mi>"
     if text == "/":
         return '<mo lspace="0" rspace="0">/</mo>'
     if text == "⋅":

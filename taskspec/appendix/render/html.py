@@ -85,7 +85,7 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
     writer = Writer(suite.cited)
     spaces = [(name, section) for name, key in (("states", "state"), ("actions", "actions"), ("horizon", "horizon"))
               if (section := page.section(key)) is not None]  # fmt: skip
-    facts = [(name, writer.prose(section.lines[0].content)) for name, section in spaces]
+    facts = [(name, writer.prose(section.lines[0].content[:1])) for name, section in spaces]
     scores = page.section("scores")
     found = [writer.prose(line.content) for line in scores.lines] if scores else []
     names = ", ".join(f"{p.name} = {p.value}" for p in page.task.parameters)
