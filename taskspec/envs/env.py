@@ -6,8 +6,9 @@ read, set, copied and pickled. It enforces order, horizon and valid actions itse
 
 from __future__ import annotations
 
+import functools
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import gymnasium
@@ -25,6 +26,7 @@ from taskspec.lang.ir import Role
 from taskspec.spec.task import Task
 
 SEED_MAX = 2**64
+Reset = Callable[..., tuple[Any, dict[str, Any]]]
 
 
 class Environment(gymnasium.Env[Any, Any]):
@@ -76,8 +78,6 @@ class Environment(gymnasium.Env[Any, Any]):
         Raises:
             StateError: when an overridden component has no such value.
         """
-        if seed is None and options is None and self._seed is not None:
-            return self._first()  # the common case, which costs as much as a step
         if seed is not None:
             super().reset(seed=seed)
             self._restart(seed)
@@ -166,7 +166,8 @@ class Environment(gymnasium.Env[Any, Any]):
         self._lane: Lane = self._program.start(seed, failures, clock)
         # An attribute of the instance: calling the generated function directly saves a fifth of a step.
         self.__dict__["step"] = self._lane.step
-        self._first = self._lane.reset
+        if self._seed is not None:
+            self.__dict__["reset"] = _plain_reset(self._lane.reset, functools.partial(Environment.reset, self))
 
     def _bad_action(self, action: Any) -> ActionError:
         return ActionError(f"E706: {action!r} is not an action of {self.task.id}; it needs {self.action_space}")
@@ -178,7 +179,7 @@ class Environment(gymnasium.Env[Any, Any]):
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the generated functions, which are made again; the stream of draws goes on where it was."""
-        kept = {k: v for k, v in self.__dict__.items() if k not in ("step", "_first", "_lane", "_program")}
+        kept = {k: v for k, v in self.__dict__.items() if k not in ("step", "reset", "_lane", "_program")}
         return {**kept, "lane_state": (self._values(), self._clock)}
 
     def __setstate__(self, saved: dict[str, Any]) -> None:
@@ -188,3 +189,14 @@ class Environment(gymnasium.Env[Any, Any]):
         self._start(self._seed or 0, Clock(*clock))
         if self._seed is not None:
             self._lane.put(values, clock)
+
+
+def _plain_reset(first: Reset, full: Reset) -> Reset:
+    """`reset` that leaves the common case, no seed and no options, to the generated function."""
+
+    def reset(*, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        if seed is None and options is None:
+            return first()
+        return full(seed=seed, options=options)
+
+    return reset
