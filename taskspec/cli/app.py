@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import sys
 from typing import Annotated, Any
@@ -16,6 +17,7 @@ from taskspec.cli.check import check
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.explain import explain
 from taskspec.cli.new import new
+from taskspec.cli.reference import reference
 from taskspec.cli.run import run as run_command
 from taskspec.cli.schema import schema
 from taskspec.cli.scoring import score, solve
@@ -36,6 +38,7 @@ COMMANDS = (
     ("bench", bench, USE),
     ("docs", docs, PRINT),
     ("figure", figure, PRINT),
+    ("reference", reference, PRINT),
 )
 
 
@@ -55,8 +58,16 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _flowed(doc: str) -> str:
+    """A docstring with its paragraphs on one line each, for the width of whoever reads it; indented lines stay."""
+    paragraphs = inspect.cleandoc(doc).split("\n\n")
+    return "\n\n".join(p if p.startswith(" ") else " ".join(p.split("\n")) for p in paragraphs)
+
+
 for _name, _function, _panel in COMMANDS:
-    app.command(_name, rich_help_panel=_panel)(_function)
+    app.command(_name, rich_help_panel=_panel, help=_flowed(_function.__doc__ or ""))(_function)
 
 
 def _version(wanted: bool) -> None:
