@@ -210,9 +210,9 @@ def record(timings: list[Timing]) -> list[dict[str, Any]]:
 
 def table(timings: list[Timing]) -> str:
     """As a table in text, with the ratios."""
-    lines = [f"{'':14}{'states':>10}{'build s':>10}{'solve s':>10}{'total s':>10}{'times ours':>12}"]
+    lines = [f"{'':14}{'states':>10}{'build s':>10}{'solve s':>10}{'total s':>10}{'times ours':>12}{'peak MB':>10}"]
     for t in timings:
         own = next(o for o in timings if o.name == "taskspec" and o.states == t.states)
         ratio = f"{t.total / own.total:.1f}"
-        lines.append(f"{t.name:14}{t.states:>10,}{t.build:>10.3f}{t.solve:>10.3f}{t.total:>10.3f}{ratio:>12}")
+        lines.append(f"{t.name:14}{t.states:>10,}{t.build:>10.3f}{t.solve:>10.3f}{t.total:>10.3f}{ratio:>12}{t.peak_mb:>10,.0f}")
     return "\n".join(lines)
