@@ -214,5 +214,7 @@ def table(timings: list[Timing]) -> str:
     for t in timings:
         own = next(o for o in timings if o.name == "taskspec" and o.states == t.states)
         ratio = f"{t.total / own.total:.1f}"
-        lines.append(f"{t.name:14}{t.states:>10,}{t.build:>10.3f}{t.solve:>10.3f}{t.total:>10.3f}{ratio:>12}{t.peak_mb:>10,.0f}")
+        lines.append(
+            f"{t.name:14}{t.states:>10,}{t.build:>10.3f}{t.solve:>10.3f}{t.total:>10.3f}{ratio:>12}{t.peak_mb:>10,.0f}"
+        )
     return "\n".join(lines)
