@@ -40,10 +40,10 @@ class Builder:
         """A constant; `value` is a scalar, or a flat row-major sequence for a vector."""
         flat = (value,) if type.is_scalar else value
         self._check_size(type.shape)
-        items = tuple(exact(v, type.kind) for v in flat)
-        for item in items:
-            if type.kind is Kind.INT and item.bit_length() > MAX_BITS:
-                raise Refused(f"this integer has more than {MAX_BITS} bits", "E314")
+        # A set may have a hundred thousand elements, and they are ints: a task's tables are built here.
+        items = tuple(map(int, flat)) if type.kind is Kind.INT else tuple(exact(v, type.kind) for v in flat)
+        if type.kind is Kind.INT and items and max(max(items), -min(items)).bit_length() > MAX_BITS:
+            raise Refused(f"this integer has more than {MAX_BITS} bits", "E314")
         key = (Const, type, tuple(map(repr, items)) if type.kind is Kind.REAL else items)
         return self._intern(key, lambda: Const(items[0] if type.is_scalar else items, type))
 
