@@ -39,7 +39,8 @@ class Memory:
     fields: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.fields = ["k0", "k1", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
+        self.fields = ["start", "stop", "every"]  # numbers: the range of lanes, and how many there are in all
+        self.fields += ["k0", "k1", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
         self.fields += ["lanes", "words", "reals"]
 
     def at(self, name: str) -> str:
@@ -363,7 +364,7 @@ def _renamed(text: str) -> str:
     """Names of a loop's values, apart from those of another."""
     import re
 
-    return re.sub(r"\bv(\d+)\b", r"u\1", text)
+    return re.sub(r"\bv(\d+)\b", r"again\1", text)
 
 
 def _begin(p: Program) -> tuple[list[str], list[Row], dict[int, tuple[int, int]]]:
@@ -423,11 +424,17 @@ def _step(
         seen = p.memory.at("seen0")
         body.append(f"show(n, {p.memory.at('reals')}, {p.block}, {number}, {size}, {seen}, {row}, every, first)")
     body += _restart(p, begin, begin_shown)
-    loop = [
-        f"for first in range(start, stop, {p.block}):",
-        *_indent([f"n = min({p.block}, stop - first)", *body, "total += count"]),
-    ]
-    return ["@outer", "def step(m, actions, start, stop, every):", *_indent(["total = 0", *loop, "return total"])]
+    flat = "actions = actions.ravel()"
+    bad = [f"if check(stop - start, actions[start * {width}:stop * {width}]) > 0:", "    return -1"]
+    return ["@outer", "def step(m, actions):", *_indent([*_RANGE, flat, *bad, "total = 0", *_blocks(p, [*body, "total += count"])]), "    return total"]
+
+
+_RANGE = ["start, stop, every = i64(m[0]), i64(m[1]), i64(m[2])"]
+
+
+def _blocks(p: Program, body: Sequence[str]) -> list[str]:
+    """A loop over the blocks of the range."""
+    return [f"for first in range(start, stop, {p.block}):", *_indent([f"n = min({p.block}, stop - first)", *body])]
 
 
 def _restart(p: Program, begin: Sequence[Row], shown: dict[int, tuple[int, int]]) -> list[str]:
@@ -495,8 +502,7 @@ def _reset(p: Program, rows: Sequence[Row], shown: dict[int, tuple[int, int]]) -
         "    terminated[j] = truncated[j] = ended[j] = False",
         *_begin_again(p, rows, shown),
     ]
-    loop = [f"for first in range(start, stop, {p.block}):", *_indent([f"n = min({p.block}, stop - first)", *body])]
-    return ["@outer", "def reset(m, chosen, start, stop, every):", *_indent(loop)]
+    return ["@outer", "def reset(m, chosen):", *_indent([*_RANGE, *_blocks(p, body)])]
 
 
 def reads_state(root: Node) -> bool:

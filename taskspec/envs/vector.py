@@ -18,7 +18,7 @@ from gymnasium.vector.utils import batch_space
 from taskspec import draws
 from taskspec.backends import select
 from taskspec.backends.actions import BadActionError
-from taskspec.backends.buffers import Array, Values
+from taskspec.backends.buffers import Array
 from taskspec.backends.vector import Mode, Options
 from taskspec.backends.vector import NotRunningError as EngineNotRunning
 from taskspec.diagnostics import Diagnostic, SpecError
@@ -99,6 +99,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         b = self._engine.buffers
         self._seen, self._results = b.seen.view(), (b.reward, b.terminated, b.truncated)
+        self._last = None if isinstance(self._seen, dict) else b.final.view()
 
     @property
     def source(self) -> str:
@@ -151,8 +152,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     def _final(self) -> dict[str, Any]:
         """Last observations of the episodes that ended in this step. Rows of other lanes mean nothing."""
         b = self._engine.buffers
-        final, ended = (b.final, b.ended) if self._reuse else (b.final.copy(), b.ended.copy())
-        return {"final_obs": _rows(final, ended), "_final_obs": ended, "final_info": {}, "_final_info": ended}
+        ended = b.ended if self._reuse else b.ended.copy()
+        if self._last is None:
+            rows = _rows(b.final.copy().view(), ended)
+        else:
+            rows = self._last if self._reuse else b.final.copy().view()
+        return {"final_obs": rows, "_final_obs": ended, "final_info": {}, "_final_info": ended}
 
     # -- seeds ----------------------------------------------------------------------------------------------------
 
@@ -219,11 +224,8 @@ def _checked(seed: int) -> int:
     return seed
 
 
-def _rows(values: Values, ended: Array) -> Any:
-    """Observations of all lanes: an array, or for dicts an array of one dict (or None) for every lane."""
-    view = values.view()
-    if not isinstance(view, dict):
-        return view
+def _rows(view: dict[str, Array], ended: Array) -> Array:
+    """The dict of every lane that has ended, None for the others: what Gymnasium's own environments give."""
     rows = np.full(len(ended), None, dtype=object)
     for lane in np.flatnonzero(ended):
         rows[lane] = {name: part[lane] for name, part in view.items()}

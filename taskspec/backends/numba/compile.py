@@ -21,9 +21,6 @@ import numba
 import taskspec
 from taskspec.backends.numba import library
 
-_HEAD = '''"""{name}"""'''
-
-
 def cache_folder() -> Path:
     """`$TASKSPEC_CACHE`, or `taskspec` in the user's cache folder."""
     own = os.environ.get("TASKSPEC_CACHE")
@@ -51,6 +48,7 @@ def load(source: str) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     module.__dict__.update(outer=_outer(cached), apart=apart)
+    sys.modules[module.__name__] = module  # where Numba looks when it loads machine code from its cache
     spec.loader.exec_module(module)
     return module
 

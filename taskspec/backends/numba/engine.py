@@ -40,9 +40,11 @@ class NumbaEngine:
         threads = max(1, min(options.num_threads, -(-lanes // program.block)))
         self._ranges = _ranges(lanes, threads, program.block)
         self._scratch = [self._new_scratch() for _ in self._ranges]
-        self._memory = [self._addresses(scratch) for scratch in self._scratch]
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self._lanes, self._begun, self._over = lanes, False, 0
+        pairs = zip(self._scratch, self._ranges, strict=True)
+        self._memory = [self._addresses(scratch, *place) for scratch, place in pairs]
+        self._first, self._all = self._memory[0], self._addresses(self._scratch[0], 0, lanes)
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def _set_actions(self, task: Task, lanes: int) -> None:
         self._shape: tuple[int, ...] = (lanes, *self.action.shape) if self.action.form != "discrete" else (lanes,)
@@ -59,8 +61,8 @@ class NumbaEngine:
             "reals": np.zeros((p.rows, p.block), np.float32),
         }
 
-    def _addresses(self, scratch: dict[str, Array]) -> Array:
-        """Where every array of `Memory.fields` begins."""
+    def _addresses(self, scratch: dict[str, Array], start: int, stop: int) -> Array:
+        """Where every array of `Memory.fields` begins, after the range of lanes and the number of all."""
         b = self.buffers
         arrays = {
             "k0": self._keys[0], "k1": self._keys[1], "steps": b.steps, "episodes": b.episodes, "time": b.time,
@@ -69,7 +71,8 @@ class NumbaEngine:
         arrays |= {f"s{i}": array for i, array in enumerate(b.state)}
         arrays |= {f"seen{i}": array for i, array in enumerate(b.seen.parts)}
         arrays |= {f"final{i}": array for i, array in enumerate(b.final.parts)}
-        return np.array([arrays[name].ctypes.data for name in self._program.memory.fields], np.uint64)
+        places = [arrays[name].ctypes.data for name in self._program.memory.fields[3:]]
+        return np.array([start, stop, self._lanes, *places], np.uint64)
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
         b, chosen = self.buffers, slice(None) if lanes is None else lanes
@@ -84,40 +87,44 @@ class NumbaEngine:
         chosen = np.full(self._lanes, lanes is None)
         if lanes is not None:
             chosen[lanes] = True
-        self._reset(self._memory[0], chosen, 0, self._lanes, self._lanes)
+        self._reset(self._all, chosen)
         b.running |= chosen
         self._begun = self._begun or bool(b.running.all())
         if self._mode == "disabled":
             self._over = int(np.count_nonzero(b.ended))
 
     def step(self, actions: Any) -> int:
-        actions = self._read(actions)
-        if self._check(self._lanes, actions):
-            raise BadActionError
         if not self._begun or self._over:
             raise NotRunningError
-        if self._pool is None:
-            ended: int = self._step(self._memory[0], actions, 0, self._lanes, self._lanes)
-        else:
-            ended = self._step_threads(actions)
+        if (
+            actions.__class__ is not np.ndarray
+            or actions.dtype is not self._dtype
+            or actions.shape != self._shape
+            or not actions.flags.c_contiguous
+        ):
+            actions = self._read(actions)
+        ended: int = self._step(self._first, actions) if self._pool is None else self._step_threads(actions)
+        if ended < 0:
+            raise BadActionError
         if self._mode == "disabled":
             self._over = ended
         return ended
 
     def _read(self, actions: Any) -> Array:
-        """Actions as a flat array of the kernel's type."""
+        """Actions as an array of the kernel's type: int64, or float32 (float64 where they come so)."""
         array = np.asarray(actions)
         if array.shape != self._shape or array.dtype.kind not in self._kinds:
             raise BadActionError
-        if array.dtype != self._dtype:
-            array = array.astype(np.float64 if self._dtype.kind == "f" else np.int64)
-        return array.reshape(-1)
+        if self._dtype.kind == "i":
+            return np.ascontiguousarray(array, np.int64)
+        return np.ascontiguousarray(array, np.float32 if array.dtype == np.float32 else np.float64)
 
     def _step_threads(self, actions: Array) -> int:
         assert self._pool is not None
-        jobs = zip(self._memory, self._ranges, strict=True)
-        tasks = [self._pool.submit(self._step, m, actions, a, b, self._lanes) for m, (a, b) in jobs]
-        return sum(task.result() for task in tasks)
+        if self._check(self._lanes, actions.reshape(-1)):
+            return -1
+        jobs = [self._pool.submit(self._step, memory, actions) for memory in self._memory]
+        return sum(job.result() for job in jobs)
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
         for held, new in zip(self.buffers.state, values, strict=True):

@@ -329,7 +329,7 @@ def mod_real(a: Any, b: Any) -> Any:
     """The remainder with the divisor's sign; where both are finite it is exact, as C's fmod is."""
     if b == 0.0 or not math.isfinite(a):
         return math.nan
-    r = math.fmod(a, b)
+    r = np.fmod(a, b)
     if r != 0.0 and ((r < 0.0) != (b < 0.0)):
         r += b
     return math.copysign(0.0, b) if r == 0.0 else r
