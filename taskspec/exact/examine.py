@@ -25,6 +25,8 @@ BATCH = 65_536
 MOST_WORDS = 2_000_000
 FEW_OUTCOMES = 64
 STARTS = 1024
+SEARCH = 20_000_000
+SEARCH_STARTS = 200_000
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,8 @@ class Examination:
 
     def _best(self, check: Check, states: Array) -> Violation | None:
         """The counterexample that says most: in a state where episodes act if there is one."""
+        if not self._searchable:
+            return self._at(check, int(states[0]), None)
         if self.phase.name == "decision":
             entered = states[np.isin(states, self.visits.entered)]
             return self._at(check, int((entered if len(entered) else states)[0]), None)
@@ -138,6 +142,14 @@ class Examination:
                     found = _violation(check, small, branch, flags, value)
                     return Violation(check, found.reads, found.value, state, acting)
         return None
+
+    @cached_property
+    def _searchable(self) -> bool:
+        """Whether looking for the states that episodes visit costs little enough, whatever this phase itself costs."""
+        steps = Steps(self.task)
+        times = max(1, self.task.horizon or 1) if steps.uses_time else 1
+        cost = float(steps.states.size) * steps.actions.size * steps.branching * times
+        return cost <= SEARCH and count(draws(self.task.initial), {}) <= SEARCH_STARTS
 
     @cached_property
     def visits(self) -> Visits:
