@@ -12,14 +12,17 @@ from xml.etree import ElementTree
 import pytest
 
 from taskspec import registry
-from taskspec.appendix import Facts, gather, page, write
+from taskspec.appendix import Facts, claims, gather, page, write
 from taskspec.appendix.extras import need
 from taskspec.appendix.facts import Score, Verdict
 from taskspec.appendix.prose import Formula, Inlines, Mark, Text
 from taskspec.appendix.write import gather_pages
+from taskspec.appendix.writing import Writing
 from taskspec.diagnostics import SpecError
+from taskspec.lang.parse import parse
 from taskspec.printers import plain
-from taskspec.spec.task import Task
+from taskspec.printers.names import nowhere
+from taskspec.spec.task import Claim, Task
 
 ROOT = Path(__file__).parent.parent
 GOLDEN = ROOT / "tests" / "golden" / "appendix"
@@ -124,13 +127,34 @@ def test_facts_are_shown_where_there_are_some() -> None:
     task = registry.load("derail/RiskyPath-v0")
     returns = {"optimal return": Score(4), "random return": Score(-1.234567, 0.02, 100)}
     found = page(task, Facts(returns, [Verdict(False, "fails")]))
-    scores, claims = found.section("scores"), found.section("claims")
+    scores, stated = found.section("scores"), found.section("claims")
     assert scores is not None
-    assert claims is not None
+    assert stated is not None
     told = [words(line.content) for line in scores.lines]
     assert told == ["optimal return 4", "random return −1.235 ± 0.020 (from 100 episodes)"]
-    assert words(claims.lines[0].content).endswith("fails")
+    assert words(stated.lines[0].content).endswith("fails")
     assert page(task).section("scores") is None
+
+
+@pytest.mark.parametrize(
+    ("claim", "options", "expected"),
+    [
+        ("probability(s == goal, under=optimal) == 1", {}, "ℙₒₚₜᵢₘₐₗ(s = s₂) = 1"),
+        ("probability(s == goal) == 1/4", {}, "ℙ_(random)(s = s₂) = 1/4"),
+        ("probability(s == goal) == 1", {"under": "expert"}, "ℙₑₓₚₑᵣₜ(s = s₂) = 1"),
+        ("prefers(a == safe)", {"under": "soft(2)"}, "a causal maximum-entropy agent (β = 2) prefers a = safe"),
+        ("prefers(maxent, a == risky, at=s == start)", {},
+         "a non-causal maximum-entropy learner prefers a = risky where s = s₀"),
+        ("not reachable(s == trap)", {"where": "section 3"}, "s = s₃ cannot be reached (section 3)"),
+        ("optimal_return == 4", {"tolerance": 0.5}, "optimal return = 4, to within 0.5"),
+        ("not influences(a, s)", {}, "a has no effect on s"),
+    ],
+)  # fmt: skip
+def test_claims_as_sentences(claim: str, options: dict[str, object], expected: str) -> None:
+    """Every part of a claim is told: the policy that a probability is under, above all."""
+    w = Writing(registry.load("derail/RiskyPath-v0"), {})
+    found = claims.claim(w, Claim(parse(nowhere(claim)), claim, (), options))
+    assert words(found) == expected
 
 
 def test_exact_facts() -> None:

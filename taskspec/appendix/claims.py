@@ -8,6 +8,9 @@ from taskspec.appendix.prose import Formula, Inlines, Text
 from taskspec.appendix.writing import Writing
 from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
+from taskspec.printers.names import expression
+from taskspec.printers.text import text
+from taskspec.spec.task import Claim
 
 _RESULTS = {
     "optimal_return": "optimal return", "random_return": "random return", "worst_return": "worst return",
@@ -20,34 +23,52 @@ _MODELS = {
 }  # fmt: skip
 
 
-def sentence(w: Writing, expr: s.Expr) -> Inlines:
+def claim(w: Writing, found: Claim) -> Inlines:
+    """A claim with what it was written beside: the decision model, the tolerance, where the source states it."""
+    options = found.options
+    under = options.get("under")
+    content = sentence(w, found.expr, None if under is None else expression(str(under)))
+    if options.get("tolerance") is not None:
+        content += (Text(", to within "), Formula(w.declared(options["tolerance"])))
+    if options.get("where"):
+        content += (Text(f" ({options['where']})"),)
+    return content
+
+
+def sentence(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Inlines:
     """A claim in words where it is about behaviour or reachability, as mathematics otherwise."""
     match expr:
-        case s.Call(function="prefers", args=(model, choice, *_)):
-            where = dict(expr.keywords).get("at") or (expr.args[2] if len(expr.args) > 2 else None)
-            found: Inlines = (*_model(w, model), Text(" prefers "), _truth(w, choice))
-            return found if where is None else (*found, Text(" where "), _truth(w, where))
-        case s.Call(function="reachable", args=(what,)):
+        case s.Call(function="prefers"):
+            return _preference(w, expr, under)
+        case s.Call(function="reachable", args=(what, *_)):
             return (_truth(w, what), Text(" can be reached"))
-        case s.Unary(op="not", operand=s.Call(function="reachable", args=(what,))):
+        case s.Unary(op="not", operand=s.Call(function="reachable", args=(what, *_))):
             return (_truth(w, what), Text(" cannot be reached"))
         case s.Call(function="influences", args=(cause, effect)):
             return (_truth(w, cause), Text(" has an effect on "), _truth(w, effect))
         case s.Unary(op="not", operand=s.Call(function="influences", args=(cause, effect))):
             return (_truth(w, cause), Text(" has no effect on "), _truth(w, effect))
         case s.Unary(op="not", operand=operand):
-            return (Text("it is not so that "), *sentence(w, operand))
+            return (Text("it is not so that "), *sentence(w, operand, under))
         case s.Logical(op=op, operands=operands):
-            parts = [sentence(w, o) for o in operands]
+            parts = [sentence(w, o, under) for o in operands]
             return tuple(x for i, p in enumerate(parts) for x in ((Text(f" {op} "), *p) if i else p))
         case _:
-            return (_truth(w, expr),)
+            return (_truth(w, expr, under),)
 
 
-def _truth(w: Writing, expr: s.Expr) -> Formula:
-    words: dict[str, m.Math] = {name: m.Words(text) for name, text in _RESULTS.items()}
+def _preference(w: Writing, expr: s.Call, under: s.Expr | None) -> Inlines:
+    names = ("model", "condition", "at") if under is None else ("condition", "at")
+    given = dict(zip(names, expr.args, strict=False)) | dict(expr.keywords)
+    content: Inlines = (*_model(w, under or given["model"]), Text(" prefers "), _truth(w, given["condition"]))
+    return (*content, Text(" where "), _truth(w, given["at"])) if "at" in given else content
+
+
+def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Formula:
+    words: dict[str, m.Math] = {name: m.Words(what) for name, what in _RESULTS.items()}
     chance: dict[str, m.Math] = {"probability": m.Ident("P", "blackboard")}
-    return Formula(w.truth(expr, replace(w.notation.with_symbols(words | chance), events=frozenset({"probability"}))))
+    policy = "random" if under is None else text(under)
+    return Formula(w.truth(expr, replace(w.notation.with_symbols(words | chance), events={"probability": policy})))
 
 
 def _model(w: Writing, model: s.Expr) -> Inlines:

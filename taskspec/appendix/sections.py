@@ -139,7 +139,7 @@ def _claims(w: Writing, facts: Facts) -> Iterator[Line]:
     verdicts = list(facts.verdicts)
     for i, claim in enumerate(w.task.claims):
         found = verdicts[i] if i < len(verdicts) else None
-        content: list[Inline] = [*claims.sentence(w, claim.expr), *_cases(claim.cases)]
+        content: list[Inline] = [*claims.claim(w, claim), *_cases(claim.cases)]
         if found is not None and found.holds is not None:
             content += [Text(" "), Mark(found.holds, found.words)]
         yield Line(tuple(content))

@@ -33,6 +33,7 @@ from taskspec.printers.pieces import (
 )  # fmt: skip
 from taskspec.printers.symbols import label, symbol
 from taskspec.printers.tex import read
+from taskspec.printers.text import text
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Notation:
     conditions: frozenset[str] = frozenset()  # names of conditions without a value of their own
     singles: frozenset[str] = frozenset()  # vectors of one element, written like a number
     lengths: Mapping[str, s.Expr] = field(default_factory=dict)  # of vectors, symbolic
-    events: frozenset[str] = frozenset()  # functions of conditions, such as a probability
+    events: Mapping[str, str] = field(default_factory=dict)  # functions of a condition `under` a policy, and which by default
 
     def symbol(self, name: str) -> m.Math:
         return self.symbols.get(name) or symbol(name)
@@ -116,8 +117,8 @@ class Writer:
 
     def piece(self, expr: s.Expr) -> Piece:
         match expr:
-            case s.Number(text=text):
-                return _number(text)
+            case s.Number(text=digits):
+                return _number(digits)
             case s.Boolean() | s.Quoted() | s.Name():
                 return self._leaf(expr)
             case s.Unary():
@@ -241,9 +242,17 @@ class Writer:
         function = FUNCTIONS.get(expr.function)
         if function is not None and function.accepts(len(expr.args)):
             return self._template(function.latex, expr)
-        write = self.truth if expr.function in self.notation.events else self.number
-        arguments = m.brackets(m.joined(write(a).tree for a in expr.args))
+        if expr.function in self.notation.events:
+            return self._event(expr)
+        arguments = m.brackets(m.joined(self.numbers(expr.args)))
         return Piece(m.Row((self.notation.symbol(expr.function), arguments)))
+
+    def _event(self, expr: s.Call) -> Piece:
+        """The probability of a condition, with the policy below."""
+        given = dict(zip(("condition", "under"), expr.args, strict=False)) | dict(expr.keywords)
+        policy = text(given["under"]) if "under" in given else self.notation.events[expr.function]
+        head = m.Script(self.notation.symbol(expr.function), m.Words(policy))
+        return Piece(m.Row((head, m.brackets(self.truth(given["condition"]).tree))))
 
     def _template(self, latex: str, expr: s.Call) -> Piece:
         """A function by its template; arguments that no delimiter of it encloses get brackets."""
