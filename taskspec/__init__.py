@@ -54,4 +54,5 @@ def __dir__() -> list[str]:
     return sorted([*globals(), *_DOORS])
 
 
-from taskspec import autoload as _autoload  # noqa: E402, F401  # importing the package registers its tasks, too
+# Importing the package registers its tasks, too. By name: as an import it would put the package above all its layers.
+__import__("taskspec.autoload")
