@@ -19,7 +19,7 @@ from taskspec import draws
 from taskspec.backends import scalars
 from taskspec.backends.lane import Lane, Value
 from taskspec.backends.phase import _INEXACT
-from taskspec.draws.blocks import block_sampler
+from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout, words_of
 from taskspec.draws.sample import sampler
 from taskspec.lang import batch
@@ -304,7 +304,7 @@ def test_samples_of_distributions(name: str, sample: dict[str, Any], shape: tupl
     words = draws.block(5, draws.STEP, 0, COUNT, layout.count)
     flats = {(Role.VARIABLE, f"b{i}"): a.flat for i, a in enumerate(row)}
     arrays = {(Role.VARIABLE, f"b{i}"): np.array(a.flat).reshape(*a.type.shape, 1) for i, a in enumerate(row)}
-    (block,) = batch.evaluate([node], arrays, block_sampler(layout, words.T))
+    (block,) = batch.evaluate([node], arrays, batch_sampler(layout, words.T))
     block = np.broadcast_to(block, (*node.type.shape, COUNT)).reshape(node.type.size, COUNT).T
     for k in range(COUNT):
         (expected,) = evaluate([node], flats, sampler(layout, words[k].tolist()))

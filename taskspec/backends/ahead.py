@@ -15,7 +15,7 @@ import numpy as np
 from taskspec import draws
 from taskspec.backends.buffers import Buffers
 from taskspec.backends.hoist import Hoisted
-from taskspec.draws.blocks import block_sampler
+from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
@@ -122,6 +122,6 @@ class Ready:
 
 def evaluated(nodes: Sequence[Node], layout: Layout, words: Array) -> list[Array]:
     """Values of nodes that depend on draws alone, (*shape, columns), from words (count, columns)."""
-    values = batch.evaluate(nodes, {}, block_sampler(layout, words))
+    values = batch.evaluate(nodes, {}, batch_sampler(layout, words))
     columns = words.shape[-1]
     return [np.broadcast_to(v, (*n.type.shape, columns)) for n, v in zip(nodes, values, strict=True)]

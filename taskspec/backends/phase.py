@@ -11,8 +11,9 @@ import numpy as np
 from taskspec import draws
 from taskspec.backends.invariant import WIDE
 from taskspec.backends.spaces import Layout as ValueLayout
-from taskspec.draws.blocks import block_sampler, stream
+from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout, words_of
+from taskspec.draws.stream import stream
 from taskspec.lang import batch
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
 from taskspec.lang.types import Kind, Type
@@ -96,7 +97,7 @@ class Phase:
         )
         columns: list[Sequence[Any]] = []
         parts = [node for _, node in self.row_parts]
-        values = batch.evaluate((*self.hoisted, *parts), {}, block_sampler(self.layout, words))
+        values = batch.evaluate((*self.hoisted, *parts), {}, batch_sampler(self.layout, words))
         if self.row_size:
             columns.append(self._rows(values[len(self.hoisted) :], count))
         for site, names in self.words.items():
