@@ -235,7 +235,7 @@ def _observation(lane: Lane, layout: Layout, phase: Phase, values: Sequence[Valu
     nodes = phase.observation
     match layout.form:
         case "discrete":
-            return lane.scalar(nodes[0]), []
+            return _integer(lane, nodes[0]), []
         case "box" if phase.row_size:
             return _row(lane, nodes, layout)
         case "box":
@@ -247,6 +247,12 @@ def _observation(lane: Lane, layout: Layout, phase: Phase, values: Sequence[Valu
             return _one_hot(lane, nodes, layout)
         case "dict":
             return _dictionary(lane, nodes, layout), []
+
+
+def _integer(lane: Lane, node: Node) -> str:
+    """A finite scalar as `Discrete` has it: a condition is 0 or 1."""
+    atom = lane.scalar(node)
+    return f"(1 if {atom} else 0)" if node.type.kind is Kind.BOOL else atom
 
 
 def _all_atoms(lane: Lane, nodes: Sequence[Node]) -> list[str]:
@@ -299,7 +305,7 @@ def _dictionary(lane: Lane, nodes: Sequence[Node], layout: Layout) -> str:
     items = []
     for node, c in zip(nodes, layout.components, strict=True):
         if c.is_finite and c.type.is_scalar:
-            items.append(f"{c.name!r}: {lane.scalar(node)}")
+            items.append(f"{c.name!r}: {_integer(lane, node)}")
         else:
             source = lane.scalar(node) if c.type.is_scalar else lane.packed(node)
             shape = "" if len(c.type.shape) < 2 else f".reshape({c.type.shape})"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -36,7 +37,7 @@ class Phase:
     hoisted_names: tuple[str, ...]
     words: dict[int, tuple[str, ...]]  # of the draws that stay in the lane form, by site
     layout: Layout
-    row_size: int  # elements of a fresh float32 observation row, 0 where observations are no rows
+    row_shape: tuple[int, ...]  # of a fresh float32 observation, () where observations are no arrays
     row_parts: tuple[tuple[int, Node], ...]  # offset and node of what is filled in for a whole block
 
     @classmethod
@@ -59,7 +60,6 @@ class Phase:
         new_observation = tuple(_FILLED if n is None else next(rewritten) for n in inner)
         staying = [n for n in walk([*new_roots, *new_observation]) if isinstance(n, Draw)]
         named = {d.site: tuple(f"w{d.site}_{k}" for k in range(words_of(d))) for d in staying}
-        size = layout.size if rows else 0
         return cls(
             new_roots,
             new_observation,
@@ -67,9 +67,14 @@ class Phase:
             tuple(names.values()),
             named,
             words,
-            size,
+            layout.shape if rows else (),
             parts,
         )
+
+    @property
+    def row_size(self) -> int:
+        """Elements of a fresh observation, 0 where observations are no arrays."""
+        return math.prod(self.row_shape) if self.row_shape else 0
 
     @property
     def wide(self) -> list[str]:
@@ -113,7 +118,7 @@ class Phase:
         with np.errstate(over="ignore"):
             for (offset, node), value in zip(self.row_parts, filled, strict=True):
                 rows[:, offset : offset + node.type.size] = value.reshape(node.type.size, -1).T
-        return list(rows)
+        return list(rows.reshape(count, *self.row_shape))
 
 
 _FILLED: Node = Const(0, Type(Kind.INT))

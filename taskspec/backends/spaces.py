@@ -94,7 +94,7 @@ def pack(layout: Layout, flats: Sequence[tuple[Any, ...]]) -> Any:
     items = [value for flat in flats for value in flat]
     match layout.form:
         case "discrete":
-            return items[0]
+            return int(items[0])
         case "multi_discrete":
             return np.array(items, np.int64) - np.array(layout.starts, np.int64)
         case "one_hot":
