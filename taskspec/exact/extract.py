@@ -39,7 +39,7 @@ def extract(task: Task, reachable: bool | None = None, limit: int = MAX_ENTRIES)
     times = task.horizon or 1 if steps.uses_time else 1
     if reachable is None:
         reachable = steps.states.size > WHOLE or steps.states.size * per_state * times > limit
-    codes = _reachable(steps, limit) if reachable else np.arange(steps.states.size)
+    codes = _reachable(steps, int(limit // max(1, per_state * times))) if reachable else np.arange(steps.states.size)
     size = len(codes) * per_state * times
     if size > limit:
         refuse(
@@ -84,8 +84,9 @@ def _check_finite(steps: Steps) -> None:
         refuse(f"there are {steps.states.size:,} states and {steps.actions.size:,} actions")
 
 
-def _reachable(steps: Steps, limit: int) -> Array:
-    return visits(steps, int(limit // max(1, steps.actions.size))).entered
+def _reachable(steps: Steps, most: int) -> Array:
+    """Codes of the states that episodes enter; refused as soon as there are more than a model could hold."""
+    return visits(steps, max(1, most)).entered
 
 
 def _steps(steps: Steps, codes: Array, times: int) -> tuple[Step, ...]:

@@ -12,6 +12,8 @@ from taskspec.exact.transitions import Steps
 
 Array = np.ndarray[Any, Any]
 CHUNK = 65_536
+OUTCOMES = 4_000_000
+"""How many outcomes of steps are held at once."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ def visits(steps: Steps, limit: int | None = None) -> Visits:
 def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
     """States entered from the given ones: those where the episode goes on, and those where it ends."""
     going, ended = [states[:0]], [states[:0]]
-    per_chunk = max(1, CHUNK // steps.actions.size)
+    per_chunk = max(1, int(min(CHUNK, OUTCOMES // max(1.0, steps.branching))) // steps.actions.size)
     for low in range(0, len(states), per_chunk):
         some = states[low : low + per_chunk]
         for actions in _action_chunks(steps.actions.size):

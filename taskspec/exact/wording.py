@@ -68,7 +68,18 @@ def _what(violation: Violation) -> str:
     lead = name.get(check.code, f"{c.name} is")
     if value.dtype.kind == "f" and not np.isfinite(value).all():
         return f"{lead} {shown(c, value)}, which is not a finite number"
+    if len(set(c.low)) > 1 or len(set(c.high)) > 1:
+        index, low, high = _outside(c, value)
+        return f"{lead} {shown(c, value)}; {c.name}[{index}] must be between {words(low)} and {words(high)}"
     return f"{lead} {shown(c, value)}; it must be {domain(c)}"
+
+
+def _outside(c: Component, value: Array) -> tuple[str, float, float]:
+    """The first element that is out of bounds of its own: its index and its bounds."""
+    wrong = [not low <= v <= high for v, low, high in zip(value.ravel().tolist(), c.low, c.high, strict=True)]
+    i = wrong.index(True) if True in wrong else 0
+    index = ", ".join(str(k) for k in np.unravel_index(i, value.shape))
+    return index, c.low[i], c.high[i]
 
 
 def _number(value: Array) -> str:
