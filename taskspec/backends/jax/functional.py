@@ -1,0 +1,126 @@
+"""A task as pure functions of one environment, in the shape that gymnax users know.
+
+Use them under `jit`, `vmap` and `scan`. The key that `reset` gets is the seed: `reset(jax.random.key(s))` walks the
+trajectory of the scalar environment with seed s. Later keys are taken and ignored, since draws follow from the seed and
+the counters that the state carries.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from taskspec.backends.jax.pack import acted, observed
+from taskspec.backends.jax.program import JaxProgram, Result, State, compile_jax
+from taskspec.spec.task import Task
+
+Array = Any
+
+
+class Functional:
+    """`reset(key) -> (observation, state)` and `step(state, action)`; `reset_env`, `step_env` as in gymnax.
+
+    Arrays of one environment have no axis for lanes. For many environments, `lanes_reset` and `lanes_step` take and
+    give arrays with the lanes last, which XLA compiles to better code than `vmap` over the first axis.
+    """
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.program: JaxProgram = compile_jax(task)
+
+    @property
+    def name(self) -> str:
+        return self.task.id
+
+    @property
+    def default_params(self) -> None:
+        """Parameters are bound when the task is loaded."""
+        return None
+
+    # -- one environment ------------------------------------------------------------------------------------------
+
+    def reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
+        """The first observation and state of a key: `jax.random.key(seed)`, or its uint32 words (2,)."""
+        observation, state = self.lanes_reset(key_words(key)[:, None])
+        return _single(observation), _single(state)
+
+    def step(self, state: State, action: Array) -> tuple[Any, State, Array, Array, dict[str, Array]]:
+        """Observation, state, reward, done and info of a step; an episode that ends begins anew (autoreset).
+
+        info holds "terminated", "truncated", and "final_observation", that of the step itself.
+        """
+        observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None])
+        info = {
+            "terminated": result.terminated[0],
+            "truncated": result.truncated[0],
+            "final_observation": _single(observed(self.program.observation, result.observation)),
+        }
+        done = info["terminated"] | info["truncated"]
+        return _single(observation), _single(state), result.reward[0], done, info
+
+    def step_env(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
+        """A step without autoreset, as gymnax orders it: observation, state, reward, done, info."""
+        program = self.program
+        after, result = program.step(_lane(state), acted(program.action, jnp.asarray(action)[..., None]))
+        seen = _single(observed(program.observation, result.observation))
+        ends = {"terminated": result.terminated[0], "truncated": result.truncated[0]}
+        return seen, _single(after), result.reward[0], ends["terminated"] | ends["truncated"], ends
+
+    def gymnax(self) -> Gymnax:
+        """The same functions under gymnax's signatures, `reset(key, params)` and `step(key, state, action, params)`."""
+        return Gymnax(self)
+
+    # -- many environments, lanes last ----------------------------------------------------------------------------
+
+    def lanes_reset(self, key: Array) -> tuple[Any, State]:
+        """First observations (*shape, N) and states of keys: uint32 (2, N), high and low words of the seeds."""
+        state, seen = self.program.reset(key)
+        return observed(self.program.observation, seen), state
+
+    def lanes_step(self, state: State, action: Array) -> tuple[Any, State, Result]:
+        """A step of every lane with autoreset; actions are (*shape, N). The result holds the observations before it."""
+        after, result = self.program.step(state, acted(self.program.action, action))
+        following, seen = self.program.again(after, result)
+        return observed(self.program.observation, seen), following, result
+
+
+class Gymnax:
+    """A task with the signatures of a gymnax environment."""
+
+    def __init__(self, functional: Functional) -> None:
+        self._functional = functional
+        self.name, self.default_params = functional.name, None
+
+    def reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
+        return self._functional.reset(key)
+
+    def step(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
+        """Observation, state, reward, done, info; with autoreset."""
+        return self._functional.step(state, action)
+
+    def step_env(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
+        """The same without autoreset."""
+        return self._functional.step_env(key, state, action)
+
+    @property
+    def num_actions(self) -> int:
+        """How many actions there are, for tasks with one finite action."""
+        (count,) = self._functional.program.action.counts
+        return count
+
+
+def key_words(key: Array) -> Array:
+    """The two uint32 words of a key, high word first."""
+    if jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
+        key = jax.random.key_data(key)
+    return jnp.asarray(key, jnp.uint32)
+
+
+def _lane(tree: Any) -> Any:
+    return jax.tree.map(lambda x: x[..., None], tree)
+
+
+def _single(tree: Any) -> Any:
+    return jax.tree.map(lambda x: x[..., 0], tree)

@@ -1,0 +1,219 @@
+"""The JAX program: a task as pure functions of arrays, lanes last, to be jitted, scanned and run on a GPU."""
+
+from __future__ import annotations
+
+import linecache
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from taskspec import draws
+from taskspec.backends.arrayform import ArrayForm, arrays
+from taskspec.backends.hoist import compared, word_names
+from taskspec.backends.jax import library
+from taskspec.backends.spaces import Layout, action_layout, observation_layout
+from taskspec.backends.tabulate import folded
+from taskspec.draws.layout import Layout as WordLayout
+from taskspec.draws.layout import poisson_bound
+from taskspec.lang.ir import Const, Draw, Node, Role, plain, walk
+from taskspec.lang.types import INT_MAX, Kind
+from taskspec.spec.task import Component, Task
+
+Array = Any
+
+
+class State(NamedTuple):
+    """Everything of the lanes: component values (*shape, N), and int32 or uint32 counters (N,).
+
+    `key` is uint32 (2, N): the high and the low word of each lane's seed, as JAX's own keys have them. `steps` and
+    `episodes` count since the lane was seeded, `time` since its episode began.
+    """
+
+    values: tuple[Array, ...]
+    time: Array
+    steps: Array
+    episodes: Array
+    key: Array
+
+
+class Result(NamedTuple):
+    """What a step gives, lanes last: observation components, float32 reward, and two flags."""
+
+    observation: tuple[Array, ...]
+    reward: Array
+    terminated: Array
+    truncated: Array
+
+
+@dataclass(frozen=True)
+class JaxProgram:
+    """Pure functions of a task over any number of lanes."""
+
+    task: Task
+    source: str
+    observation: Layout
+    action: Layout
+    _start: Any
+    _step: Any
+    _start_words: int
+    _step_words: int
+
+    def reset(self, key: Array) -> tuple[State, tuple[Array, ...]]:
+        """The first state of lanes with the given keys, uint32 (2, N), and what is observed of it."""
+        zero = jnp.zeros(key.shape[-1], jnp.uint32)
+        return self.begin(State((), zero.astype(jnp.int32), zero, zero, key))
+
+    def begin(self, state: State) -> tuple[State, tuple[Array, ...]]:
+        """The first state of the next episode of every lane."""
+        high, low = state.key
+        words = library.Words(low, high, state.episodes, draws.RESET, self._start_words)
+        values, seen = self._start(words)
+        lanes = state.time.shape
+        values = tuple(_full(v, c, lanes) for v, c in zip(values, self.task.state, strict=True))
+        seen = tuple(_full(v, c, lanes) for v, c in zip(seen, self.observation.components, strict=True))
+        return State(values, jnp.zeros_like(state.time), state.steps, state.episodes + jnp.uint32(1), state.key), seen
+
+    def step(self, state: State, action: Sequence[Array]) -> tuple[State, Result]:
+        """A step of every lane, without autoreset. `action` has one array (*shape, N) for each component."""
+        high, low = state.key
+        words = library.Words(low, high, state.steps, draws.STEP, self._step_words)
+        values, reward, terminal, seen = self._step(words, state.time, *state.values, *action)
+        lanes = state.time.shape
+        values = tuple(_full(v, c, lanes) for v, c in zip(values, self.task.state, strict=True))
+        seen = tuple(_full(v, c, lanes) for v, c in zip(seen, self.observation.components, strict=True))
+        time = state.time + 1
+        late = jnp.zeros(lanes, bool) if self.task.horizon is None else time >= self.task.horizon
+        result = Result(
+            seen,
+            jnp.broadcast_to(jnp.asarray(reward, jnp.float32), lanes),
+            jnp.broadcast_to(jnp.asarray(terminal, bool), lanes),
+            late,
+        )
+        return State(values, time, state.steps + jnp.uint32(1), state.episodes, state.key), result
+
+    def again(self, state: State, result: Result) -> tuple[State, tuple[Array, ...]]:
+        """The state and the observation after a step, begun anew where the episode has ended."""
+        ended = result.terminated | result.truncated
+        fresh, seen = self.begin(state)
+        values = tuple(jnp.where(ended, a, b) for a, b in zip(fresh.values, state.values, strict=True))
+        shown = tuple(jnp.where(ended, a, b) for a, b in zip(seen, result.observation, strict=True))
+        time, episodes = jnp.where(ended, 0, state.time), state.episodes + ended.astype(jnp.uint32)
+        return State(values, time, state.steps, episodes, state.key), shown
+
+
+def _full(value: Any, c: Component, lanes: tuple[int, ...]) -> Array:
+    dtype = DTYPES[c.type.kind]
+    return jnp.broadcast_to(jnp.asarray(value, dtype), (*c.type.shape, *lanes))
+
+
+DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}
+
+
+# -- generating ---------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=64)
+def compile_jax(task: Task) -> JaxProgram:
+    """Generate the array form of a task over `jax.numpy`."""
+    step = (*task.next, task.reward, task.terminal, *task.next_observation)
+    start = (*task.initial, *task.first_observation)
+    step_words, start_words = WordLayout.of(step), WordLayout.of(start)
+    n = len(task.state)
+    constants: dict[str, Any] = {}
+    body, values = _emit(task, step, step_words, constants)
+    states, actions = _names("s", task.state), _names("a", task.action)
+    lines = [f"def step({', '.join(['w', 't', *states, *actions])}):", *_indent(body)]
+    lines += _indent([f"return {_tuple(values[:n])}, {values[n]}, {values[n + 1]}, {_tuple(values[n + 2 :])}"])
+    body, values = _emit(task, start, start_words, constants)
+    lines += ["", "", "def start(w):", *_indent(body)]
+    lines += _indent([f"return {_tuple(values[:n])}, {_tuple(values[n:])}"])
+    source = "\n".join([f'"""{task.id}: n environments, array code for JAX. Generated."""', "", "", *lines, ""])
+    namespace = {**_NAMESPACE, **arrays(constants, _array)}
+    file = f"<taskspec {task.id} {task.content_hash[:12]} jax>"
+    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    return JaxProgram(
+        task,
+        source,
+        observation_layout(task),
+        action_layout(task),
+        namespace["start"],
+        namespace["step"],
+        start_words.count,
+        step_words.count,
+    )
+
+
+_NAMESPACE: dict[str, Any] = {
+    "xp": jnp,
+    "rt": library.RUNTIME,
+    "nan": float("nan"),
+    "inf": float("inf"),
+    **{f"draw_{name}": getattr(library, name) for name in (
+        "uniform", "exponential", "normal", "bernoulli", "index", "categorical", "weighted", "poisson", "permutation", "gamma",
+    )},
+}  # fmt: skip
+
+
+def _array(node: Const) -> Any:
+    dtype = {Kind.BOOL: np.bool_, Kind.INT: np.int32, Kind.REAL: np.float32}[node.type.kind]
+    values = [plain(v) for v in node.flat]
+    if node.type.kind is Kind.INT:
+        values = [max(-INT_MAX - 1, min(INT_MAX, v)) for v in values]
+    with np.errstate(over="ignore"):
+        return np.array(values, dtype).reshape(*node.type.shape, 1)
+
+
+def _emit(
+    task: Task, roots: Sequence[Node], words: WordLayout, constants: dict[str, Any]
+) -> tuple[list[str], list[str]]:
+    """Statements for the roots of a phase, and the source of each root."""
+    lowered = folded(task.builder, compared(task.builder, roots, library.BIAS))
+    names = {(Role.TIME, "t"): "t"}
+    for components, prefix, role in ((task.state, "s", Role.STATE), (task.action, "a", Role.ACTION)):
+        names |= {(role, c.name): s for c, s in zip(components, _names(prefix, components), strict=True)}
+    for draw in (n for n in walk(roots) if isinstance(n, Draw)):
+        first = words.first[draw.site]
+        names |= {(Role.VARIABLE, v): f"w.signed({first + k})" for k, v in enumerate(word_names(draw))}
+    form = ArrayForm(names, task.builder.bounds, lambda d, a: _drawn(d, a, words, constants), constants)
+    values = form.emit(lowered)
+    return form.lines, values
+
+
+def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[str, Any]) -> str:
+    """A draw as a call of the library, with the number of its first word."""
+    size, first = draw.type.size, words.first[draw.site]
+    call, extra = f"draw_{draw.base}", ""
+    if draw.args and draw.base != "categorical":
+        spread = args[0] if draw.args[0].type.shape else f"xp.asarray({args[0]}).reshape(1, -1)"
+        extra = f", rt.rows({spread})"
+    match draw.base, draw.args[0] if draw.args else None:
+        case "categorical", Const() as p:
+            limits = [t for t in draws.thresholds(p.flat) if t < draws.NEVER]
+            name = f"C{len(constants)}"
+            constants[name] = np.array(limits, np.uint32)
+            extra = f", {name}"
+        case "categorical", _:
+            call, extra = "draw_weighted", f", {args[0]}"
+        case "poisson", _:
+            extra += f", {poisson_bound(draw)!r}"
+        case "permutation", _:
+            extra = f", {draw.type.shape[-1]}"
+    shape = "".join(f"{k}, " for k in draw.type.shape)
+    return f"{call}(w, {first}, {size}{extra}).reshape({shape}-1)"
+
+
+def _names(prefix: str, components: Sequence[Component]) -> list[str]:
+    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
+
+
+def _indent(lines: Sequence[str]) -> list[str]:
+    return [f"    {line}" for line in lines]
+
+
+def _tuple(items: Sequence[str]) -> str:
+    return f"({', '.join(items)}{',' * (len(items) == 1)})"
