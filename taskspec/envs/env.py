@@ -17,7 +17,7 @@ from taskspec import draws
 from taskspec.backends.program import Clock, Failures, Lane, Scalar, compile_scalar
 from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
-from taskspec.envs import picture
+from taskspec.envs import picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.spaces import space
 from taskspec.envs.state import flat_state, plain_state
@@ -38,12 +38,16 @@ class Environment(gymnasium.Env[Any, Any]):
 
     Args:
         task: the task, with its parameters bound.
-        render_mode: None or "ansi".
+        render_mode: None; "ansi" for text; "rgb_array" for pixels (480, 640, 3) of uint8; "human" for a window that follows
+            every reset and step. The last two need the extra `figures`.
         ending: "terminate", or "absorb": terminal states absorb until the horizon and pay the absorbing reward.
         observe_time: whether the number of steps taken is added to the observation.
+
+    Raises:
+        SpecError: E705, when a way to render needs packages that are not installed.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi"], "render_fps": 4}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi", "rgb_array", "human"], "render_fps": 4}  # type: ignore[misc]
 
     def __init__(
         self,
@@ -57,9 +61,12 @@ class Environment(gymnasium.Env[Any, Any]):
             raise ValueError(f"render_mode must be None or one of {self.metadata['render_modes']}, not {render_mode!r}")
         if ending not in ("terminate", "absorb"):
             raise ValueError(f"ending must be 'terminate' or 'absorb', not {ending!r}")
+        if render_mode in ("rgb_array", "human"):
+            window.require()
         task = task.absorbing() if ending == "absorb" else task
         self.task = task.observing_time() if observe_time else task
         self.render_mode = render_mode
+        self._window: window.Window | None = None
         self._program: Scalar = compile_scalar(self.task)
         self.observation_space = space(self._program.observation)
         self.action_space = space(self._program.action)
@@ -96,11 +103,27 @@ class Environment(gymnasium.Env[Any, Any]):
         """
         return self._lane.step(action)  # replaced on each instance by the generated function itself
 
-    def render(self) -> str | None:
-        """The present state as text (`render_mode="ansi"`)."""
-        if self.render_mode is None:
-            return None
-        return picture.text(self.task, self.state, self.time)
+    def render(self) -> Any:
+        """The present state: as text ("ansi"), as an array of pixels ("rgb_array"), or in the window ("human": None)."""
+        match self.render_mode:
+            case "ansi":
+                return picture.text(self.task, self.state, self.time)
+            case "rgb_array":
+                return window.frame(self.task, self.state, self.time)
+            case "human":
+                self._show()
+
+    def close(self) -> None:
+        """Close the window, where there is one."""
+        if self._window is not None:
+            self._window.close()
+        self._window = None
+        super().close()
+
+    def _show(self) -> None:
+        if self._window is None:
+            self._window = window.Window(self.task.id, self.metadata["render_fps"])
+        self._window.show(window.frame(self.task, self.state, self.time))
 
     # -- state ----------------------------------------------------------------------------------------------------
 
@@ -164,10 +187,24 @@ class Environment(gymnasium.Env[Any, Any]):
     def _start(self, seed: int, clock: Clock) -> None:
         failures = Failures(self._bad_action, self._not_running)
         self._lane: Lane = self._program.start(seed, failures, clock)
-        # An attribute of the instance: calling the generated function directly saves a fifth of a step.
+        reset = functools.partial(Environment.reset, self)
+        if self.render_mode == "human":
+            self.__dict__.update(step=self._shown(self._lane.step), reset=self._shown(reset))
+            return
+        # Attributes of the instance: calling the generated function directly saves a fifth of a step.
         self.__dict__["step"] = self._lane.step
         if self._seed is not None:
-            self.__dict__["reset"] = _plain_reset(self._lane.reset, functools.partial(Environment.reset, self))
+            self.__dict__["reset"] = _plain_reset(self._lane.reset, reset)
+
+    def _shown(self, move: Callable[..., Any]) -> Callable[..., Any]:
+        """`step` or `reset` that updates the window."""
+
+        def moved(*args: Any, **options: Any) -> Any:
+            result = move(*args, **options)
+            self._show()
+            return result
+
+        return moved
 
     def _bad_action(self, action: Any) -> ActionError:
         return ActionError(f"E706: {action!r} is not an action of {self.task.id}; it needs {self.action_space}")
@@ -178,9 +215,9 @@ class Environment(gymnasium.Env[Any, Any]):
         return NotRunningError("E708: step() after the end of the episode; call reset() to start another")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but the generated functions, which are made again; the stream of draws goes on where it was."""
+        """Everything but the window and the generated functions; the stream of draws goes on where it was."""
         kept = {k: v for k, v in self.__dict__.items() if k not in ("step", "reset", "_lane", "_program")}
-        return {**kept, "lane_state": (self._values(), self._clock)}
+        return {**kept, "_window": None, "lane_state": (self._values(), self._clock)}
 
     def __setstate__(self, saved: dict[str, Any]) -> None:
         values, clock = saved.pop("lane_state")

@@ -11,10 +11,13 @@ from taskspec.spec.task import Task
 
 def text(task: Task, state: dict[str, Any], time: int) -> str:
     """One line a component, and the time."""
-    horizon = "" if task.horizon is None else f" of {task.horizon}"
-    lines = [f"{task.name}, step {time}{horizon}"]
     width = max(len(name) for name in state)
-    return "\n".join([*lines, *(f"  {name:<{width}} = {_shown(value)}" for name, value in state.items())])
+    return "\n".join([heading(task, time), *(f"  {name:<{width}} = {_shown(value)}" for name, value in state.items())])
+
+
+def heading(task: Task, time: int) -> str:
+    """The task and the time."""
+    return f"{task.name}, step {time}" + ("" if task.horizon is None else f" of {task.horizon}")
 
 
 def _shown(value: Any) -> str:

@@ -1,0 +1,85 @@
+"""Frames of an environment, and the window that shows them: `render_mode="rgb_array"` and `"human"`.
+
+Figures lie above environments in the layers, so they are resolved by name, as `Task.make` does it, and when needed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+from typing import Any
+
+import numpy as np
+
+from taskspec.envs import picture
+from taskspec.spec.task import Task
+
+Frame = np.ndarray[Any, np.dtype[np.uint8]]
+PACKAGES = ("matplotlib", "networkx")
+
+
+def require() -> None:
+    """Import what pictures need, so that a missing package is missed at once.
+
+    Raises:
+        SpecError: E705, with what to install.
+    """
+    extras = importlib.import_module("taskspec.appendix.extras")
+    for package in PACKAGES:
+        extras.need(package, "figures")
+
+
+def frame(task: Task, state: dict[str, Any], time: int) -> Frame:
+    """A state as pixels: (height, width, 3), uint8."""
+    figures = importlib.import_module("taskspec.appendix.figures")
+    drawn: Frame = figures.render_frame(task, state, picture.heading(task, time))
+    return drawn
+
+
+class Window:
+    """A matplotlib window that shows one picture after the other; on a backend without windows nothing is seen.
+
+    Args:
+        title: of the window.
+        fps: pictures per second; `show` takes as long as one of them lasts.
+    """
+
+    def __init__(self, title: str, fps: float) -> None:
+        self._title, self._pause = title, 1.0 / fps
+        self._figure: Any = None
+        self._image: Any = None
+
+    def show(self, pixels: Frame) -> None:
+        """Replace the picture. A window that its user has closed stays closed."""
+        if self._figure is None:
+            self._open(pixels)
+        if not self._is_open:
+            return
+        self._image.set_data(pixels)
+        canvas = self._figure.canvas
+        canvas.draw()
+        if type(canvas).required_interactive_framework is not None:
+            canvas.start_event_loop(self._pause)  # lets the window react meanwhile
+
+    def close(self) -> None:
+        if self._figure is not None:
+            _pyplot().close(self._figure)
+
+    @property
+    def _is_open(self) -> bool:
+        return bool(_pyplot().fignum_exists(self._figure.number))
+
+    def _open(self, pixels: Frame) -> None:
+        height, width, _ = pixels.shape
+        self._figure = _pyplot().figure(num=None, figsize=(width / 100, height / 100), dpi=100)
+        axes = self._figure.add_axes((0, 0, 1, 1))
+        axes.axis("off")
+        self._image = axes.imshow(pixels)
+        manager = self._figure.canvas.manager
+        manager.set_window_title(self._title)
+        with contextlib.suppress(importlib.import_module("matplotlib.backend_bases").NonGuiException):
+            manager.show()
+
+
+def _pyplot() -> Any:
+    return importlib.import_module("matplotlib.pyplot")
