@@ -120,6 +120,23 @@ MISTAKES: list[tuple[str, str, str, str, str, str | None]] = [
 ]  # fmt: skip
 
 
+GRIDS = {
+    "block": ("|\n      #..\n      #x.\n", "x"),
+    "short block": ("|\n      #..\n      #.\n", "#."),
+    "list": ('["#..", "#x."]\n', "x"),
+    "short list": ('["#..", "#."]\n', "#."),
+}
+
+
+@pytest.mark.parametrize("form", GRIDS)
+def test_the_place_in_a_text_grid_is_the_character(form: str) -> None:
+    grid, at = GRIDS[form]
+    constants = f"constants:\n  map:\n    grid: {grid}    legend: {{'#': 1, .: 0}}\ndefinitions:"
+    text = WALK.replace("definitions:", constants)
+    (problem,) = problems(source.read_text(text))
+    assert (problem.code, _written(text, problem)) == ({"x": "E203", "#.": "E307"}[at], at)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "code", "at", "words", "variant"), MISTAKES, ids=[m[1].strip() for m in MISTAKES]
 )

@@ -124,14 +124,7 @@ MISTAKES = [
     ("state: {s: {type: choice, values: [a, a]}}\n", "E214", "3:39", "twice", ""),
     ("state: {s: {type: choice, values: [a], symbols: []}}\n", "E214", "3:49", "0 symbols", ""),
     ("reward: [{if: a, then: 1, else: 2}]\n", "E214", "3:27", "alone", "dash"),
-    (
-        "constants: {m: {grid: [ab, c], legend: {a: 1, b: 2, c: 3}}}\n",
-        "E214",
-        "3:28",
-        "1 long",
-        "",
-    ),
-    ("constants: {m: {grid: [ab], legend: {a: 1}}}\n", "E203", "3:24", "`b`", ""),
+    ("constants: {m: {grid: [], legend: {a: 1}}}\n", "E204", "3:23", "lines of letters", "block"),
     ("reward:\n", "E218", "3:1", "nothing stands here", ""),
     ("initial: {s: [1, null]}\n", "E218", "3:18", "nothing stands here", ""),
 ]

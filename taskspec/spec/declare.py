@@ -151,29 +151,32 @@ class Declarations:
 
     def _grid(self, value: dict[str, Any], path: Path, scope: Scope) -> Const:
         """A text grid: every character stands for what the legend says."""
-        lines = value["grid"]
-        lines = lines.splitlines() if isinstance(lines, str) else lines
-        legend = {str(k): self._legend(k, path, scope) for k in value.get("legend") or {}}
-        width = len(lines[0]) if lines else 0
-        cells: list[Node] = []
+        block = value["grid"] if isinstance(value["grid"], str) else None
+        lines = value["grid"] if block is None else block.splitlines()
+        legend = {str(k): self._legend(k, path, scope) for k in value["legend"]}
+        where: Path = (*path, "grid")
+        start, cells = 0, []
         for row, line in enumerate(lines):
-            where: Path = (*path, "grid", row) if isinstance(value["grid"], list) else (*path, "grid")
-            if len(line) != width:
-                self._stop("E307", where, f"this row has {len(line)} characters, the first has {width}")
-            for column, char in enumerate(line):
-                if char not in legend:
-                    place = self.merged.span(where, column, column + 1) if isinstance(value["grid"], list) else None
-                    self.collector.add("E313", place or self.merged.span(where), f"'{char}' is not in the legend",
-                                       f"the legend has {' '.join(legend)}")  # fmt: skip
-                    raise Poisoned
-                cells.append(legend[char])
-        if not cells:
-            self._stop("E307", path, "this grid is empty")
-        kinds = self.builder.structure("vector", cells)
-        shape = (len(lines), width, *kinds.type.shape[1:])
-        grid = self.builder.structure("reshape", [kinds], shape)
+            here, start = ((*where, row), 0) if block is None else (where, start)
+            self._check_row(line, len(lines[0]), legend, here, start)
+            cells += [legend[char] for char in line]
+            start += len(line) + 1
+        found = self.builder.structure("vector", cells)
+        grid = self.builder.structure("reshape", [found], (len(lines), len(lines[0]), *found.type.shape[1:]))
         assert isinstance(grid, Const)
         return grid
+
+    def _check_row(self, line: str, width: int, legend: Mapping[str, Node], path: Path, start: int) -> None:
+        """A row of a text grid, which begins at a character of the text at a path."""
+        if not line or len(line) != width:
+            place = self.merged.span(path, start, start + len(line))
+            self.collector.add("E307", place, f"this row has {len(line)} characters, the first has {width}")
+            raise Poisoned
+        for at, char in enumerate(line, start):
+            if char not in legend:
+                message = f"the legend does not say what '{char}' stands for"
+                self.collector.add("E203", self.merged.span(path, at, at + 1), message, f"it has {' '.join(legend)}")
+                raise Poisoned
 
     def _legend(self, key: str, path: Path, scope: Scope) -> Node:
         expr = self.forms.expr((*path, "legend", key))

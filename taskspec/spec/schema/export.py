@@ -122,9 +122,7 @@ _FORMS: dict[str, Any] = {
         "properties": {
             "grid": {
                 "description": "The lines of the map, all of one length.",
-                "type": "array",
-                "items": {"type": "string"},
-                "minItems": 1,
+                "anyOf": [{"type": "array", "items": {"type": "string"}, "minItems": 1}, {"type": "string"}],
             },
             "legend": {
                 "description": "What each letter stands for.",

@@ -210,21 +210,15 @@ def constant(value: Any) -> Iterator[Problem]:
             yield Problem("E203", (), f"this grid of letters has no `{key}`")
     if "grid" not in value or "legend" not in value:
         return
-    yield from (problem.below("grid") for problem in _grid(value["grid"], value["legend"]))
+    yield from (problem.below("grid") for problem in _grid(value["grid"]))
     yield from (problem.below("legend") for problem in _legend(value["legend"]))
 
 
-def _grid(lines: Any, legend: Any) -> Iterator[Problem]:
-    if not (isinstance(lines, list) and lines and all(isinstance(each, str) for each in lines)):
-        yield wrong_kind("a list of lines of letters", lines)
-        return
-    for i, line in enumerate(lines):
-        if len(line) != len(lines[0]):
-            message = f"this line is {len(line)} long, the first is {len(lines[0])}"
-            yield Problem("E214", (i,), message)
-        odd = next((char for char in line if isinstance(legend, dict) and char not in legend), None)
-        if odd is not None:
-            yield Problem("E203", (i,), f"the legend does not say what `{odd}` stands for")
+def _grid(lines: Any) -> Iterator[Problem]:
+    """Lines of letters, as a list or as a block of text; that they fit together is checked where they are read."""
+    listed = isinstance(lines, list) and lines and all(isinstance(each, str) for each in lines)
+    if not listed and not (isinstance(lines, str) and lines.strip()):
+        yield wrong_kind("lines of letters", lines, 'for example ["S..", "..G"], or a block of text')
 
 
 def _legend(legend: Any) -> Iterator[Problem]:
