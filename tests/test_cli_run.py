@@ -125,7 +125,7 @@ def test_a_script_that_fits_not_is_refused(text: str, tmp_path: Path) -> None:
 
 
 def test_render_shows_every_state() -> None:
-    text = Done("run", "RiskyPath", "--policy", "expert", "--render").out
+    text = Done("run", "RiskyPath", "--policy", "expert", "--render", "ansi").out
     assert [f"step {t} of 5" in text for t in range(6)] == [True] * 6
     assert "action safe, reward 1" in text
 

@@ -43,6 +43,14 @@ FigureFile = Annotated[
         "--output", "-o", metavar="FILE", help="Ends in .svg, .tex, .png or .pdf.", dir_okay=False, show_default=False
     ),
 ]
+Overlays = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--overlay", metavar="values|policy|expert|occupancy",
+        help="Lay exact results over the states; may be repeated, or given with commas.",
+        autocompletion=lambda: ("values", "policy", "expert", "occupancy"), show_default=False,
+    ),
+]  # fmt: skip
 
 
 def docs(
@@ -65,7 +73,7 @@ def docs(
     from taskspec.cli.targets import near
 
     tasks = tasks_of(targets or [])
-    wanted = _formats(format or ["html"])
+    wanted = _named("--format", format or ["html"], FORMATS)
     written = appendix.write(
         tasks,
         wanted,
@@ -80,14 +88,24 @@ def docs(
         typer.echo(f"wrote {plural(len(written), 'file')} on {plural(len(tasks), 'task')} to {near(output)}")
 
 
-def figure(task: TaskArgument, output: FigureFile, variant: Variant = None, parameters: Parameters = None) -> None:
-    """Draw the figure of a task, as SVG, TikZ, PNG or PDF."""
+def figure(
+    task: TaskArgument,
+    output: FigureFile,
+    overlays: Overlays = None,
+    variant: Variant = None,
+    parameters: Parameters = None,
+) -> None:
+    """Draw the figure of a task, as SVG, TikZ, PNG or PDF.
+
+    Over the states may lie their optimal values, the optimal or the expert's actions, and how often they are visited.
+    """
     from taskspec import appendix
     from taskspec.cli.targets import task_of
 
     found = task_of(task, variant, parameters or [])
+    wanted = _named("--overlay", overlays or [], appendix.OVERLAYS)
     output.parent.mkdir(parents=True, exist_ok=True)
-    typer.echo(f"wrote {appendix.figure(found, output)}")
+    typer.echo(f"wrote {appendix.figure(found, output, wanted)}")
 
 
 def tasks_of(targets: Sequence[str]) -> list[Task]:
@@ -116,10 +134,10 @@ def columns_of(texts: Sequence[str]) -> list[Mapping[str, Any]]:
     return [assignments(text.split(",")) for text in texts]
 
 
-def _formats(names: Sequence[str]) -> list[str]:
-    """The formats asked for; several may stand in one option, with commas between them."""
-    wanted = [name.strip() for text in names for name in text.split(",")]
+def _named(option: str, texts: Sequence[str], allowed: Sequence[str]) -> list[str]:
+    """The names in an option; several may stand in one, with commas between them."""
+    wanted = [name.strip() for text in texts for name in text.split(",")]
     for name in wanted:
-        if name not in FORMATS:
-            raise misuse(f"--format is one of {', '.join(FORMATS)}, not '{name}'")
+        if name not in allowed:
+            raise misuse(f"{option} is one of {', '.join(allowed)}, not '{name}'")
     return wanted

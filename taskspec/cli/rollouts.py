@@ -35,8 +35,8 @@ class Episode:
     ending: str
 
 
-Watch = Callable[[str], None]
-"""Is shown every state, as text."""
+Watch = Callable[["Environment", str, bool], None]
+"""Looks at the environment in every state: what was done and paid, in words, and whether the episode is over."""
 
 
 def rollout(env: Environment, policy: Policy, seed: int | None, max_steps: int, watch: Watch | None) -> Episode:
@@ -44,7 +44,7 @@ def rollout(env: Environment, policy: Policy, seed: int | None, max_steps: int, 
     observation, _ = env.reset(seed=seed)
     total, plain, weight, length = 0.0, 0.0, 1.0, 0
     if watch is not None:
-        watch(str(env.render()))
+        watch(env, "", False)
     while length < max_steps:
         try:
             action = policy(observation)
@@ -54,7 +54,7 @@ def rollout(env: Environment, policy: Policy, seed: int | None, max_steps: int, 
         total, plain, length = total + weight * reward, plain + reward, length + 1
         weight *= env.task.discount
         if watch is not None:
-            watch(f"{env.render()}\n  action {shown(env, action)}, reward {reward:.6g}")
+            watch(env, f"action {shown(env, action)}, reward {reward:.6g}", terminated or truncated)
         if terminated or truncated:
             return Episode(total, plain, length, "terminated" if terminated else "truncated")
     return Episode(total, plain, length, "cut")

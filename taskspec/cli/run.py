@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,7 +14,7 @@ from taskspec.cli.options import Json, Parameters, TaskArgument, Variant, comple
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from taskspec.cli.rollouts import Episode, Summary
+    from taskspec.cli.rollouts import Episode, Summary, Watch
     from taskspec.spec.task import Task
 
 EPISODES, MAX_STEPS = 100, 10_000
@@ -42,7 +43,20 @@ Episodes = Annotated[
 Seed = Annotated[
     int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="Episodes are a function of it.")
 ]
-Render = Annotated[bool, typer.Option("--render", help="Show every state as text.")]
+Render = Annotated[
+    str | None,
+    typer.Option(
+        "--render", metavar="ansi|human|gif|mp4", help="Show every state: as text, in a window, or in a film.",
+        autocompletion=lambda: ("ansi", "human", "gif", "mp4"), show_default=False,
+    ),
+]  # fmt: skip
+FilmFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="FILE", help="The film, .gif or .mp4; named after the task by default.", dir_okay=False,
+        show_default=False,
+    ),
+]  # fmt: skip
 MaxSteps = Annotated[int, typer.Option("--max-steps", min=1, help="Cuts episodes that have no end of their own.")]
 
 
@@ -53,49 +67,56 @@ def run(
     seed: Seed = 0,
     variant: Variant = None,
     parameters: Parameters = None,
-    render: Render = False,
+    render: Render = None,
+    output: FilmFile = None,
     max_steps: MaxSteps = MAX_STEPS,
     json: Json = False,
 ) -> None:
     """Roll out a policy and say how it did.
 
     Mean return with its 95 % confidence interval, lengths of episodes, and how they ended; [green]--json[/] adds every
-    return, which [cyan]taskspec score[/] reads.
+    return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o film.gif[/] films them.
     """
+    from taskspec.cli import film
     from taskspec.cli.rollouts import Clock, summarize
     from taskspec.cli.targets import task_of
 
-    if json and render:
-        raise misuse("--json and --render do not go together")
+    kind = film.kind_of(render, output)
+    if json and kind == "ansi":
+        raise misuse("--json and --render ansi do not go together")
     found = task_of(task, variant, parameters or [])
-    count = episodes or (1 if render else EPISODES)
+    count = episodes or (1 if kind else EPISODES)
+    path = output or Path(f"{found.name}.{kind}")
     clock = Clock()
-    done = list(_episodes(found, policy, seed, count, max_steps, render, quiet=json))
+    with film.watching(kind, path) as watch:
+        done = list(_episodes(found, policy, seed, count, max_steps, kind, watch, quiet=json))
     summary = summarize(done, clock.seconds)
     if json:
         _print_json(found, policy, seed, summary, done)
     else:
         _print(found, policy, seed, summary)
+    if kind in film.FILMS:
+        typer.echo(f"wrote {path}", err=json)
 
 
 def _episodes(
-    task: Task, policy: str, seed: int, count: int, max_steps: int, render: bool, quiet: bool
+    task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, watch: Watch | None, quiet: bool
 ) -> Iterator[Episode]:
     """Episodes, shown step by step or behind a progress bar."""
+    from taskspec.cli import film
     from taskspec.cli.policies import policy_for
     from taskspec.cli.rollouts import rollouts
     from taskspec.envs import Environment
 
-    env = Environment(task, render_mode="ansi" if render else None)
-    acts = policy_for(policy, env, seed)
-    done = rollouts(env, acts, seed, count, max_steps, _watch if render else None)
-    return done if render or quiet else _with_bar(done, count)
-
-
-def _watch(text: str) -> None:
-    from taskspec.cli.console import clean
-
-    typer.echo(clean(text) + "\n")
+    env = Environment(task, render_mode=None if kind is None else film.RENDER_MODES[kind])
+    if kind == "human":
+        film.warn_unseen()
+    try:
+        acts = policy_for(policy, env, seed)
+        done = rollouts(env, acts, seed, count, max_steps, watch)
+        yield from done if kind in ("ansi", "human") or quiet else _with_bar(done, count)
+    finally:
+        env.close()
 
 
 def _with_bar(done: Iterator[Episode], count: int) -> Iterator[Episode]:

@@ -1,0 +1,113 @@
+"""How `taskspec run --render` shows episodes: as text, in a window, or in a film."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from taskspec.cli.failures import misuse, refuse
+
+if TYPE_CHECKING:
+    from taskspec.cli.rollouts import Watch
+    from taskspec.envs import Environment
+
+RENDER_MODES = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
+"""What an environment renders for each value of `--render`."""
+FILMS = ("gif", "mp4")
+GIF_FRAMES = 500  # a GIF is kept in memory until it is whole: 1.5 MB a frame
+HOLD = 1.0
+"""Seconds for which a film shows the last state of an episode."""
+
+
+def kind_of(render: str | None, output: Path | None) -> str | None:
+    """What to show, by `--render` or else by the ending of the file.
+
+    Raises:
+        UsageError: when there is no such way, or it does not go with the file.
+    """
+    ending = None if output is None else output.suffix[1:].lower()
+    kind = render or ending
+    if kind is not None and kind not in RENDER_MODES:
+        raise misuse(f"--render is one of {', '.join(RENDER_MODES)}, not '{kind}'")
+    if output is not None and (kind not in FILMS or ending != kind):
+        raise misuse(f"--output is a film: its name ends in .gif or .mp4, as --render says, not '{output.name}'")
+    return kind
+
+
+@contextmanager
+def watching(kind: str | None, path: Path) -> Iterator[Watch | None]:
+    """What looks at every state; None where nobody does."""
+    match kind:
+        case "ansi":
+            yield _print
+        case "gif" | "mp4":
+            with Film(path, kind) as film:
+                yield film
+        case _:
+            yield None
+
+
+def _print(env: Environment, note: str, last: bool) -> None:
+    from taskspec.cli.console import clean
+
+    typer.echo(clean(f"{env.render()}\n  {note}" if note else str(env.render())) + "\n")
+
+
+class Film:
+    """Writes what an environment renders to a GIF or MP4 file, which is there when all went well.
+
+    Raises:
+        SpecError: E705 without imageio, or without ffmpeg for MP4.
+    """
+
+    def __init__(self, path: Path, kind: str) -> None:
+        from taskspec.appendix.extras import need
+
+        self._path, self._kind, self.frames = path, kind, 0
+        self._writer: Any = None
+        self._imageio = need("imageio.v2", "figures")
+        if kind == "mp4":
+            _find_ffmpeg(need("imageio_ffmpeg", "figures"))
+
+    def __enter__(self) -> Film:
+        return self
+
+    def __call__(self, env: Environment, note: str, last: bool) -> None:
+        fps = env.metadata["render_fps"]
+        writer, picture = self._writer or self._open(fps), env.render()
+        for _ in range(1 + round(HOLD * fps) if last else 1):
+            writer.append_data(picture)
+            self.frames += 1
+        if self._kind == "gif" and self.frames > GIF_FRAMES:
+            raise misuse(f"a GIF holds {GIF_FRAMES} steps at most", "make an MP4, or cut the episode with --max-steps")
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if self._writer is not None:
+            self._writer.close()
+        if error is not None:
+            self._path.unlink(missing_ok=True)
+
+    def _open(self, fps: float) -> Any:
+        options: dict[str, Any] = {"duration": 1000 / fps, "loop": 0} if self._kind == "gif" else {"fps": fps}
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        self._writer = self._imageio.get_writer(self._path, mode="I", **options)
+        return self._writer
+
+
+def _find_ffmpeg(module: Any) -> None:
+    try:
+        module.get_ffmpeg_exe()
+    except RuntimeError as error:
+        raise refuse("E705", "an MP4 needs ffmpeg, which was not found", "install ffmpeg, or make a GIF") from error
+
+
+def warn_unseen() -> None:
+    """Say on standard error that there is no display, rather than show nothing without a word."""
+    from taskspec.appendix.extras import need
+
+    if need("matplotlib", "figures").get_backend().lower() == "agg":
+        typer.echo("no display was found, so no window is shown; --render gif makes a film", err=True)
