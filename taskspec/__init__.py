@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from taskspec.diagnostics import TaskspecError as TaskspecError
     from taskspec.registry import load as load
     from taskspec.registry import make as make
+    from taskspec.registry import make_vec as make_vec
     from taskspec.registry import register as register
     from taskspec.registry import task_ids as task_ids
     from taskspec.spec.task import Task as Task
@@ -23,6 +24,7 @@ _DOORS = {
     "Task": "taskspec.spec.task",
     "load": "taskspec.registry",
     "make": "taskspec.registry",
+    "make_vec": "taskspec.registry",
     "register": "taskspec.registry",
     "task_ids": "taskspec.registry",
 }
@@ -33,6 +35,7 @@ __all__ = [
     "TaskspecError",
     "load",
     "make",
+    "make_vec",
     "register",
     "task_ids",
 ]

@@ -20,6 +20,7 @@ from taskspec.diagnostics import Diagnostic, SpecError, suggest
 if TYPE_CHECKING:
     import gymnasium
 
+    from taskspec.envs.vector import VectorEnvironment
     from taskspec.source import Document
     from taskspec.spec.task import Task
 
@@ -219,9 +220,45 @@ def _add(task_id: str, kwargs: dict[str, Any]) -> None:
     add(
         task_id,
         "taskspec.registry:make_registered",
+        vector_entry_point="taskspec.registry:make_vec_registered",
         order_enforce=False,
         disable_env_checker=True,
         kwargs=kwargs,
+    )
+
+
+def make_vec(
+    id_or_path: str | os.PathLike[str],
+    variant: str | None = None,
+    /,
+    *,
+    num_envs: int = 1,
+    backend: str = "auto",
+    autoreset_mode: Any = "NextStep",
+    reuse: bool = False,
+    num_threads: int = 1,
+    ending: str = "terminate",
+    observe_time: bool = False,
+    render_mode: str | None = None,
+    **parameters: Any,
+) -> VectorEnvironment:
+    """Many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one call.
+
+    Raises:
+        SpecError: E705 when Gymnasium is older than 1.1 or the backend's package is not installed.
+    """
+    from taskspec.envs.vector import VectorEnvironment
+
+    return VectorEnvironment(
+        load(id_or_path, variant, **parameters),
+        num_envs,
+        backend=backend,
+        autoreset_mode=autoreset_mode,
+        reuse=reuse,
+        num_threads=num_threads,
+        ending=ending,
+        observe_time=observe_time,
+        render_mode=render_mode,
     )
 
 
@@ -229,16 +266,19 @@ def make_registered(
     *, task: str | None = None, path: str | None = None, variant: str | None = None, **options: Any
 ) -> gymnasium.Env[Any, Any]:
     """What `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`."""
+    return make(_source(task, path), variant, **options)
+
+
+def make_vec_registered(
+    *, task: str | None = None, path: str | None = None, variant: str | None = None, **options: Any
+) -> VectorEnvironment:
+    """What `gym.make_vec` calls; options are parameters and those of `make_vec`."""
+    return make_vec(_source(task, path), variant, **options)
+
+
+def _source(task: str | None, path: str | None) -> str | Path:
     source = task if path is None else Path(path)
     if source is None:
-        raise SpecError(
-            [
-                Diagnostic(
-                    "E713",
-                    None,
-                    f"{SPEC_ID} needs a spec",
-                    'gym.make("taskspec/Spec-v0", path="my.yaml")',
-                )
-            ]
-        )
-    return make(source, variant, **options)
+        hint = 'gym.make("taskspec/Spec-v0", path="my.yaml")'
+        raise SpecError([Diagnostic("E713", None, f"{SPEC_ID} needs a spec", hint)])
+    return source

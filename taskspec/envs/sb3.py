@@ -1,0 +1,110 @@
+"""A `VecEnv` for Stable-Baselines3 over a task's vector program; needs no vector interface of Gymnasium's.
+
+SB3 resets an environment within the step that ends its episode, and wants in its info the last observation and whether
+the episode was cut short without a terminal state: exactly when both flags are set, the terminal state wins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv
+
+from taskspec import draws
+from taskspec.backends import select
+from taskspec.backends.actions import BadActionError
+from taskspec.backends.vector import NotRunningError as EngineNotRunning
+from taskspec.backends.vector import Options
+from taskspec.envs.errors import ActionError, NotRunningError
+from taskspec.envs.spaces import space
+from taskspec.spec.task import Task
+
+
+class Sb3VecEnv(VecEnv):
+    """Environments of one task for Stable-Baselines3.
+
+    Args:
+        task: the task, with its parameters bound.
+        num_envs: how many.
+        seed: lane i draws from seed + i.
+        backend, num_threads: as for `taskspec.envs.vector.VectorEnvironment`.
+    """
+
+    def __init__(
+        self, task: Task, num_envs: int, *, seed: int = 0, backend: str = "auto", num_threads: int = 1
+    ) -> None:
+        self.task = task
+        self._engine = select.engine(task, num_envs, backend, Options("same_step", num_threads))
+        self.render_mode = None
+        super().__init__(num_envs, space(self._engine.observation), space(self._engine.action))
+        self._first_seed: int | None = seed
+        self._actions: Any = None
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Lane i draws from seed + i from the next reset on; without a seed, streams go on."""
+        self._first_seed = seed
+        return [None if seed is None else seed + i for i in range(self.num_envs)]
+
+    def reset(self) -> Any:
+        if self._first_seed is not None:
+            self._engine.seed(draws.lane_seeds(self._first_seed, self.num_envs))
+            self._first_seed = None
+        self._engine.reset()
+        self.reset_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        return self._seen()
+
+    def step_async(self, actions: Any) -> None:
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
+        """Observations, float32 rewards, dones, and an info for every lane."""
+        try:
+            ended = self._engine.step(self._actions)
+        except BadActionError:
+            raise ActionError(f"E706: {self._actions!r} are not actions of {self.task.id}") from None
+        except EngineNotRunning:
+            raise NotRunningError("E707: step() before the first reset(); call reset() first") from None
+        b = self._engine.buffers
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if ended:
+            self._describe_ends(infos)
+        return self._seen(), b.reward.astype(np.float32), b.ended.copy(), infos
+
+    def _describe_ends(self, infos: list[dict[str, Any]]) -> None:
+        b = self._engine.buffers
+        final = b.final.view()
+        for lane in np.flatnonzero(b.ended).tolist():
+            infos[lane]["terminal_observation"] = _of_lane(final, lane)
+            infos[lane]["TimeLimit.truncated"] = bool(b.truncated[lane] and not b.terminated[lane])
+
+    def _seen(self) -> Any:
+        return self._engine.buffers.seen.copy().view()
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def get_images(self) -> Sequence[Any]:
+        return [None] * self.num_envs
+
+    # -- what SB3 asks of environments one by one -----------------------------------------------------------------
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        raise AttributeError(f"{attr_name}: the lanes of a vector program have no attributes of their own")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        raise AttributeError(f"{method_name}: the lanes of a vector program have no methods of their own")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        return [False] * len(list(self._get_indices(indices)))
+
+
+def _of_lane(view: Any, lane: int) -> Any:
+    """The observation of one lane, copied."""
+    if isinstance(view, dict):
+        return {name: np.array(part[lane]) for name, part in view.items()}
+    return np.array(view[lane])
