@@ -18,6 +18,7 @@ from taskspec.spec.reach import over
 from taskspec.spec.task import Component
 
 Edges = list[Interval]
+FAR = 1e9
 
 
 class Observed:
@@ -65,10 +66,11 @@ class Observed:
                 )
 
     def _tight(self, edges: Edges, reached: Interval | None) -> Edges:
-        """Infinite bounds replaced by those of what can be reached."""
+        """Infinite bounds replaced by those of what can be reached, unless these are so far away that they say nothing."""
         if reached is None:
             return edges
-        return [(a if math.isfinite(a) else reached[0], b if math.isfinite(b) else reached[1]) for a, b in edges]
+        low, high = reached[0] if reached[0] >= -FAR else -math.inf, reached[1] if reached[1] <= FAR else math.inf
+        return [(a if math.isfinite(a) else low, b if math.isfinite(b) else high) for a, b in edges]
 
 
 def _bounded(c: Component, edges: Edges) -> Component:

@@ -17,8 +17,9 @@ from taskspec.spec.context import Context
 from taskspec.spec.names import Names, poison
 from taskspec.spec.observe import Observed
 from taskspec.spec.reach import reach
-from taskspec.spec.task import Claim, Observation, Soft
+from taskspec.spec.task import FINITE_SPACES, Claim, Component, Observation, Soft
 
+MAX_ONE_HOT = 1_000_000
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 
 
@@ -126,13 +127,32 @@ class Sections:
         declared = context.exprs["observation"]
         if not declared:
             nodes = tuple(context.read(c, Role.STATE).node for c in context.state)
-            return Observation(tuple(map(observed.state, context.state)), nodes, space, is_state=True)
+            components = tuple(map(observed.state, context.state))
+            if whole:
+                self._check_space(components, space)
+            return Observation(components, nodes, space, is_state=True)
         scope = self.names.scope("observation")
         values = {name: None if expr is None else self.checker.check(expr, scope) for name, expr in declared.items()}
         found = {name: value for name, value in values.items() if value is not None}
         edges = {name: [self._edge(name, key, v.node.type) for key in ("low", "high")] for name, v in found.items()}
         components = tuple(observed.expression(name, v, *edges[name]) for name, v in found.items())
+        if len(found) == len(declared):
+            self._check_space(components, space)
         return Observation(components, tuple(v.node for v in found.values()), space)
+
+    def _check_space(self, components: tuple[Component, ...], space: str) -> None:
+        """Refuse a space that cannot hold what is observed."""
+        endless = next((c.name for c in components if not c.is_finite), None)
+        message = None
+        if space in FINITE_SPACES and endless is not None:
+            message = f"`{space}` needs ints with bounds, choices or conditions, which '{endless}' is not"
+        elif space == "discrete" and not (len(components) == 1 and components[0].type.is_scalar):
+            message = "`discrete` is one number, but more are observed"
+        elif space == "one_hot" and sum(n for c in components for n in c.counts) > MAX_ONE_HOT:
+            message = f"`one_hot` would have more than {MAX_ONE_HOT:,} elements"
+        if message is not None:
+            hint = "declare bounds: `{value: ..., low: ..., high: ...}`" if endless else None
+            self.collector.add("E214", self.context.merged.span(("observation", "space")), message, hint)
 
     def _edge(self, name: str, key: str, type_: Type) -> tuple[float, ...] | None:
         """A declared bound of an observed expression, if there is one."""

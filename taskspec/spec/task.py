@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node, Read, Role, rewrite
@@ -20,9 +21,11 @@ from taskspec.source import Document
 if TYPE_CHECKING:
     import gymnasium
 
+FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
+"""Spaces of observations that hold finite components only."""
 SpaceKind = Literal["auto", "box", "dict", "one_hot", "multi_discrete", "discrete"]
 Ending = Literal["terminate", "absorb"]
-MAX_COUNT = 2**31 - 1
+COUNTABLE = 2**52
 
 
 @dataclass(frozen=True)
@@ -43,10 +46,8 @@ class Component:
 
     @property
     def is_finite(self) -> bool:
-        """Whether it takes finitely many values."""
-        if self.type.kind is Kind.REAL:
-            return False
-        return all(math.isfinite(v) for v in (*self.low, *self.high))
+        """Whether it takes finitely many values, few enough to be counted without rounding."""
+        return self.type.kind is not Kind.REAL and all(abs(v) <= COUNTABLE for v in (*self.low, *self.high))
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -197,12 +198,13 @@ class Task:
         if self.ending == "absorb":
             return self
         b = self.builder
-        over = b.read(Role.STATE, ABSORBED, BOOL, 0, 1)
+        name = _free("absorbed", (*self.state, *self.action))
+        over = b.read(Role.STATE, name, BOOL, 0, 1)
         following = [
             b.apply("where", over, b.read(*c.read, c.type, min(c.low), max(c.high)), node)
             for c, node in zip(self.state, self.next, strict=True)
         ]
-        flag = Component(ABSORBED, BOOL, (0,), (1,), doc="whether the episode has ended")
+        flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
         return dataclasses.replace(
             self,
             state=(*self.state, flag),
@@ -214,16 +216,23 @@ class Task:
         )
 
     def observing_time(self) -> Task:
-        """The same task with the time, as steps taken, added to the observation."""
+        """The same task with the time, as steps taken, added to the observation.
+
+        Raises:
+            SpecError: (E713) when observations are declared finite and there is no horizon.
+        """
         if self.observe_time:
             return self
+        if self.horizon is None and self.observation.space in FINITE_SPACES:
+            message = f"without a horizon the time does not fit into a `{self.observation.space}` observation"
+            raise SpecError([Diagnostic("E713", None, message)])
         high = float(self.horizon) if self.horizon is not None else math.inf
         time = self.builder.read(Role.TIME, "t", Type(Kind.INT), 0, high)
-        clock = Component("t", Type(Kind.INT), (0,), (high,), doc="steps taken")
+        clock = Component(_free("t", self.observation.components), Type(Kind.INT), (0,), (high,), doc="steps taken")
         seen = Observation(
             (*self.observation.components, clock),
             (*self.observation.nodes, time),
-            self.observation.space,
+            "multi_discrete" if self.observation.space == "discrete" else self.observation.space,
         )
         return dataclasses.replace(self, observation=seen, observe_time=True)
 
@@ -262,7 +271,12 @@ class Task:
         return rewrite(self.observation.nodes, leaf, b.remake)
 
 
-ABSORBED = "absorbed"
+def _free(name: str, components: Iterable[Component]) -> str:
+    """A name that no component has."""
+    taken = {c.name for c in components}
+    while name in taken:
+        name += "_"
+    return name
 
 
 def constant_value(node: Node) -> Any:
