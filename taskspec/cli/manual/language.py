@@ -1,0 +1,202 @@
+"""The language reference: prose from `language.md` beside this file, its tables from those that the compiler runs on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from taskspec.appendix.figures import KINDS
+from taskspec.cli.manual import probes
+from taskspec.cli.manual.keys import keys, sections
+from taskspec.cli.manual.markdown import code, table
+from taskspec.draws.finite import POISSON_LIMIT
+from taskspec.exact import vocabulary
+from taskspec.exact.soundness import MAX_POINTS
+from taskspec.lang import builder, dists, parse, sets, tables
+from taskspec.lang.functions import FUNCTIONS, INFIX
+from taskspec.source import compose, document, scalars
+from taskspec.spec.build import MAX_HORIZON
+
+_MARK = re.compile(r"<!-- (\w+)(?: (\w+))? -->")
+
+
+def language() -> str:
+    """`docs/language.md`.
+
+    Raises:
+        KeyError: when the prose asks for a table that does not exist.
+    """
+    prose = Path(__file__).with_name("language.md").read_text(encoding="utf-8")
+    return _MARK.sub(lambda mark: _TABLES[mark[1]](*filter(None, [mark[2]])), prose)
+
+
+# -- expressions --------------------------------------------------------------------------------------------------
+
+
+def _operators() -> str:
+    rows = [(i.precedence, code(i.symbol), i.doc) for i in INFIX.values()]
+    rows += [(0, "`x if c else y`", "x where the condition c holds, else y."), (7, "`-x`, `+x`", "Negation; nothing.")]
+    rows += [(9, "`x[i]`, `f(x)`", "Element, call.")]
+    # The table of operators has no entry for what is grammar; a stable sort keeps the rest in its order.
+    rows.sort(key=lambda row: row[0])
+    return table(("binds", "operator", "meaning"), ((str(level), symbol, doc) for level, symbol, doc in rows))
+
+
+def _functions() -> str:
+    return table(
+        ("function", "value", "example"),
+        ((code(f.signature), f.doc, _example(f.name, f.samples[0])) for f in FUNCTIONS.values()),
+    )
+
+
+def _example(name: str, sample: tuple[Any, ...]) -> str:
+    expression = f"{name}({', '.join(map(_literal, sample))})"
+    return f"{code(expression)} is {code(probes.value(expression))}"
+
+
+def _literal(item: Any) -> str:
+    if isinstance(item, tuple):
+        return f"({', '.join(map(_literal, item))}{',' * (len(item) == 1)})"
+    return str(item)
+
+
+def _distributions() -> str:
+    entries = (dists.CATEGORICAL, *dists.DISTS.values())
+    return table(("distribution", "what is drawn"), ((code(_signature(d)), d.doc) for d in entries))
+
+
+def _signature(dist: dists.Dist) -> str:
+    arguments = [a.name if a.default is None else f"{a.name}={a.default}" for a in dist.arguments]
+    return f"{dist.name}({', '.join([*arguments, *(['shape=()'] if dist.shaped else [])])})"
+
+
+AWKWARD = (
+    "1 / 0", "-1 / 0", "0 / 0", "7 // 0", "7 % 0", "7 // 2", "-7 // 2", "-7 % 2", "7 % -2", "1 / 3 + 1 / 6", "2**-2",
+    "0**0", "(-8.0)**0.5", "sqrt(-1)", "log(0)", "exp(1000)", "min(0/0, 1)", "max((0/0, 2))", "argmax((1, 3, 3))",
+    "argmin((0/0, 0/0))", "sort((2, 0/0, 1))", "argsort((1, 0, 1, 0))", "round(2.5)", "round(3.5)", "floor(1 / 0)",
+    "floor(0 / 0)", "sign(0 / 0)", "0 / 0 == 0 / 0", "True + True", "clip(5, 3, 0)", "put((1, 2, 3), 9, 0)",
+    "put((1, 2, 3), -1, 0)", "onehot(5, 3)",
+)  # fmt: skip
+
+
+def _awkward() -> str:
+    return table(("expression", "value"), ((code(each), code(probes.value(each))) for each in AWKWARD))
+
+
+# -- places -------------------------------------------------------------------------------------------------------
+
+PLACES = (
+    ("`constants`", "constants", '{"k": 2, "c": "@"}'),
+    ("`low`, `high`, `shape`", "state", '{"x": {"type": "int", "low": -99, "high": "@"}, "y": {"type": "real"}}'),
+    ("`horizon`", "horizon", '"5 + @"'),
+    ("`discount`", "discount", '"(@) / 9"'),
+    ("`noise`", "noise", '{"n": "UniformInt(0, 1)", "m": "@"}'),
+    ("`initial`", "initial", '{"x": 0, "y": "@"}'),
+    ("`dynamics`", "dynamics", """{"x'": "x + a", "y'": "@"}"""),
+    ("`reward`", "reward", '"@"'),
+    ("`terminal`", "terminal", '"(@) == 1"'),
+    ("`observation`", "observation", '{"o": "@"}'),
+    ("`expert`", "expert", '{"a": "@"}'),
+    ("`absorbing_reward`", "absorbing_reward", '"@"'),
+)
+NAMES = (
+    ("parameter", "L"), ("constant", "k"), ("state `x`", "x"), ("action", "a"), ("`x'`", "x'"), ("noise", "n"),
+    ("draw", "UniformInt(0, 1)"), ("`t`", "t"), ("`T`", "T"),
+)  # fmt: skip
+
+
+def _visibility() -> str:
+    rows = (
+        (place, *("✓" if probes.fits(section, template, expression) else "" for _, expression in NAMES))
+        for place, section, template in PLACES
+    )
+    return table(("in", *(heading for heading, _ in NAMES)), rows)
+
+
+# -- spaces -------------------------------------------------------------------------------------------------------
+
+_CELL = {"type": "int", "low": 0, "high": 4}
+_REAL = {"type": "real", "low": 0, "high": 1}
+DECLARED: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("`{type: int, low: 0, high: 4}`", {"x": _CELL}),
+    ("`{type: int, low: 1, high: 4}`", {"x": {**_CELL, "low": 1}}),
+    ("`{type: bool}`", {"x": {"type": "bool"}}),
+    ("`{type: choice, values: [left, right]}`", {"x": {"type": "choice", "values": ["left", "right"]}}),
+    ("two of them, with 5 and 2 values", {"x": _CELL, "y": {"type": "bool"}}),
+    ("`{type: int, low: 0, high: 4, shape: [2]}`", {"x": {**_CELL, "shape": [2]}}),
+    ("`{type: real, low: 0, high: 1}`", {"x": _REAL}),
+    ("`{type: real, low: 0, high: 1, shape: [3]}`", {"x": {**_REAL, "shape": [3]}}),
+    ("`{type: int, low: 0, high: 4}` and `{type: real, low: 0, high: 1}`", {"x": _CELL, "y": _REAL}),
+)
+
+
+def _state(components: dict[str, Any]) -> dict[str, Any]:
+    first = {name: "left" if c["type"] == "choice" else c.get("low", False) for name, c in components.items()}
+    return {"state": components, "initial": first, "dynamics": {"x'": "x"}, "noise": {}}
+
+
+def _spaces() -> str:
+    rows = []
+    for words, components in DECLARED:
+        action = {f"to_{name}": component for name, component in components.items()}
+        observed, acted = probes.spaces({**_state(components), "action": action})
+        rows.append((words, code(observed), code(acted)))
+    return table(("declared", "as observation", "as action"), rows)
+
+
+def _space_kinds() -> str:
+    components = {"x": _CELL, "y": {"type": "bool"}}
+    kinds = ("box", "multi_discrete", "one_hot", "dict")
+    spaces = ((k, {**_state(components), "observation": {"space": k, "x": "x", "y": "y"}}) for k in kinds)
+    return table(("`space:`", "observation space"), ((code(k), code(probes.spaces(s)[0])) for k, s in spaces))
+
+
+# -- the rest -----------------------------------------------------------------------------------------------------
+
+
+def _limits() -> str:
+    limits = (
+        ("size of a file", f"{document.MAX_BYTES:,} bytes"),
+        ("values in a file, and depth of nesting", f"{compose.MAX_NODES:,}, {compose.MAX_DEPTH}"),
+        ("digits of a number", f"{scalars.MAX_DIGITS}"),
+        ("length of an expression", f"{parse.MAX_LENGTH:,} characters"),
+        ("nesting of brackets, and of operators", f"{parse.MAX_DEPTH}, {parse.MAX_TREE}"),
+        ("elements of a vector", f"{builder.MAX_ELEMENTS:,}"),
+        ("candidates of a set", f"{sets.MAX_CANDIDATES:,}"),
+        ("elements of a comprehension that reads the state", f"{sets.MAX_UNROLLED:,}"),
+        ("cells of a table", f"{tables.MAX_CELLS:,}"),
+        ("operations of a task", f"{builder.MAX_NODES:,}"),
+        ("bits of an integer constant", f"{builder.MAX_BITS}"),
+        ("rate of `Poisson`", f"{POISSON_LIMIT:,}"),
+        ("horizon", f"{MAX_HORIZON:,} steps"),
+        ("state-action pairs that `check` tries one by one", f"{MAX_POINTS:,}"),
+    )
+    return table(("what", "limit"), limits)
+
+
+def _words(name: str) -> str:
+    """One of the tables of what claims may say."""
+    words = getattr(vocabulary, name).values()
+    return table(("written", "meaning"), ((code(w.written), w.doc) for w in words))
+
+
+def _figures() -> str:
+    return ", ".join(code(name) for name in KINDS)
+
+
+_TABLES: dict[str, Callable[..., str]] = {
+    "sections": sections,
+    "keys": keys,
+    "operators": _operators,
+    "functions": _functions,
+    "distributions": _distributions,
+    "awkward": _awkward,
+    "visibility": _visibility,
+    "spaces": _spaces,
+    "space_kinds": _space_kinds,
+    "limits": _limits,
+    "words": _words,
+    "figures": _figures,
+}

@@ -1,0 +1,22 @@
+"""Markdown tables and lists."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table; bars inside cells are escaped, also between backticks, as GitHub and MyST ask for."""
+    lines = [_row(header), "|" + "---|" * len(header)]
+    return "\n".join([*lines, *(_row(row) for row in rows)])
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"
+
+
+def code(text: str) -> str:
+    """Text as code, with as many backticks as it needs."""
+    if "`" in text:
+        return f"`` {text} ``"
+    return f"`{text}`"

@@ -1,0 +1,36 @@
+"""`taskspec reference`: the pages of the manual that are generated from the tables of the language."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class Page(str, Enum):
+    """Which page."""
+
+    language = "language"
+    errors = "errors"
+
+
+Which = Annotated[Page, typer.Argument(help="Which page.", show_default=False)]
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="Write to this file.", dir_okay=False, show_default=False),
+]
+
+
+def reference(page: Which, output: Output = None) -> None:
+    """Print the language reference, or the guide to all errors, as Markdown."""
+    from taskspec.cli import manual
+
+    text = manual.language() if page is Page.language else manual.errors()
+    if output is None:
+        typer.echo(text, nl=False)
+        return
+    output.parent.mkdir(parents=True, exist_ok=True)
+    output.write_text(text, encoding="utf-8")
+    typer.echo(f"wrote {output}", err=True)
