@@ -165,7 +165,8 @@ class ArrayForm:
         if ufunc is None or self.scratch is None or all(isinstance(a, Const) for a in node.args):
             return self._assign(template.format(*args))
         out = self._buffer(node)
-        self.lines.append(f"{ufunc}({', '.join([*args, out])})")
+        keyword = "out=" if ufunc in ("minimum", "maximum") else ""  # these two insist
+        self.lines.append(f"{ufunc}({', '.join(args)}, {keyword}{out})")
         return out
 
     def _buffer(self, node: Node) -> str:
