@@ -110,7 +110,8 @@ def test_the_readme_has_the_findings_of_the_printed_appendix(update_golden: bool
 def test_the_readme_prints_what_its_spec_prints(tmp_path: Path) -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     quoted = text.partition("<!-- printed -->\n")[2].partition("<!-- /printed -->")[0].splitlines()
-    (tmp_path / "risky_path.yaml").write_text(blocks(text)[0].body, encoding="utf-8")
+    spec = next(block for block in blocks(text) if block.language == "yaml")
+    (tmp_path / "risky_path.yaml").write_text(spec.body, encoding="utf-8")
     done = run(
         "taskspec", ["docs", "risky_path.yaml", "--format", "markdown", "--no-results", "-o", "printed"], tmp_path
     )
