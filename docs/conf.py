@@ -1,0 +1,84 @@
+"""The documentation site: `python -m sphinx -W -b html docs build/site`. Needs the extra `site`.
+
+The pages are plain Markdown that reads well in the repository, too. What Sphinx needs beyond them is worked out here: tables of
+contents from the links on index pages, pages for files above this folder, and mathematics as MathML, which needs no network.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from docutils import nodes
+from docutils.utils.math import latex2mathml
+
+from taskspec import __version__
+
+project = "taskspec"
+author = copyright = "the taskspec authors"
+version = release = __version__
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 4
+exclude_patterns = ["build", "_build"]
+default_role = "code"  # docstrings quote code as Markdown does
+suppress_warnings = ["misc.highlighting_failure"]  # some snippets show mistakes
+autodoc_member_order = "bysource"
+napoleon_numpy_docstring = False
+maximum_signature_line_length = 80
+
+html_theme = "furo"
+html_title = f"taskspec {version}"
+html_math_renderer = "mathml"
+html_show_sphinx = html_show_sourcelink = html_copy_source = False
+
+DOCS = Path(__file__).parent
+SHOWN = {"readme": "README.md", "contributing": "CONTRIBUTING.md"}  # pages of the site, and the files that they show
+LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.md\)")
+GROUP = re.compile(r"^- (?=[^\[])", re.MULTILINE)
+
+
+def setup(app: Any) -> dict[str, Any]:
+    app.connect("source-read", read)
+    app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def read(app: Any, page: str, source: list[str]) -> None:
+    """Put in the files that lie above this folder, and add the tables of contents."""
+    if page in SHOWN:
+        source[0] = (DOCS.parent / SHOWN[page]).read_text(encoding="utf-8").replace("](docs/", "](")
+    for name, file in SHOWN.items():
+        source[0] = source[0].replace(f"](../{file}", f"]({name}.md").replace(f"]({file}", f"]({name}.md")
+    if page.endswith("index"):
+        source[0] += contents(source[0])
+
+
+def contents(text: str) -> str:
+    """Hidden tables of contents of the pages that an index links to; a list item without a link begins another one."""
+    first, *groups = GROUP.split(text)
+    named = [("", first), *((group.split("\n", 1)[0], group) for group in groups)]
+    return "".join(tree(caption, LINK.findall(part)) for caption, part in named)
+
+
+def tree(caption: str, pages: list[str]) -> str:
+    options = ":hidden:\n" + (f":caption: {caption}\n" if caption else "")
+    return "\n".join(["\n```{toctree}", options, *pages, "```\n"]) if pages else ""
+
+
+def inline_math(visitor: Any, node: Any) -> None:
+    visitor.body.append(mathml(node.astext(), as_block=False))
+    raise nodes.SkipNode
+
+
+def block_math(visitor: Any, node: Any) -> None:
+    visitor.body.append(mathml(node.astext(), as_block=True))
+    raise nodes.SkipNode
+
+
+def mathml(tex: str, as_block: bool) -> str:
+    """By docutils, which knows one of TeX's two ways to end a row; Markdown leaves only the other one alone."""
+    rows = re.sub(r"\\cr\b", r"\\\\", tex)
+    return str(latex2mathml.tex2mathml(rows, as_block=as_block))
