@@ -7,6 +7,7 @@ one over vectors of lanes. The random words and the float32 functions are those 
 from __future__ import annotations
 
 import math
+from math import atan2, exp, inf, log, nan, sqrt, tan, tanh  # noqa: F401  # for generated code
 from typing import Any
 
 import numpy as np
