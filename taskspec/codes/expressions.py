@@ -242,7 +242,7 @@ reward: sum(x)     # right
         "a primed value read before it is known",
         """
 A line of `dynamics` may read the next value of another component, as long as that one does not
-itself need the first, and a noise or an initial value may only read what stands above it.
+itself need the first, and an initial value may only read what stands above it.
 
 ```yaml
 initial: {x: "y", y: "0"}    # wrong: y comes later
