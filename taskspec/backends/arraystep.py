@@ -47,7 +47,7 @@ def generate(task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: L
     assert form.scratch is not None
     body = [*form.scratch.declarations, "", '@np.errstate(all="ignore")', f"def step({', '.join(taken)}):"]
     body += [*_indent(lines), "", "return step"]
-    head = f'"""{task.id}: n environments, array code. Generated; the spec is {task.document.origin.name}."""'
+    head = repr(f"{task.id}: n environments, array code. Generated; the spec is {task.document.origin.name}.")
     return "\n".join([head, "", "", f"def lanes({', '.join(arguments)}):", *_indent(body), ""]), form.constants
 
 

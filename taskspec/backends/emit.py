@@ -36,7 +36,8 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     """Source of the module, and the constants it refers to."""
     task, constants = parts.task, dict[str, Any]()
     states = _names("s", task.state)
-    head = [f'"""{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}."""']
+    # `repr`, because ids and file names are somebody's text: nothing in them may end the literal.
+    head = [repr(f"{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}.")]
     step = _step(parts, states, constants)
     reset = _reset(parts, states, "\n".join(step), constants)
     kept = [*states, *_kept(parts)]
@@ -344,8 +345,8 @@ def _read_discrete(name: str, c: Component) -> list[str]:
 def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value]]:
     """A name for every element of the action, and the components made of them."""
     flat, values = [], []
-    for c, name in zip(task.action, names, strict=True):
-        mine = [name] if c.type.is_scalar else [f"{name}_{k}" for k in range(c.type.size)]
+    for i, (c, name) in enumerate(zip(task.action, names, strict=True)):
+        mine = [name] if c.type.is_scalar else [f"a{i}_{k}" for k in range(c.type.size)]
         flat += mine
         values.append(Value(mine))
     return flat, values

@@ -221,7 +221,7 @@ def generate(task: Task, observation: Layout, action: Layout, mode: Mode) -> tup
     begin, begin_rows, begin_shown = _begin(p)
     step = _step(p, advance_rows, shown, begin_rows, begin_shown)
     reset = _reset(p, begin_rows, begin_shown)
-    text = f'"""{task.id}: a block of lanes at a time, for Numba. Generated; autoreset is {mode!r}."""'
+    text = repr(f"{task.id}: a block of lanes at a time, for Numba. Generated; autoreset is {mode!r}.")
     tables = [f"{name} = np.array({array.tolist()}, np.{array.dtype})" for name, array in p.constants.items()]
     head = [text, "", "import numpy as np", "", _IMPORT, "", *tables, ""]
     return "\n".join([*head, *_blank([check, advance, begin, step, reset])]), p

@@ -131,7 +131,7 @@ def compile_jax(task: Task) -> JaxProgram:
     body, values = _emit(task, start, start_words, constants)
     lines += ["", "", "def start(w):", *_indent(body)]
     lines += _indent([f"return {_tuple(values[:n])}, {_tuple(values[n:])}"])
-    source = "\n".join([f'"""{task.id}: n environments, array code for JAX. Generated."""', "", "", *lines, ""])
+    source = "\n".join([repr(f"{task.id}: n environments, array code for JAX. Generated."), "", "", *lines, ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
     file = f"<taskspec {task.id} {task.content_hash[:12]} jax>"
     exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text

@@ -1,0 +1,95 @@
+"""Hostile and unlucky input: nothing in a spec, its file name or a call runs code, hangs, crashes or goes wrong in silence."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec.diagnostics import SpecError, TaskspecError
+from taskspec.exact import soundness
+from taskspec.source import read_text
+from taskspec.spec.build import build
+from taskspec.spec.task import Task
+
+EVIL = 'x"""\nraise SystemExit("ran")\n"""\\'
+BASE = """\
+taskspec: 1
+name: Walk
+constants: {}
+state:
+  s: {type: int, low: 0, high: 9}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 10
+initial: {s: 0}
+dynamics:
+  s': (s + a) % 10
+reward: s'
+"""
+
+
+def written(text: str = BASE, name: str = "<test>", suite: str = "", **sections: str) -> Task:
+    """A task, with some sections of the base spec replaced."""
+    for section, value in sections.items():
+        pattern = rf"^{section}:.*\n(  .*\n)*"
+        text = re.sub(pattern, "", text, flags=re.MULTILINE) + f"{section}:{value}\n"
+    return build(read_text(text, name), None, {}, suite)
+
+
+# -- code from text ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("text", [EVIL, "a\\", 'a"', "C:\\new\\u.yaml", "a\nb", "{x}", "%s"])
+def test_file_names_and_suites_are_never_code(text: str) -> None:
+    for task in (written(name=text, horizon=f" {20 + ord(text[-1])}"), written(suite=text)):
+        env = task.make()
+        env.reset(seed=0)
+        assert env.step(1)[1] == 1
+
+
+NAMES = ["exec", "np", "index", "alive", "past", "episodes", "kept", "o", "h0", "w1_0", "v1", "C0", "nan", "action", "self",
+         "é", "λ", "変数", "x١", "a_0", "absorbed", "seen", "end"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_do_not_meet_those_of_the_generated_code(name: str) -> None:
+    """Components that are called like what the generated code calls its own."""
+    text = BASE.replace("s'", f"{name}'").replace("s:", f"{name}:").replace("s +", f"{name} +")
+    text = text.replace(f"constant{name}:", "constants:").replace(f"dynamic{name}:", "dynamics:")
+    env = written(text).make(ending="absorb", observe_time=True)
+    env.reset(seed=0)
+    assert env.step(1)[1] == 1
+    assert set(env.state) >= {name}
+
+
+def test_elements_of_actions_do_not_meet_other_actions() -> None:
+    task = written(
+        action="\n  x: {type: int, shape: 2, low: 0, high: 3}\n  x_0: {type: int, low: 0, high: 3}",
+        dynamics=" {s': s}", reward=" 100 * x[0] + 10 * x[1] + x_0",
+    )  # fmt: skip
+    env = task.make()
+    env.reset(seed=0)
+    assert env.step(np.array([1, 2, 3]))[1] == 123
+
+
+@pytest.mark.parametrize(
+    "label",
+    ["a b", 'c"d', "None", "if", "pi", "t", "T", "sum", "__import__('os').system('x')", "{x}", "%s", "x#y", "go-left",
+     "x'", "é", "optimal", "s", "1"],
+)  # fmt: skip
+def test_labels_are_labels(label: str) -> None:
+    quoted = '"' + label.replace('"', '\\"') + '"'
+    task = written(
+        state=f"\n  s: {{type: choice, values: [{quoted}, other]}}",
+        initial=f"\n  s: {quoted}", dynamics=" {s': other}", reward=f"\n  by: s\n  rows: {{{quoted}: 1, other: 2}}",
+    )  # fmt: skip
+    env = task.make()
+    env.reset(seed=0, options={"state": {"s": label}})
+    assert env.state == {"s": label}
+    assert (env.step(0)[1], env.state) == (1, {"s": "other"})
