@@ -16,7 +16,7 @@ from docutils.utils.math import latex2mathml
 from taskspec import __version__
 
 project = "taskspec"
-author = copyright = "the taskspec authors"
+author = project_copyright = "the taskspec authors"
 version = release = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
