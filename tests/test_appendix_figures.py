@@ -41,7 +41,9 @@ def labels(found: Scene) -> list[str]:
 
 
 def fills(found: Scene, kind: type[Item] = Circle) -> list[str]:
-    return [item.fill for item in found.items if isinstance(item, kind) and isinstance(item, Circle | Box) and item.fill]
+    return [
+        item.fill for item in found.items if isinstance(item, kind) and isinstance(item, Circle | Box) and item.fill
+    ]
 
 
 def test_risky_path_shows_chances_rewards_and_colours() -> None:

@@ -106,7 +106,9 @@ def test_html_is_one_document(folder: Path) -> None:
 
 def test_latex_holds_no_command_of_the_spec(folder: Path) -> None:
     text = (folder / "hostile.tex").read_text(encoding="utf-8")
-    assert not re.search(r"\\(input|write|immediate|catcode|def|csname|href|end\{verbatim\})", text.replace("\\input{}", ""))
+    assert not re.search(
+        r"\\(input|write|immediate|catcode|def|csname|href|end\{verbatim\})", text.replace("\\input{}", "")
+    )
     assert "^^" not in text
 
 

@@ -35,7 +35,9 @@ def tasks() -> list[Task]:
 
 
 def words(content: Inlines) -> str:
-    return "".join(plain(p.math) if isinstance(p, Formula) else p.text if isinstance(p, Text | Mark) else "" for p in content)
+    return "".join(
+        plain(p.math) if isinstance(p, Formula) else p.text if isinstance(p, Text | Mark) else "" for p in content
+    )
 
 
 def lines(name: str, key: str, **parameters: object) -> list[str]:
@@ -106,7 +108,9 @@ def test_values_stand_beside_the_symbols() -> None:
 
 def test_values_are_printed_in_every_format(tmp_path: Path) -> None:
     write([registry.load("derail/Branching-v0")], ["latex", "html", "markdown"], tmp_path, columns=[{"L": 5, "B": 3}])
-    assert r"\taskspecvalues{L = 5, B = 3}{$\mathcal{S} = \{0, \ldots , 15\}$}" in (tmp_path / "branching.tex").read_text()
+    assert (
+        r"\taskspecvalues{L = 5, B = 3}{$\mathcal{S} = \{0, \ldots , 15\}$}" in (tmp_path / "branching.tex").read_text()
+    )
     assert 'alttext="S = {0, … , 15}"' in (tmp_path / "branching.html").read_text()
     assert r"\ldots , 15\rbrace" in (tmp_path / "branching.md").read_text()
 
@@ -191,7 +195,9 @@ def compare(found: dict[str, str], folder: Path, update: bool) -> None:
             (folder / name).write_text(text, encoding="utf-8", newline="\n")
     assert {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()} == set(found)
     for name, text in found.items():
-        assert text == (folder / name).read_text(encoding="utf-8"), f"{name}: pytest --update-golden, then read the diff"
+        assert text == (folder / name).read_text(encoding="utf-8"), (
+            f"{name}: pytest --update-golden, then read the diff"
+        )
 
 
 def test_golden_files(written: Path, update_golden: bool) -> None:
@@ -242,7 +248,9 @@ def test_the_suite_is_written_fast(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdftotext") is None, reason="no TeX or no poppler")
+@pytest.mark.skipif(
+    shutil.which("pdflatex") is None or shutil.which("pdftotext") is None, reason="no TeX or no poppler"
+)
 def test_the_suite_as_pdf(tmp_path: Path) -> None:
     """It compiles without an overfull box, and its text says what it should."""
     every = tasks()

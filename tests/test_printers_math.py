@@ -118,7 +118,9 @@ def test_parameters_become_values() -> None:
 
 # -- hostile input ----------------------------------------------------------------------------------------------------
 
-DANGEROUS = re.compile(r"\\(?:input|include|write|openout|def|let|catcode|csname|immediate|read|special|usepackage|expandafter)")
+DANGEROUS = re.compile(
+    r"\\(?:input|include|write|openout|def|let|catcode|csname|immediate|read|special|usepackage|expandafter)"
+)
 
 
 @settings(max_examples=300, deadline=None)

@@ -95,7 +95,12 @@ def test_awkward_precedences(written: str) -> None:
 
 @pytest.mark.parametrize(
     ("written", "least"),
-    [("((a)) + (b*c)", "a + b * c"), ("(a+b)+c", "a + b + c"), ("((x)[0])", "x[0]"), ("(a) if (b) else (c)", "a if b else c")],
+    [
+        ("((a)) + (b*c)", "a + b * c"),
+        ("(a+b)+c", "a + b + c"),
+        ("((x)[0])", "x[0]"),
+        ("(a) if (b) else (c)", "a if b else c"),
+    ],
 )
 def test_brackets_are_the_fewest(written: str, least: str) -> None:
     assert text(parsed(written)) == least

@@ -37,7 +37,9 @@ class Reference:
 
     @property
     def venue(self) -> str:
-        return next((self.plain(f) for f in ("journal", "booktitle", "howpublished", "publisher") if f in self.fields), "")
+        return next(
+            (self.plain(f) for f in ("journal", "booktitle", "howpublished", "publisher") if f in self.fields), ""
+        )
 
     def bibtex(self) -> str:
         inner = "".join(f"  {name} = {{{value}}},\n" for name, value in self.fields.items())

@@ -105,7 +105,11 @@ def _components(w: Writing, section: str, components: tuple[Component, ...]) -> 
         doc = inlines(c.doc)
         labels = _labels(w, c)
         if doc or labels:
-            yield (name, *((Text(": "), *doc) if doc else ()), *((Text("; " if doc else ": "), *labels) if labels else ()))
+            yield (
+                name,
+                *((Text(": "), *doc) if doc else ()),
+                *((Text("; " if doc else ": "), *labels) if labels else ()),
+            )
 
 
 def _labels(w: Writing, c: Component) -> Inlines:
@@ -234,7 +238,10 @@ def initial(w: Writing) -> Iterator[Inlines]:
         pairs = list(group)
         names, (_, expr) = [w.symbol(name) for name, _ in pairs], pairs[0]
         together = written != pairs[0][0] and len(pairs) > 1
-        yield (Formula(w.equation(m.joined(names), expr, pairs[0][0])), *((Text(", independently"),) if together else ()))
+        yield (
+            Formula(w.equation(m.joined(names), expr, pairs[0][0])),
+            *((Text(", independently"),) if together else ()),
+        )
     roles = w.data.get("roles")
     if roles:
         words = " and ".join(f"the {role} in {variant}" for role, variant in roles.items())

@@ -88,7 +88,9 @@ def _scores(facts: Facts) -> Iterator[Line]:
             yield Line((Text(f"{name} "), Formula(value), Text(f" (in all of {score.episodes} episodes)")))
             continue
         value, error = _rounded(score.value, score.error)
-        yield Line((Text(f"{name} "), Formula(value), Text(" ± "), Formula(error), Text(f" (from {score.episodes} episodes)")))
+        yield Line(
+            (Text(f"{name} "), Formula(value), Text(" ± "), Formula(error), Text(f" (from {score.episodes} episodes)"))
+        )
     if facts.states is not None:
         yield Line((Text("states that can be reached "), Formula(number(facts.states))))
 

@@ -107,10 +107,14 @@ def compile_pdf(folder: Path) -> Path:
             "-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "document.tex"]  # fmt: skip
         if command == "bibtex" and (shutil.which("bibtex") is None or not (folder / "references.bib").read_text()):
             continue
-        done = subprocess.run([command, *options], cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+        done = subprocess.run(
+            [command, *options], cwd=folder, capture_output=True, text=True, errors="replace", check=False
+        )
         if done.returncode != 0 and command == "pdflatex":
             problem = next((line for line in done.stdout.splitlines() if line.startswith("!")), "pdflatex failed")
-            raise _refused(f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log")
+            raise _refused(
+                f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log"
+            )
     return folder / "document.pdf"
 
 

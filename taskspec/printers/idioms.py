@@ -77,7 +77,9 @@ def _quantifier(sign: str, conjunction: str) -> Callable[[Writer, s.Call], Piece
     def write(w: Writer, call: s.Call) -> Piece | None:
         (arg,) = call.args
         if isinstance(arg, s.Vector):
-            return w.piece(s.Logical(conjunction, arg.items, call.place)) if len(arg.items) > 1 else w.truth(arg.items[0])
+            return (
+                w.piece(s.Logical(conjunction, arg.items, call.place)) if len(arg.items) > 1 else w.truth(arg.items[0])
+            )
         found = _pointwise(w, arg)
         if found is None:
             return None

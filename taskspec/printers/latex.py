@@ -117,8 +117,10 @@ def _ident(node: m.Ident) -> str:
 
 def _safe(text: str) -> str:
     """Letters of a name in mathematics; anything else goes through text mode."""
-    return text if _WORD.fullmatch(text) else "".join(
-        x if x.isascii() and x.isalnum() else _glyph_or_text(x) for x in text
+    return (
+        text
+        if _WORD.fullmatch(text)
+        else "".join(x if x.isascii() and x.isalnum() else _glyph_or_text(x) for x in text)
     )
 
 

@@ -43,9 +43,11 @@ def _write(node: m.Math) -> str:
             return _script(node)
         case m.Fence(left=left, body=body, right=right):
             grows = m.is_tall(body)
-            return f"<mrow>{_delimiter(left, 'prefix', grows)}{_write(body)}{_delimiter(right, 'postfix', grows)}</mrow>"
+            return (
+                f"<mrow>{_delimiter(left, 'prefix', grows)}{_write(body)}{_delimiter(right, 'postfix', grows)}</mrow>"
+            )
         case m.Cases(rows=rows):
-            return f'<mrow>{_delimiter("{", "prefix")}{_table(rows, "cases")}</mrow>'
+            return f"<mrow>{_delimiter('{', 'prefix')}{_table(rows, 'cases')}</mrow>"
         case m.Matrix(rows=rows):
             return f"<mrow>{_delimiter('(', 'prefix')}{_table(rows)}{_delimiter(')', 'postfix')}</mrow>"
         case m.Arrow(over=over):
@@ -138,7 +140,5 @@ def _big(node: m.Big) -> str:
 
 def _table(rows: tuple[tuple[m.Math, ...], ...], kind: str = "") -> str:
     style = ' class="cases"' if kind else ""
-    lines = "".join(
-        f"<mtr>{''.join(f'<mtd>{_write(cell)}</mtd>' for cell in line)}</mtr>" for line in rows
-    )
+    lines = "".join(f"<mtr>{''.join(f'<mtd>{_write(cell)}</mtd>' for cell in line)}</mtr>" for line in rows)
     return f"<mtable{style}>{lines}</mtable>"

@@ -45,7 +45,9 @@ class Notation:
     conditions: frozenset[str] = frozenset()  # names of conditions without a value of their own
     singles: frozenset[str] = frozenset()  # vectors of one element, written like a number
     lengths: Mapping[str, s.Expr] = field(default_factory=dict)  # of vectors, symbolic
-    events: Mapping[str, str] = field(default_factory=dict)  # functions of a condition `under` a policy, and which by default
+    events: Mapping[str, str] = field(
+        default_factory=dict
+    )  # functions of a condition `under` a policy, and which by default
 
     def symbol(self, name: str) -> m.Math:
         return self.symbols.get(name) or symbol(name)
@@ -169,7 +171,9 @@ class Writer:
             case "+" | "-":
                 right = self.number(expr.right)
                 # a - (b - c) keeps its brackets; so does a + (-b)
-                tight = right.at(SUM + 1 if expr.op == "-" else SUM) if right.precedence != SIGN else m.brackets(right.tree)
+                tight = (
+                    right.at(SUM + 1 if expr.op == "-" else SUM) if right.precedence != SIGN else m.brackets(right.tree)
+                )
                 sign = m.Sym("+" if expr.op == "+" else "−")
                 return Piece(_flat(self.number(expr.left).at(SUM), sign, tight), SUM)
             case "*":
@@ -302,7 +306,11 @@ def _relation(op: str) -> str:
 
 def _flat(left: m.Math, sign: m.Math, right: m.Math) -> m.Math:
     """A sum in one row, so that it can break at any of its signs."""
-    head = left.items if isinstance(left, m.Row) and any(x in (m.Sym("+"), m.Sym("−")) for x in left.items[1:]) else (left,)
+    head = (
+        left.items
+        if isinstance(left, m.Row) and any(x in (m.Sym("+"), m.Sym("−")) for x in left.items[1:])
+        else (left,)
+    )
     return m.Row((*head, sign, right))
 
 
@@ -328,4 +336,3 @@ def _number(text: str) -> Piece:
     if mantissa in ("1", "1."):
         return Piece(power, POWER)
     return Piece(m.Row((m.Num(mantissa), m.Sym("×"), power)), PRODUCT)
-

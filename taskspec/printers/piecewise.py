@@ -65,7 +65,9 @@ def _table(w: Writer, table: s.Table) -> Iterator[tuple[m.Math, m.Math]]:
             yield tree, _if(_keys(w, table.by, rows))
 
 
-def _flat(rows: Iterable[s.Row], before: tuple[s.Expr | None, ...] = ()) -> Iterator[tuple[tuple[s.Expr | None, ...], s.Expr]]:
+def _flat(
+    rows: Iterable[s.Row], before: tuple[s.Expr | None, ...] = ()
+) -> Iterator[tuple[tuple[s.Expr | None, ...], s.Expr]]:
     for row in rows:
         keys = (*before, row.key)
         if isinstance(row.body, tuple):

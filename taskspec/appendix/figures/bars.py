@@ -30,7 +30,9 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
         rows = max((_rows(task, node, expert_path(task, ROWS, seed)) for seed in range(SEEDS)), key=len)
     colors = _colors(task, node, len(rows[0]))
     if len(rows[0]) <= CELLS_UP_TO:
-        alt = f"A state of {task.name} as {len(rows[0])} cells" + (", and the swaps that sort it" if len(rows) > 1 else "")
+        alt = f"A state of {task.name} as {len(rows[0])} cells" + (
+            ", and the swaps that sort it" if len(rows) > 1 else ""
+        )
         return fitted(_cells(rows, colors), alt)
     return fitted(_bars(rows[0], colors), f"A state of {task.name} as {len(rows[0])} bars")
 

@@ -65,7 +65,9 @@ def _arcs(machine: Machine) -> list[Arc]:
         arcs += [Arc(chance, t.target, (), t.probability, t.reward) for t in found]
     for (source, target), found in direct.items():
         rewards = {t.reward for t in found}
-        arcs.append(Arc(source, target, tuple(t.action for t in found), None, rewards.pop() if len(rewards) == 1 else None))
+        arcs.append(
+            Arc(source, target, tuple(t.action for t in found), None, rewards.pop() if len(rewards) == 1 else None)
+        )
     order = {v: i for i, v in enumerate(machine.states)}
     return sorted(arcs, key=lambda a: (order.get(_state(a.source), 0), a.actions[:1] or (-1,)))
 

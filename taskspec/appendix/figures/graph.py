@@ -87,7 +87,9 @@ class _Graph:
     @property
     def step(self) -> float:
         """The distance of columns: enough for the longest label of an arrow and the widest vertices."""
-        texts = [text_width(t, 0.25) for arc in self.drawing.arcs if arc.source != arc.target and (t := self._text(arc))]
+        texts = [
+            text_width(t, 0.25) for arc in self.drawing.arcs if arc.source != arc.target and (t := self._text(arc))
+        ]
         return max(DX, max(texts, default=0.0) + 2 * max(map(self.size, self.drawing.vertices)) + 0.35)
 
     def _straight(self, places: dict[Vertex, Point]) -> dict[Vertex, Point]:
@@ -271,7 +273,10 @@ class _Graph:
         length = math.hypot(dx, dy) or 1.0
         nx, ny = dy / length * bend, -dx / length * bend
         c1, c2 = (a[0] + dx * 0.3 + nx, a[1] + dy * 0.3 + ny), (a[0] + dx * 0.7 + nx, a[1] + dy * 0.7 + ny)
-        start, end = edge(a, c1, self.size(arc.source)), edge(b, c2, self.size(arc.target) + 0.02 + self._rim(arc.target))
+        start, end = (
+            edge(a, c1, self.size(arc.source)),
+            edge(b, c2, self.size(arc.target) + 0.02 + self._rim(arc.target)),
+        )
         arrow = not (isinstance(arc.target, tuple) and arc.target[0] == "chance")
         width = 0.065 if self._chosen(arc) else 0.03
         if bend:

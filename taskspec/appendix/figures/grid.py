@@ -169,9 +169,13 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene | No
     marks = [(role, found[0].astype(int)) for role, found in _marks(task, reads, 1) if found.shape == (1, 2)]
     points = np.array([(ax, ay), *(p for _, p in marks)])
     middle = np.round(points.mean(axis=0)).astype(int)
-    half = LARGEST // 2 if overlay.here is not None else min(LARGEST // 2, max(4, int(np.abs(points - middle).max()) + 1))
+    half = (
+        LARGEST // 2 if overlay.here is not None else min(LARGEST // 2, max(4, int(np.abs(points - middle).max()) + 1))
+    )
     corner = middle - half
     colors: dict[Cell, Role] = {(int(p[0] - corner[0]), int(p[1] - corner[1])): role for role, p in marks}
     agents = {(int(ax - corner[0]), int(ay - corner[1])): 1.0}
     board = _Board(2 * half + 1, 2 * half + 1, colors, {}, agents, {}, {}, open=True)
-    return fitted(scaled(board.items(), 0.55), f"Part of the grid of {task.name} around the agent", ("One start of many.",))
+    return fitted(
+        scaled(board.items(), 0.55), f"Part of the grid of {task.name} around the agent", ("One start of many.",)
+    )

@@ -43,7 +43,9 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
     axes.set_ylim(height / scale - top, -top)
     _draw_all(axes, scene, scale)
     if title:
-        axes.text(0.02, 0.98, title, transform=axes.transAxes, ha="left", va="top", fontsize=9, family=FONTS, parse_math=False)
+        axes.text(
+            0.02, 0.98, title, transform=axes.transAxes, ha="left", va="top", fontsize=9, family=FONTS, parse_math=False
+        )
     canvas = agg.FigureCanvasAgg(figure)
     with _quiet():
         canvas.draw()
@@ -97,7 +99,9 @@ def _draw(axes: Any, item: Item, order: int, scale: float) -> None:
             axes.add_patch(patches.PathPatch(path, fill=False, edgecolor=COLORS[item.color], zorder=order,
                                              linewidth=item.width * points, linestyle=dashes))  # fmt: skip
             if item.arrow:
-                axes.add_patch(patches.Polygon(head(item), facecolor=COLORS[item.color], edgecolor="none", zorder=order))
+                axes.add_patch(
+                    patches.Polygon(head(item), facecolor=COLORS[item.color], edgecolor="none", zorder=order)
+                )
         case Label(at=(x, y), anchor=anchor):
             side = {"start": "left", "middle": "center", "end": "right"}[anchor]
             halo = {"facecolor": COLORS["paper"], "edgecolor": "none", "pad": 0.6} if item.halo else None

@@ -32,7 +32,11 @@ def compile_value(task: Task, written: Any) -> Node | None:
     value = None if scope is None else checker.check(expression(written), scope)
     if value is None:
         return None
-    return value.node if value.domain is None or value.domain.values is None else checker.number_of(value, expression(written))
+    return (
+        value.node
+        if value.domain is None or value.domain.values is None
+        else checker.number_of(value, expression(written))
+    )
 
 
 def at_states(task: Task, node: Node, reads: Reads, count: int) -> Array:

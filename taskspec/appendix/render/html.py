@@ -50,7 +50,9 @@ def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]
     env = html_environment()
     safe = {name: address for name, address in (links or {}).items() if is_safe(address)}
     common = {"suite": suite.title, "links": safe, "style": Markup(_style())}
-    files = {"index.html": env.get_template("index.html").render(cards=[_card(suite, p) for p in suite.pages], **common)}
+    files = {
+        "index.html": env.get_template("index.html").render(cards=[_card(suite, p) for p in suite.pages], **common)
+    }
     for i, page in enumerate(suite.pages):
         before = suite.pages[i - 1] if i else None
         after = suite.pages[i + 1] if i + 1 < len(suite.pages) else None
@@ -135,7 +137,9 @@ class Writer:
                 return self.cite(piece)
             case Mark(holds=holds, text=text):
                 sign, kind = ("✓", "holds") if holds else ("✗", "fails")
-                return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(kind, sign, text)
+                return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(
+                    kind, sign, text
+                )
             case _:
                 assert_never(piece)
 
@@ -158,7 +162,9 @@ class Writer:
                 return Markup("<p>{}</p>").format(self.prose(content))
             case Bullets(items=items, ordered=ordered):
                 tag = "ol" if ordered else "ul"
-                inner = Markup("").join(Markup("<li>{}</li>").format(Markup("").join(map(self.block, i))) for i in items)
+                inner = Markup("").join(
+                    Markup("<li>{}</li>").format(Markup("").join(map(self.block, i))) for i in items
+                )
                 return Markup(f"<{tag}>{{}}</{tag}>").format(inner)
             case _:
                 return Markup("<pre>{}</pre>").format(block.text)

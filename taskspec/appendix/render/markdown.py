@@ -48,7 +48,9 @@ def markdown(suite: Suite) -> dict[str, str]:
 def escape(text: str) -> str:
     """Text for Markdown: no markup, no HTML, on one line."""
     text = " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
-    return _NUMBERED.sub(r"\1\\\2", _SPECIAL.sub(r"\\\1", text).replace(r"\(", "(").replace(r"\)", ")").replace(r"\-", "-"))
+    return _NUMBERED.sub(
+        r"\1\\\2", _SPECIAL.sub(r"\\\1", text).replace(r"\(", "(").replace(r"\)", ")").replace(r"\-", "-")
+    )
 
 
 @dataclass(frozen=True)
