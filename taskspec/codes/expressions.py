@@ -154,8 +154,8 @@ definitions: {f: "g + 1", g: "s - 1"}    # right
         "draw-not-allowed",
         "a random draw where none is allowed",
         """
-Draws may stand in `noise`, `initial`, `dynamics`, `reward` and `observation`, and in `constants`
-that are drawn once per instance. Definitions, conditions of termination, bounds, parameters and the
+Draws may stand in `noise`, `initial`, `dynamics`, `reward`, `terminal`, `observation` and `expert`,
+and in `constants` that are drawn once per instance. Definitions, bounds, parameters, claims and the
 horizon are functions of what they read.
 
 ```yaml
@@ -226,9 +226,9 @@ reward: x[2]    # right
         "unsupported-syntax",
         "Python that is not part of the language",
         """
-The language is a small part of Python's expressions. Attributes, methods, lambdas, text, `is`,
-`in`, assignment, bit operators and comprehensions outside a set are left out on purpose: each spec
-must compile to every backend and print as mathematics.
+The language is a small part of Python's expressions. Attributes, methods, lambdas, `is`,
+assignment, bit operators and formatted text are left out on purpose: each spec must compile to
+every backend and print as mathematics.
 
 ```yaml
 reward: x.sum()    # wrong
