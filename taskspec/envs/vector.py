@@ -106,6 +106,11 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """The generated code that steps the environments."""
         return self._engine.source
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the arrays that hold state, counters and results."""
+        return self._engine.buffers.nbytes()
+
     # -- Gymnasium ------------------------------------------------------------------------------------------------
 
     def reset(
