@@ -41,25 +41,27 @@ def _discrete(task: Task, layout: Layout, lanes: int) -> Reader:
     smallest, largest = np.minimum.reduce, np.maximum.reduce
 
     def read(actions: Any) -> tuple[Array, ...]:
-        array = _array(actions, (lanes,), "iub")
-        if lanes and (smallest(array) < low or largest(array) > high):
+        array = _array(actions, (lanes,), "iub").astype(np.int64, copy=False)
+        # A negative number is a huge one without a sign, so that one comparison serves both ends.
+        outside = largest(array.view(np.uint64)) > high if low == 0 else smallest(array) < low or largest(array) > high
+        if outside:
             raise BadActionError
-        return (array != 0,) if is_bool else (array if array.dtype == np.int64 else array.astype(np.int64),)
+        return (array != 0,) if is_bool else (array,)
 
     return read
 
 
 def _multi_discrete(task: Task, layout: Layout, lanes: int) -> Reader:
-    counts = np.array(layout.counts, np.uint64)
-    starts = np.array(layout.starts, np.int64)
+    counts, largest = layout.counts, np.maximum.reduce
+    starts = np.array(layout.starts, np.int64)[:, None]
     shifted = bool(starts.any())
 
     def read(actions: Any) -> tuple[Array, ...]:
-        array = _array(actions, (lanes, len(counts)), "iub").astype(np.int64, copy=False)
-        # A negative number is a huge one without a sign, so that one comparison serves both ends.
-        if not (array.view(np.uint64) < counts).all():
+        array = _array(actions, (lanes, len(counts)), "iub")
+        rows = array.T.astype(np.int64, order="C")
+        if any(largest(row) >= count for row, count in zip(rows.view(np.uint64), counts, strict=True)):
             raise BadActionError
-        return _components(task, (array + starts if shifted else array).T)
+        return _components(task, rows + starts if shifted else rows)
 
     return read
 

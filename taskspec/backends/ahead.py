@@ -76,9 +76,7 @@ class Ahead:
         steps, lanes, depth = self._buffers.steps, len(self._lanes), self._depth
         self._base = steps.copy()
         self._at = 0
-        n = (steps + np.arange(depth, dtype=np.uint32)[:, None]).ravel()
-        seeds = np.tile(self._buffers.seeds, depth)
-        words = draws.lanes_block(seeds, draws.STEP, n, self._hoisted.layout.count)
+        words = draws.lanes_ahead(self._buffers.seeds, steps, depth, self._hoisted.layout.count)
         values = evaluated(self._hoisted.values, self._hoisted.layout, words)
         named = [words[k].astype(np.int64) for k in self._words.values()]
         shaped = [v.reshape(*v.shape[:-1], depth, lanes) for v in values]
@@ -89,13 +87,20 @@ class Ready:
     """The start of the next episode of every lane, worked out for many lanes at once and copied when one ends."""
 
     def __init__(self, roots: Sequence[Node], buffers: Buffers) -> None:
-        self._roots, self._buffers = tuple(roots), buffers
+        # What is observed at first is often the state itself: such values are kept once.
+        self._roots, self._buffers = tuple(dict.fromkeys(roots)), buffers
+        self._places = [self._roots.index(root) for root in roots]
         self._layout = Layout.of(roots)
         self.fixed = not self._layout.count
         lanes = 1 if self.fixed else buffers.lanes
         first = evaluated(self._roots, self._layout, np.zeros((self._layout.count, 1), np.uint32))
-        self.values = [np.broadcast_to(v, (*v.shape[:-1], lanes)).copy() for v in first]
+        self._held = [np.broadcast_to(v, (*v.shape[:-1], lanes)).copy() for v in first]
         self._stale = np.full(buffers.lanes, not self.fixed)
+
+    @property
+    def values(self) -> list[Array]:
+        """What is held for each root: (*shape, lanes), or (*shape, 1) where all episodes begin alike."""
+        return [self._held[place] for place in self._places]
 
     def forget(self, lanes: Any) -> None:
         """The lanes (an index) were seeded anew."""
@@ -108,14 +113,15 @@ class Ready:
         if self._stale[lanes].any():
             self._refresh()
         self._stale[lanes] = True
-        return [v[..., lanes] for v in self.values]
+        taken = [v[..., lanes] for v in self._held]
+        return [taken[place] for place in self._places]
 
     def _refresh(self) -> None:
         """Work out the starts of all lanes that have used theirs, while there are calls to pay for anyway."""
         stale = np.flatnonzero(self._stale)
         seeds, episodes = self._buffers.seeds[stale], self._buffers.episodes[stale]
         words = draws.lanes_block(seeds, draws.RESET, episodes, self._layout.count)
-        for held, new in zip(self.values, evaluated(self._roots, self._layout, words), strict=True):
+        for held, new in zip(self._held, evaluated(self._roots, self._layout, words), strict=True):
             held[..., stale] = new
         self._stale[stale] = False
 

@@ -10,7 +10,7 @@ from taskspec.backends.buffers import Array, Values
 from taskspec.backends.hoist import Hoisted
 from taskspec.backends.spaces import Layout
 from taskspec.draws.layout import poisson_bound
-from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
 from taskspec.spec.task import Component, Task
 
@@ -45,10 +45,18 @@ def generate(task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: L
     arguments = ["n", *states, "t", *outputs, "reward", "terminated", "truncated", "ended"]
     taken = [*actions, *hoisted.names, *hoisted.word_numbers]
     assert form.scratch is not None
-    body = [*form.scratch.declarations, "", '@np.errstate(all="ignore")', f"def step({', '.join(taken)}):"]
+    quiet = ['@np.errstate(all="ignore")'] if _may_warn(roots, observation) else []
+    body = [*form.scratch.declarations, "", *quiet, f"def step({', '.join(taken)}):"]
     body += [*_indent(lines), "", "return step"]
     head = repr(f"{task.id}: n environments, array code. Generated; the spec is {task.document.origin.name}.")
     return "\n".join([head, "", "", f"def lanes({', '.join(arguments)}):", *_indent(body), ""]), form.constants
+
+
+def _may_warn(roots: Sequence[Node], observation: Layout) -> bool:
+    """Whether NumPy might complain, of an overflow or of nan: not where everything is whole numbers and look-ups."""
+    reals = [n for n in walk(roots) if isinstance(n, Apply) and n.type.kind is Kind.REAL]
+    small = all(abs(v) < 2**31 for c in observation.components for v in (*c.low, *c.high))
+    return not small or any(n.op not in ("index", "to_real", "where", "element") for n in reals)
 
 
 def _names(prefix: str, components: Sequence[Component]) -> list[str]:
@@ -122,7 +130,9 @@ def _one_hot(form: ArrayForm, layout: Layout, nodes: Sequence[Node], values: Seq
     for c, value, node in zip(layout.components, values, nodes, strict=True):
         elements = [value] if c.type.is_scalar else [f"rt.rows({value})[{k}]" for k in range(c.type.size)]
         for element, count, low in zip(elements, c.counts, c.low, strict=True):
-            whole = f"{element}.astype(np.int64)" if c.type.kind is Kind.BOOL and not isinstance(node, Const) else element
+            whole = (
+                f"{element}.astype(np.int64)" if c.type.kind is Kind.BOOL and not isinstance(node, Const) else element
+            )
             lines.append(f"o0[{whole} + {offset - int(low)}, rt.xp.arange(n)] = 1.0")
             offset += count
     return lines

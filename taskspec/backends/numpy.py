@@ -26,7 +26,7 @@ from taskspec.backends.vector import NotRunningError, Options
 from taskspec.draws import finite, variates
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.lang import batch
-from taskspec.lang.ir import Const, Node
+from taskspec.lang.ir import Node
 from taskspec.spec.task import Task
 
 BLOCK = 16_384
@@ -166,6 +166,7 @@ class _Block:
         """Begin an episode in some lanes."""
         b = self._buffers
         self._begin(lanes)
+        b.running[lanes] = True
         b.terminated[lanes] = b.truncated[lanes] = b.ended[lanes] = False
         self._over = 0 if self._mode == "same_step" else int(np.count_nonzero(b.ended))
         self._begun = self._begun or bool(b.running.all())
@@ -177,8 +178,7 @@ class _Block:
             held[..., lanes] = new
         write(b.seen, values[self._state_size :], lanes)
         b.time[lanes] = 0
-        b.running[lanes] = True
-        b.episodes[lanes] += np.uint32(1)
+        b.episodes[lanes] += _ONE
 
     def step(self, actions: Sequence[Array]) -> int:
         b, over = self._buffers, self._over
@@ -210,8 +210,7 @@ class _Block:
             _put(held, where, new)
         for seen, start in zip(b.seen.parts, self._first.parts, strict=True):
             _put(seen, where, start)
-        np.putmask(b.time, where, 0)
-        np.add(b.episodes, where, b.episodes)
+        np.putmask(b.time, where, 0)  # and no draw depends on the number of the episode
 
     def _skip(self, late: Array) -> int:
         """Lanes whose episodes ended in the step before begin the next one now, and take no step."""

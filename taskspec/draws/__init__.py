@@ -27,6 +27,7 @@ from taskspec.draws.threefry import RESET as RESET
 from taskspec.draws.threefry import STEP as STEP
 from taskspec.draws.threefry import block as block
 from taskspec.draws.threefry import lane_seeds as lane_seeds
+from taskspec.draws.threefry import lanes_ahead as lanes_ahead
 from taskspec.draws.threefry import lanes_block as lanes_block
 from taskspec.draws.threefry import rows as rows
 from taskspec.draws.threefry import words as words

@@ -172,6 +172,25 @@ def lanes_block(seeds: NDArray[np.uint64], phase: int, n: ArrayLike, count: int,
     return result
 
 
+def lanes_ahead(seeds: NDArray[np.uint64], n: NDArray[np.uint32], depth: int, count: int) -> Words:
+    """Words of ``depth`` consecutive steps of many environments: uint32 ``(count, depth * lanes)``.
+
+    Column ``d * lanes + i`` equals ``words(int(seeds[i]), STEP, n[i] + d, count)``.
+    """
+    lanes, slots = len(seeds), _slots(count)
+    if lanes * depth * slots <= PACKED_BLOCKS or (n != n[:1]).any():
+        each = (n + np.arange(depth, dtype=np.uint32)[:, None]).ravel()
+        return lanes_block(np.tile(seeds, depth), STEP, each, count)
+    k0, k1 = seeds.astype(np.uint32), (seeds >> np.uint64(32)).astype(np.uint32)
+    # All lanes are at the same step, so that a row of blocks shares one counter, and the keys are scheduled once.
+    steps = np.tile(n[0] + np.arange(depth, dtype=np.uint32), slots)[:, None]
+    slot = np.repeat(np.arange(slots, dtype=np.uint32) + np.uint32(STEP), depth)[:, None]
+    halves = np.empty((2, slots * depth, lanes), np.uint32)
+    _fill(_schedule(k0, k1), steps, slot, halves[0], halves[1])
+    paired = halves.reshape(2, slots, depth * lanes).swapaxes(0, 1)
+    return paired.reshape(2 * slots, depth * lanes)[:count]
+
+
 def _packed_lanes(key: tuple[Words, Words], counter: tuple[Words, Words], shape: tuple[int, int], out: Words) -> Words:
     fields = np.empty((4, *shape), "<u8")
     for field, values in zip(fields, (*key, *counter), strict=True):

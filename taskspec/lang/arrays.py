@@ -6,6 +6,7 @@ lane, shape (n, N). `xp` is NumPy or a namespace like it (`jax.numpy`).
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from taskspec.lang.types import INT_MAX
@@ -16,6 +17,7 @@ UNSORTED = 16
 """Vectors up to this many elements are sorted by a network."""
 
 
+@cache
 def network(n: int) -> list[tuple[int, int]]:
     """Comparators of Batcher's odd-even merge sort (Knuth, TAOCP 3, algorithm 5.2.2M)."""
     pairs, t = [], max(1, (n - 1).bit_length())
