@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.lane import Lane, Value, literal
+from taskspec.backends.lane import Lane, Value
+from taskspec.backends.source import literal
 from taskspec.draws import poisson_table, poisson_terms, thresholds
 from taskspec.draws.layout import poisson_bound
 from taskspec.lang.arrays import network
@@ -77,7 +78,7 @@ class KernelLane(Lane):
     def is_narrow(self, node: Node) -> bool:
         """Whether every element is an int that fits 32 bits."""
         low, high = self.bounds(node)
-        return node.type.kind is Kind.INT and -INT_MAX <= low and high <= INT_MAX
+        return node.type.kind is Kind.INT and low >= -INT_MAX and high <= INT_MAX
 
     def _const(self, node: Const) -> Value:
         if node.type.size > 4096:

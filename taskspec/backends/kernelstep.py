@@ -14,7 +14,8 @@ from typing import Any
 from taskspec.backends.arraystep import never
 from taskspec.backends.hoist import compared, word_names
 from taskspec.backends.kernel import EVERYTHING, KernelLane
-from taskspec.backends.lane import Value, literal, without_unused
+from taskspec.backends.lane import Value
+from taskspec.backends.source import literal, without_unused
 from taskspec.backends.spaces import Layout
 from taskspec.backends.vector import Mode
 from taskspec.draws.layout import Layout as WordLayout
@@ -286,7 +287,7 @@ def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str]
     for state, c in zip(p.states, p.task.state, strict=True):
         for k, row in enumerate(state):
             if f"x_{row.name}" in used:
-                narrow = c.type.kind is Kind.INT and -(2**31) < c.low[k] and c.high[k] < 2**31
+                narrow = c.type.kind is Kind.INT and c.low[k] > -(2**31) and c.high[k] < 2**31
                 lines.append(f"x_{row.name} = i32({row.name}[j])" if narrow else f"x_{row.name} = {row.name}[j]")
                 rows.append(row)
     for k in range(words.count + 1):
@@ -345,10 +346,7 @@ def _results(
     constant = without_unused(start.lane.lines, [*first_state.values(), *first_seen.values()])
     renamed = [_renamed(line) for line in constant]
     again = ["time[j] = i64(select(e, 0, t + 1))", "episodes[j] = u32(episodes[j] + u32(e))"]
-    stores = [
-        f"{row.name}[j] = select(e, {_renamed(first_state[row])}, {value})"
-        for row, value in state.items()
-    ]
+    stores = [f"{row.name}[j] = select(e, {_renamed(first_state[row])}, {value})" for row, value in state.items()]
     for row in first_state:
         if row not in state:
             stores.append(f"{row.name}[j] = select(e, {_renamed(first_state[row])}, x_{row.name})")
@@ -426,7 +424,12 @@ def _step(
     body += _restart(p, begin, begin_shown)
     flat = "actions = actions.ravel()"
     bad = [f"if check(stop - start, actions[start * {width}:stop * {width}]) > 0:", "    return -1"]
-    return ["@outer", "def step(m, actions):", *_indent([*_RANGE, flat, *bad, "total = 0", *_blocks(p, [*body, "total += count"])]), "    return total"]
+    return [
+        "@outer",
+        "def step(m, actions):",
+        *_indent([*_RANGE, flat, *bad, "total = 0", *_blocks(p, [*body, "total += count"])]),
+        "    return total",
+    ]
 
 
 _RANGE = ["start, stop, every = i64(m[0]), i64(m[1]), i64(m[2])"]
@@ -472,9 +475,7 @@ def _begin_again(p: Program, rows: Sequence[Row], shown: dict[int, tuple[int, in
     lines.append(f"begin({', '.join(['late', 'lanes', 'time', 'episodes', *(r.name for r in rows)])})")
     for row, (number, size) in shown.items():
         seen, reals = p.memory.at("seen0"), p.memory.at("reals")
-        lines.append(
-            f"show_some(late, lanes, {reals}, {p.block}, {number}, {size}, {seen}, {row}, every, first, n)"
-        )
+        lines.append(f"show_some(late, lanes, {reals}, {p.block}, {number}, {size}, {seen}, {row}, every, first, n)")
     return lines
 
 

@@ -12,8 +12,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from taskspec.backends.source import literal, tuple_of
 from taskspec.draws import thresholds
 from taskspec.draws.layout import poisson_bound, row_table
+from taskspec.lang.arrays import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
 from taskspec.lang.ops import OPS, Op
 from taskspec.lang.structure import strided
@@ -23,8 +25,6 @@ UNROLLED = 16
 """Vectors up to this many elements become one expression for each."""
 CHAINED = 64
 """Sums up to this many terms are written out."""
-_NAMES = re.compile(r"[A-Za-z_]\w*")
-_ASSIGNED = re.compile(r"(v\d+) = ")
 _ATOM = re.compile(r"-?[\w.]+(\[\d+\])?")
 
 
@@ -112,7 +112,7 @@ class Lane:
         """The name of a flat sequence of the elements."""
         value = self.values[id(node)]
         if value.packed is None:
-            value.packed = self.assign(_tuple(self.atoms(node)))
+            value.packed = self.assign(tuple_of(self.atoms(node)))
         return value.packed
 
     def scalar(self, node: Node) -> str:
@@ -206,7 +206,7 @@ class Lane:
     def _sorted(self, atoms: Sequence[str]) -> list[str]:
         """A sorting network (Batcher's odd-even merge sort); nan goes last."""
         names = [self.name() for _ in atoms]
-        self.lines.append(f"{', '.join(names)}{',' * (len(names) == 1)} = {_tuple(atoms)}")
+        self.lines.append(f"{', '.join(names)}{',' * (len(names) == 1)} = {tuple_of(atoms)}")
         for i, j in network(len(names)):
             a, b = names[i], names[j]
             self.lines.append(f"if not ({a} <= {b} or {b} != {b}): {a}, {b} = {b}, {a}")
@@ -241,7 +241,7 @@ class Lane:
                     f"{value.packed}[{start * row}:{'' if stop is None else stop}:{step if row == 1 else 1}]"
                 )
             )
-        return Value(packed=self.assign(_tuple([f"{value.packed}[{p}]" for p in places])))
+        return Value(packed=self.assign(tuple_of([f"{value.packed}[{p}]" for p in places])))
 
     def _element(self, node: Apply) -> Value:
         row = node.type.size
@@ -291,7 +291,7 @@ class Lane:
             return self.constant(tuple(plain(v) for v in x.flat))
         value = self.values[id(x)]
         if value.packed is None and len(value.atoms or ()) <= self.unrolled:
-            return _tuple(self.atoms(x))
+            return tuple_of(self.atoms(x))
         return self.packed(x)
 
     def _put(self, node: Apply) -> Value:
@@ -336,7 +336,7 @@ class Lane:
             case _:
                 step = len(words) // size
                 extra = f", {poisson_bound(node)!r}" if node.base == "poisson" else ""
-                groups = [_tuple(words[k : k + step]) for k in range(0, len(words), step)]
+                groups = [tuple_of(words[k : k + step]) for k in range(0, len(words), step)]
                 return Value([f"{node.base}({g}, {p}{extra})" for g, p in zip(groups, ps, strict=True)])
 
     def _outcome(self, node: Draw, word: str) -> str:
@@ -382,39 +382,3 @@ _HELPERS = {
     "sum": "sum_", "prod": "prod", "count": "count", "any": "any", "all": "all", "min": "min_", "max": "max_",
     "argmin": "argmin", "argmax": "argmax", "sort": "sort", "argsort": "argsort", "cumsum": "cumsum",
 }  # fmt: skip
-
-
-def without_unused(lines: Sequence[str], results: Iterable[str]) -> list[str]:
-    """The statements without assignments that nothing reads."""
-    used = set(_NAMES.findall(" ".join(results)))
-    kept: list[str] = []
-    for line in reversed(lines):
-        target = _ASSIGNED.match(line)
-        if target is None or target[1] in used:
-            used.update(_NAMES.findall(line))
-            kept.append(line)
-    return kept[::-1]
-
-
-def literal(value: bool | int | float) -> str:
-    """A number as source; nan and the infinities go by name."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return "nan" if value != value else "inf" if value > 0 else "(-inf)"
-    return repr(value) if value >= 0 else f"({value!r})"
-
-
-def _tuple(items: Sequence[str]) -> str:
-    return f"({', '.join(items)}{',' * (len(items) == 1)})"
-
-
-def network(n: int) -> list[tuple[int, int]]:
-    """Comparators of Batcher's odd-even merge sort (Knuth, TAOCP 3, algorithm 5.2.2M)."""
-    pairs, t = [], max(1, (n - 1).bit_length())
-    p = 1 << (t - 1)
-    while p > 0:
-        q, r, d = 1 << (t - 1), 0, p
-        while d > 0:
-            pairs += [(i, i + d) for i in range(n - d) if i & p == r]
-            d, q, r = q - p, q >> 1, p
-        p >>= 1
-    return pairs
