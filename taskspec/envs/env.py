@@ -125,6 +125,9 @@ class Environment(gymnasium.Env[Any, Any]):
             self._window = window.Window(self.task.id, self.metadata["render_fps"])
         self._window.show(window.frame(self.task, self.state, self.time))
 
+    def __repr__(self) -> str:
+        return f"<Environment of {self.task!r}>"
+
     # -- state ----------------------------------------------------------------------------------------------------
 
     @property
