@@ -128,7 +128,11 @@ def test_operators_mean_what_the_reference_says(op: Op, backend: str) -> None:
             if backend == "jax" and op.name in ("sin", "cos", "tan") and abs(sample[0]) > 1e6:
                 continue  # float32 does not hold the argument
             np.testing.assert_allclose(
-                actual[..., k].astype(float), expected.astype(float), rtol=tolerance, atol=tolerance, err_msg=f"{sample}"
+                actual[..., k].astype(float),
+                expected.astype(float),
+                rtol=tolerance,
+                atol=tolerance,
+                err_msg=f"{sample}",
             )
 
 

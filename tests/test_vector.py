@@ -13,10 +13,10 @@ import taskspec
 from taskspec import SpecError
 from taskspec.backends import select
 from taskspec.envs import ActionError, NotRunningError
-from taskspec.envs.vector import VectorEnvironment
-from taskspec.spec.task import Task
 from taskspec.envs.conformance import Agreement, check_environment
+from taskspec.envs.vector import VectorEnvironment
 from taskspec.scan import scan
+from taskspec.spec.task import Task
 
 SPECS = Path(__file__).parent / "specs"
 MODES = ("NextStep", "SameStep", "Disabled")
@@ -51,9 +51,7 @@ def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("backend", ["numba", "jax"])
 @pytest.mark.parametrize("task", TASKS, ids=name_of)
-def test_compiled_backends_walk_the_scalar_trajectories(
-    task: tuple[str, str | None], backend: str, mode: str
-) -> None:
+def test_compiled_backends_walk_the_scalar_trajectories(task: tuple[str, str | None], backend: str, mode: str) -> None:
     pytest.importorskip(backend)
     for lanes in LANES:
         Agreement(load(task), backend, lanes, mode).run(60 if lanes < 10 else 25)
@@ -243,7 +241,9 @@ def test_scalar_environments_conform(task: tuple[str, str | None]) -> None:
 class Unseeded(gym.Wrapper):
     """Broken: ignores the seed."""
 
-    def reset(self, *, seed: int | None = None, options: dict[str, object] | None = None) -> tuple[object, dict[str, object]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, object] | None = None
+    ) -> tuple[object, dict[str, object]]:
         return super().reset(options=options)
 
 

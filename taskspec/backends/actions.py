@@ -96,7 +96,7 @@ def _component(c: Component, rows: Array) -> Array:
     shaped = rows[0] if c.type.is_scalar else rows.reshape(*c.type.shape, rows.shape[-1])
     match c.type.kind:
         case Kind.BOOL:
-            return shaped != 0
+            return np.not_equal(shaped, 0)
         case Kind.INT:
             return shaped.astype(np.int64, copy=False)
         case Kind.REAL:

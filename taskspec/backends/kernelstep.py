@@ -150,7 +150,7 @@ def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting:
     hidden = {len(roots) - len(p.observation.components) + i for i in shown}
     kept = [_NOTHING if i in hidden else root for i, root in enumerate(roots)]
     values = lane.emit(kept)
-    return Loop(p, lane, values, {row: place for row, place in shown.values()})
+    return Loop(p, lane, values, dict(shown.values()))
 
 
 _NOTHING: Node = Const(0, Type(Kind.INT))

@@ -28,7 +28,8 @@ class NumpyRuntime(Runtime):
         lanes = x.shape[-1]
         if x.ndim != 2 or lanes == 1 or not x.flags.c_contiguous:
             return super().index(x, i)  # type: ignore[no-any-return]
-        return x.reshape(-1).take(i * lanes + _lanes(lanes), mode="clip")
+        picked: Array = x.reshape(-1).take(i * lanes + _lanes(lanes), mode="clip")
+        return picked
 
     def sort(self, x: Array) -> Array:
         if not 1 < x.shape[0] <= UNSORTED:
@@ -45,7 +46,8 @@ class NumpyRuntime(Runtime):
     def count(self, x: Array) -> Array:
         if len(x) > 127:
             return super().count(x)  # type: ignore[no-any-return]
-        return np.add.reduce(self.rows(x).view(np.int8), 0, np.int8).astype(np.int64)
+        total: Array = np.add.reduce(self.rows(x).view(np.int8), 0, np.int8)
+        return total.astype(np.int64)
 
     def swap(self, x: Array, i: Array, j: Array) -> Array:
         lanes = x.shape[-1]

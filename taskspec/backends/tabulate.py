@@ -130,7 +130,9 @@ def folded(b: Builder, roots: Sequence[Node]) -> tuple[Node, ...]:
 
 def _fold(b: Builder, node: Node) -> Node:
     match node:
-        case Apply(op="index", args=(Apply(op="index", args=(Const() as table, row)), column)) if _is_matrix(table, row):
+        case Apply(op="index", args=(Apply(op="index", args=(Const() as table, row)), column)) if _is_matrix(
+            table, row
+        ):
             k = table.type.shape[1]
             flat = b.const(table.flat, Type(table.type.kind, (table.type.size,)))
             place = b.apply("add", b.apply("mul", row, b.scalar(k)), column)

@@ -78,9 +78,7 @@ class Agreement:
     seed: int = 123
 
     def __post_init__(self) -> None:
-        self.vector = VectorEnvironment(
-            self.task, self.lanes, backend=self.backend, autoreset_mode=self.mode
-        )
+        self.vector = VectorEnvironment(self.task, self.lanes, backend=self.backend, autoreset_mode=self.mode)
         self.scalars = [Environment(self.task) for _ in range(self.lanes)]
         self.pending = [False] * self.lanes
         self.tolerance = TOLERANCE[self.backend]
@@ -130,7 +128,7 @@ class Agreement:
 
     def reset_some(self, mask: Any) -> None:
         seen, _ = self.vector.reset(options={"reset_mask": mask})
-        for i in np.flatnonzero(mask):
+        for i in np.flatnonzero(mask).tolist():
             self.same(seen, i, self.scalars[i].reset()[0])
 
     def same(self, seen: Any, lane: int, expected: Any) -> None:

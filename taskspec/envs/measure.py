@@ -263,9 +263,7 @@ def start_times(task_id: str, backend: str = "numba", repeats: int = 3) -> tuple
 
 
 def _seconds(code: str, environment: dict[str, str]) -> float:
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     return float(done.stdout)
 
 

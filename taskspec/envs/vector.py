@@ -75,7 +75,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"a vector environment is not rendered; render_mode must be None, not {render_mode!r}")
-        if not isinstance(num_envs, int) or num_envs < 1:
+        if num_envs < 1:
             raise ValueError(f"num_envs must be a positive integer, not {num_envs!r}")
         if ending not in ("terminate", "absorb"):
             raise ValueError(f"ending must be 'terminate' or 'absorb', not {ending!r}")
@@ -158,10 +158,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Last observations of the episodes that ended in this step. Rows of other lanes mean nothing."""
         b = self._engine.buffers
         ended = b.ended if self._reuse else b.ended.copy()
-        if self._last is None:
-            rows = _rows(b.final.copy().view(), ended)
-        else:
-            rows = self._last if self._reuse else b.final.copy().view()
+        rows = self._last if self._reuse and self._last is not None else b.final.copy().view()
+        if isinstance(rows, dict):
+            rows = _rows(rows, ended)
         return {"final_obs": rows, "_final_obs": ended, "final_info": {}, "_final_info": ended}
 
     # -- seeds ----------------------------------------------------------------------------------------------------

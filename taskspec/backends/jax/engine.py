@@ -44,9 +44,7 @@ class JaxEngine:
         b.steps[chosen] = 0
         b.episodes[chosen] = 0
         key = np.stack([b.seeds >> np.uint64(32), b.seeds & np.uint64(0xFFFFFFFF)]).astype(np.uint32)
-        self._state = self._state._replace(
-            key=jnp.array(key), steps=jnp.array(b.steps), episodes=jnp.array(b.episodes)
-        )
+        self._state = self._state._replace(key=jnp.array(key), steps=jnp.array(b.steps), episodes=jnp.array(b.episodes))
 
     def reset(self, lanes: Array | None = None) -> None:
         b = self.buffers

@@ -37,7 +37,9 @@ def scan(task: Task, lanes: int) -> Callable[[], int]:
 
 def gymnax_scan(name: str, lanes: int) -> Callable[[], int]:
     """Drives lanes of an environment of gymnax."""
-    import gymnax
+    from importlib import import_module
+
+    gymnax = import_module("gymnax")
 
     env, params = gymnax.make(name)
     keys = jax.random.split(jax.random.key(0), lanes)
@@ -60,7 +62,8 @@ def _driver(step: Callable[[Any, Any], tuple[Any, None]], carry: Any, lanes: int
     held = [carry]
 
     def drive() -> int:
-        held[0] = jax.block_until_ready(run(held[0]))
+        held[0] = run(held[0])
+        jax.tree.map(lambda x: x.block_until_ready(), held[0])
         return lanes * STEPS
 
     return drive

@@ -19,7 +19,10 @@ def observed(layout: Layout, seen: Sequence[Array]) -> Any:
         case "discrete":
             return jnp.asarray(seen[0], jnp.int32)
         case "dict":
-            return {c.name: _entry(c.is_finite and c.type.is_scalar, v) for c, v in zip(layout.components, seen, strict=True)}
+            return {
+                c.name: _entry(c.is_finite and c.type.is_scalar, v)
+                for c, v in zip(layout.components, seen, strict=True)
+            }
         case "one_hot":
             places = zip(_rows(seen), layout.starts, layout.counts, strict=True)
             hot = [(row[None] == jnp.arange(start, start + n)[:, None]).astype(jnp.float32) for row, start, n in places]

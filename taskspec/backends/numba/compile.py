@@ -21,6 +21,7 @@ import numba
 import taskspec
 from taskspec.backends.numba import library
 
+
 def cache_folder() -> Path:
     """`$TASKSPEC_CACHE`, or `taskspec` in the user's cache folder."""
     own = os.environ.get("TASKSPEC_CACHE")
@@ -83,7 +84,7 @@ def _outer(cached: bool) -> Any:
 def apart(function: Any) -> Any:
     """Compile with the promise that no two array arguments share memory, which saves the loop from checking."""
     compiled = numba.njit(error_model="numpy", nogil=True)(function)
-    compiler = getattr(compiled, "_compiler", None)
+    compiler: Any = getattr(compiled, "_compiler", None)
     plain = getattr(compiler, "_customize_flags", None)
     if plain is not None:  # private to Numba, hence optional
 

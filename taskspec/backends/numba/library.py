@@ -24,7 +24,7 @@ inner = njit(error_model="numpy", nogil=True)
 # -- what Numba has no words for ----------------------------------------------------------------------------------
 
 
-@intrinsic  # type: ignore[misc]
+@intrinsic
 def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
     """`a if condition else b`, both worked out: no branch."""
     a, b = types.unliteral(a), types.unliteral(b)
@@ -37,7 +37,7 @@ def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
     return result(types.boolean, a, b), codegen
 
 
-@intrinsic  # type: ignore[misc]
+@intrinsic
 def pointer(typing: Any, address: Any) -> Any:
     """An address as a pointer."""
 
@@ -48,7 +48,7 @@ def pointer(typing: Any, address: Any) -> Any:
 
 
 def _bits(source: Any, target: Any) -> Any:
-    @intrinsic  # type: ignore[misc]
+    @intrinsic
     def view(typing: Any, x: Any) -> Any:
         def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
             return builder.bitcast(args[0], context.get_value_type(target))
@@ -126,9 +126,7 @@ def step_words(n: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, ste
 
 
 @inner
-def reset_words(
-    m: Any, lanes: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, episodes: Any
-) -> None:
+def reset_words(m: Any, lanes: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, episodes: Any) -> None:
     """Words of the next reset of m lanes."""
     for slot in range(slots):
         first, second = u32s(words, 2 * slot * width, m), u32s(words, (2 * slot + 1) * width, m)
@@ -247,7 +245,7 @@ def weighted(word: Any, weights: Any) -> Any:
     total = f32(0)
     for w in weights:
         total = total + select(f32(w) > f32(0), f32(w), f32(0))
-    target, partial, outcome = uniform32(word) * total, f32(0), 0
+    target, partial, outcome = uniform32(word) * total, f32(0), i64(0)
     for k in range(len(weights) - 1):
         w = f32(weights[k])
         partial = partial + select(w > f32(0), w, f32(0))
@@ -431,7 +429,7 @@ def cos(x: Any) -> Any:
 @inner
 def gather(n: Any, flags: Any, lanes: Any) -> Any:
     """The numbers of the lanes whose flag is set, and how many they are; `lanes` has room for n + 1."""
-    m = 0
+    m: Any = 0
     for j in range(n):
         lanes[m] = j
         m += i64(flags[j])
@@ -468,7 +466,17 @@ def show(n: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row:
 
 @inner
 def show_some(
-    m: Any, lanes: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row: Any, every: Any, first: Any, n: Any
+    m: Any,
+    lanes: Any,
+    reals: Any,
+    width: Any,
+    number: Any,
+    size: Any,
+    seen: Any,
+    row: Any,
+    every: Any,
+    first: Any,
+    n: Any,
 ) -> None:
     for k in range(size):
         a, b = f32s(reals, (number + k) * width, m), f32s(seen, (row + k) * every + first, n)

@@ -1,0 +1,50 @@
+"""A task as Gymnasium's `FuncEnv`: pure functions over JAX arrays."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from gymnasium.experimental.functional import FuncEnv
+
+from taskspec.backends.jax import Functional, State
+from taskspec.envs.spaces import space
+from taskspec.spec.task import Task
+
+
+class FuncState(NamedTuple):
+    """The state of an environment together with what its last step gave."""
+
+    state: State
+    seen: Any
+    paid: Any
+    terminated: Any
+
+
+class TaskFuncEnv(FuncEnv[FuncState, Any, Any, Any, Any, Any, Any]):
+    """A task's pure functions; the key of `initial` is the seed, later keys are ignored (see `Functional`).
+
+    There is no autoreset, and the horizon is the caller's, as for every FuncEnv.
+    """
+
+    def __init__(self, task: Task, options: dict[str, Any] | None = None) -> None:
+        super().__init__(options)
+        self._functional = Functional(task)
+        self.observation_space = space(self._functional.program.observation)
+        self.action_space = space(self._functional.program.action)
+
+    def initial(self, rng: Any, params: Any = None) -> FuncState:
+        seen, state = self._functional.reset(rng)
+        return FuncState(state, seen, 0.0, False)
+
+    def transition(self, state: FuncState, action: Any, rng: Any, params: Any = None) -> FuncState:
+        seen, following, reward, _, info = self._functional.step_env(rng, state.state, action)
+        return FuncState(following, seen, reward, info["terminated"])
+
+    def observation(self, state: FuncState, rng: Any, params: Any = None) -> Any:
+        return state.seen
+
+    def reward(self, state: FuncState, action: Any, next_state: FuncState, rng: Any, params: Any = None) -> Any:
+        return next_state.paid
+
+    def terminal(self, state: FuncState, rng: Any, params: Any = None) -> Any:
+        return state.terminated
