@@ -275,7 +275,7 @@ REFUSED = [
     (["run", "Branching", "--policy", "bogus"], 1, "no policy 'bogus'"),
     (["run", "Branching", "--policy", "nope.json"], 1, "E710"),
     (["check", "--format", "xml"], 2, "text, json, github"),
-    (["run", "Branching", "--json", "--render"], 2, "do not go together"),
+    (["run", "Branching", "--json", "--render", "ansi"], 2, "do not go together"),
     (["run", "Branching", "--seed", "-1"], 2, "--seed"),
     (["bench", "speed"], 2, "seals"),
     (["frobnicate"], 2, "frobnicate"),
