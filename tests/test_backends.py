@@ -64,7 +64,7 @@ def on_jax(b: Builder, root: Node, reads: Values) -> np.ndarray:
 
 def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
     pytest.importorskip("numba")
-    from taskspec.backends.numba import library
+    from taskspec.backends.numba import basics, draws, operators
 
     names, loads, arguments = {}, [], []
     for (role, name), value in reads.items():
@@ -77,11 +77,11 @@ def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
     stores = [f"out[{k}, j] = {atom}" for k, atom in enumerate(value.atoms or [])]
     body = "\n".join(f"        {line}" for line in [*loads, *lane.lines, *stores])
     parameters = ", ".join(name for name, _ in arguments)
-    space = {**vars(library), **lane.constants, "nan": math.nan, "inf": math.inf}
+    space = {**vars(basics), **vars(draws), **vars(operators), **lane.constants, "nan": math.nan, "inf": math.inf}
     exec(f"def f(n, out, {parameters}):\n    for j in range(n):\n{body}", space)
     n = next(iter(reads.values())).shape[-1]
     out = np.zeros((root.type.size, n), DTYPES[root.type.kind])
-    library.inner(space["f"])(n, out, *(row for _, row in arguments))
+    basics.inner(space["f"])(n, out, *(row for _, row in arguments))
     return out.reshape(*root.type.shape, n)
 
 

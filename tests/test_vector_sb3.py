@@ -9,7 +9,7 @@ import taskspec
 
 pytest.importorskip("stable_baselines3")
 
-from taskspec.envs.sb3 import Sb3VecEnv  # noqa: E402
+from taskspec.envs.sb3 import Sb3VecEnv
 
 
 @pytest.mark.parametrize("name", ["derail/EarlyTermPos-v0", "derail/Sort-v0"])

@@ -19,7 +19,7 @@ from typing import Any
 import numba
 
 import taskspec
-from taskspec.backends.numba import library
+from taskspec.backends.numba import basics, draws, lanes, operators
 
 
 def cache_folder() -> Path:
@@ -62,8 +62,9 @@ def _key(source: str) -> str:
 
 @lru_cache(maxsize=1)
 def _library() -> str:
-    assert library.__file__ is not None
-    return Path(library.__file__).read_text(encoding="utf-8")
+    """The text of the functions that kernels are made of."""
+    files = [module.__file__ for module in (basics, draws, lanes, operators)]
+    return "\0".join(Path(file).read_text(encoding="utf-8") for file in files if file is not None)
 
 
 def _written(source: str, path: Path) -> Path:

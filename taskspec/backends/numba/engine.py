@@ -11,7 +11,8 @@ import numpy as np
 
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.buffers import Array, Buffers
-from taskspec.backends.kernelstep import Program, generate
+from taskspec.backends.kernelmemory import Program
+from taskspec.backends.kernelstep import generate
 from taskspec.backends.numba.compile import load
 from taskspec.backends.spaces import action_layout, observation_layout
 from taskspec.backends.vector import Mode, NotRunningError, Options

@@ -1,0 +1,106 @@
+"""What a Numba program keeps in memory, and where: a vector of addresses, rows of elements, blocks of lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from taskspec.backends.hoist import compared
+from taskspec.backends.spaces import Layout
+from taskspec.backends.vector import Mode
+from taskspec.draws.layout import Layout as WordLayout
+from taskspec.lang.types import Kind
+from taskspec.spec.task import Component, Task
+
+SCRATCH = 1 << 16
+"""Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
+BLOCK = 1024
+_ARRAYS = {Kind.BOOL: "bools", Kind.INT: "i64s", Kind.REAL: "f64s"}
+
+
+@dataclass
+class Memory:
+    """Where every array is: its number in the vector of addresses, in the order of `Engine.addresses`."""
+
+    fields: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.fields = ["start", "stop", "every"]  # numbers: the range of lanes, and how many there are in all
+        self.fields += ["k0", "k1", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
+        self.fields += ["lanes", "words", "reals"]
+
+    def at(self, name: str) -> str:
+        if name not in self.fields:
+            self.fields.append(name)
+        return f"m[{self.fields.index(name)}]"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One element of all lanes: a row of an array in memory."""
+
+    name: str
+    array: str  # the array's name in `Memory`
+    row: int
+    kind: str  # the library's function that gives n numbers of it
+
+    def source(self, memory: Memory, first: str = "first", every: str = "every") -> str:
+        offset = first if self.row == 0 else f"{self.row} * {every} + {first}"
+        return f"{self.kind}({memory.at(self.array)}, {offset}, n)"
+
+
+@dataclass
+class Program:
+    """A task's kernel while it is being written."""
+
+    task: Task
+    observation: Layout
+    action: Layout
+    mode: Mode
+    memory: Memory = field(default_factory=Memory)
+    constants: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        b = self.task.builder
+        roots = (*self.task.next, self.task.reward, self.task.terminal, *self.task.next_observation)
+        self.step_words = WordLayout.of(roots)
+        self.step = compared(b, roots)
+        start = (*self.task.initial, *self.task.first_observation)
+        self.reset_words = WordLayout.of(start)
+        self.start = compared(b, start)
+        most = max(self.step_words.count, self.reset_words.count, 1)
+        self.block = max(64, min(BLOCK, SCRATCH // (8 * most) // 64 * 64))
+        self.rows = most + 2
+        self.states = self._component_rows("s", self.task.state)
+        self.seen, self.final = _seen_rows("seen", self.observation), _seen_rows("final", self.observation)
+        for i in range(len(self.task.state)):
+            self.memory.at(f"s{i}")
+        parts = len(self.observation.components) if self.observation.form == "dict" else 1
+        for i in range(parts):
+            self.memory.at(f"seen{i}")
+            self.memory.at(f"final{i}")
+
+    @staticmethod
+    def _component_rows(prefix: str, components: Sequence[Component]) -> list[list[Row]]:
+        return [
+            [Row(f"{prefix}{i}_{k}", f"{prefix}{i}", k, _ARRAYS[c.type.kind]) for k in range(c.type.size)]
+            for i, c in enumerate(components)
+        ]
+
+    @property
+    def inline_reset(self) -> bool:
+        """Whether lanes that end start again within the loop: where that is known and takes no draws."""
+        return self.mode == "same_step" and not self.reset_words.count
+
+
+def _seen_rows(prefix: str, layout: Layout) -> list[Row]:
+    """The rows of the arrays that hold observations."""
+    if layout.form == "dict":
+        rows = []
+        for i, c in enumerate(layout.components):
+            kind = "i64s" if c.is_finite and c.type.is_scalar else "f32s"
+            rows += [Row(f"{prefix}{i}_{k}", f"{prefix}{i}", k, kind) for k in range(c.type.size)]
+        return rows
+    kind = "i64s" if layout.form in ("discrete", "multi_discrete") else "f32s"
+    return [Row(f"{prefix}0_{k}", f"{prefix}0", k, kind) for k in range(max(1, layout.size))]

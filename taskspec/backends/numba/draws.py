@@ -1,0 +1,223 @@
+"""Random words and variates in generated kernels: those of `taskspec.draws`, operation for operation.
+
+No branches, no calls of a C library, no look-ups: a loop over lanes of such code becomes one over vectors of lanes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.numba.basics import as_f32, as_i32, f32, f32s, f64, i32, i64, inner, select, u32, u32s, u64
+
+# -- words --------------------------------------------------------------------------------------------------------
+
+
+@inner
+def _mix(x0: Any, x1: Any, r: Any) -> Any:
+    x0 = u32(x0 + x1)
+    return x0, u32(u32(u32(x1 << u32(r)) | u32(x1 >> u32(32 - r))) ^ x0)
+
+
+@inner
+def _four(x0: Any, x1: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    x0, x1 = _mix(x0, x1, a)
+    x0, x1 = _mix(x0, x1, b)
+    x0, x1 = _mix(x0, x1, c)
+    return _mix(x0, x1, d)
+
+
+@inner
+def threefry(k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
+    """Threefry-2x32-20 of one block (see `taskspec.draws.threefry`)."""
+    k2 = u32(k0 ^ k1 ^ u32(0x1BD11BDA))
+    x0, x1 = _four(u32(c0 + k0), u32(c1 + k1), 13, 15, 26, 6)
+    x0, x1 = _four(u32(x0 + k1), u32(x1 + k2 + u32(1)), 17, 29, 16, 24)
+    x0, x1 = _four(u32(x0 + k2), u32(x1 + k0 + u32(2)), 13, 15, 26, 6)
+    x0, x1 = _four(u32(x0 + k0), u32(x1 + k1 + u32(3)), 17, 29, 16, 24)
+    x0, x1 = _four(u32(x0 + k1), u32(x1 + k2 + u32(4)), 13, 15, 26, 6)
+    return u32(x0 + k2), u32(x1 + k0 + u32(5))
+
+
+@inner
+def step_words(n: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, steps: Any) -> None:
+    """Words 0 to 2 slots - 1 of the present step of n lanes, a row of `width` for each."""
+    for slot in range(slots):
+        first, second = u32s(words, 2 * slot * width, n), u32s(words, (2 * slot + 1) * width, n)
+        for j in range(n):
+            first[j], second[j] = threefry(k0[j], k1[j], steps[j], u32(slot))
+
+
+@inner
+def reset_words(m: Any, lanes: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, episodes: Any) -> None:
+    """Words of the next reset of m lanes."""
+    for slot in range(slots):
+        first, second = u32s(words, 2 * slot * width, m), u32s(words, (2 * slot + 1) * width, m)
+        for i in range(m):
+            j = u64(lanes[i])
+            first[i], second[i] = threefry(k0[j], k1[j], episodes[j], u32(slot + 0x80000000))
+
+
+# -- float32 polynomials, as in taskspec.draws.polynomials --------------------------------------------------------
+
+
+@inner
+def _split(x: Any) -> Any:
+    bits = i32(as_i32(x) - i32(0x3F3504F3))
+    e = i32(bits >> i32(23))
+    m = as_f32(i32(i32(bits & i32(0x007FFFFF)) + i32(0x3F3504F3)))
+    s = (m - f32(1)) / (m + f32(1))
+    z = s * s
+    return e, s * (f32(2) + z * (f32(0.66666776) + z * (f32(0.39977533) + z * f32(0.29872006))))
+
+
+@inner
+def log32(x: Any) -> Any:
+    e, log_m = _split(x)
+    return f32(e) * f32(0.693147181) + log_m
+
+
+@inner
+def exp32(x: Any) -> Any:
+    y = min(max(x, f32(-87)), f32(88))
+    k = f32(np.rint(y * f32(1.44269504)))
+    f = (y - k * f32(0.693359375)) - k * f32(-2.12194440e-4)
+    p = f32(0.0083689540) + f * f32(0.0013950604)
+    p = f32(0.5) + f * (f32(0.16666518) + f * (f32(0.041666206) + f * p))
+    power = as_f32(i32(i32(i32(k) + i32(127)) << i32(23)))
+    return select(x < f32(-87), f32(0), ((f * f) * p + f + f32(1)) * power)
+
+
+@inner
+def uniform32(word: Any) -> Any:
+    return f32(i32(word >> u32(8))) * f32(2.0**-24)
+
+
+@inner
+def exponential32(word: Any) -> Any:
+    v = f32(i32(u32(~word) >> u32(1))) + f32(0.5)
+    e, log_m = _split(v)
+    return f32(i32(i32(31) - e)) * f32(0.693147181) - log_m
+
+
+@inner
+def _pair(radius: Any, angle: Any) -> Any:
+    r = f32(math.sqrt(exponential32(radius) * f32(2)))
+    x = f32(i32(u32(angle << u32(1)))) * f32(2.0**-31)
+    z = x * x
+    sine = x * (f32(1.5707963) + z * (f32(-0.64596337) + z * (f32(0.079688482)
+        + z * (f32(-0.0046722279) + z * f32(0.00015082053)))))  # fmt: skip
+    cosine = f32(0.99999994) + z * (f32(-1.2336982) + z * (f32(0.25365075)
+        + z * (f32(-0.020810629) + z * f32(0.00085819111))))  # fmt: skip
+    cosine = as_f32(i32(as_i32(cosine) ^ i32(angle & u32(0x80000000))))
+    return r * cosine, r * sine
+
+
+@inner
+def normals(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> None:
+    """Standard normals `first` to `first + size` from the words of the same numbers, as float32 rows."""
+    for k in range(first, first + size, 2):
+        radius, angle = u32s(words, k * width, n), u32s(words, (k + 1) * width, n)
+        a, b = f32s(out, k * width, n), f32s(out, (k + 1) * width, n)
+        for j in range(n):
+            a[j], b[j] = _pair(radius[j], angle[j])
+
+
+@inner
+def exponentials(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> None:
+    for k in range(first, first + size):
+        row, made = u32s(words, k * width, n), f32s(out, k * width, n)
+        for j in range(n):
+            made[j] = exponential32(row[j])
+
+
+# -- variates, a word at a time -----------------------------------------------------------------------------------
+
+
+@inner
+def uniform(word: Any) -> Any:
+    return f64(i32(word >> u32(8))) * 2.0**-24
+
+
+@inner
+def bernoulli(word: Any, p: Any) -> Any:
+    return uniform32(word) < f32(p)
+
+
+@inner
+def index(word: Any, n: Any) -> Any:
+    return i64(u64(u64(word) * u64(n)) >> u64(32))
+
+
+@inner
+def search(table: Any, word: Any) -> Any:
+    """How many of the ascending thresholds are at most the word."""
+    low, high = 0, len(table)
+    while low < high:
+        middle = (low + high) >> 1
+        if table[middle] <= word:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@inner
+def weighted(word: Any, weights: Any) -> Any:
+    """An outcome in proportion to float32 weights (a tuple)."""
+    total = f32(0)
+    for w in weights:
+        total = total + select(f32(w) > f32(0), f32(w), f32(0))
+    target, partial, outcome = uniform32(word) * total, f32(0), i64(0)
+    for k in range(len(weights) - 1):
+        w = f32(weights[k])
+        partial = partial + select(w > f32(0), w, f32(0))
+        outcome += select(partial <= target, 1, 0)
+    return outcome
+
+
+@inner
+def poisson(words: Any, rate: Any, bound: Any, terms: Any) -> Any:
+    """A count at a rate of at most `bound`, shared among the words (a tuple)."""
+    share = min(select(f32(rate) > f32(0), f32(rate), f32(0)), f32(bound)) / f32(len(words))
+    total = term = f32(1)
+    for k in range(1, terms + 1):
+        term = term * share / f32(k)
+        total = total + term
+    count = 0
+    for word in words:
+        target, term, partial = uniform32(word) * total, f32(1), f32(1)
+        for k in range(1, terms + 1):
+            count += select(partial <= target, 1, 0)
+            term = term * share / f32(k)
+            partial = partial + term
+    return count
+
+
+@inner
+def _attempt(x: Any, word: Any, d: Any, scale: Any) -> Any:
+    root = x * scale + f32(1)
+    positive = root > f32(0)
+    root = select(positive, root, f32(1))
+    v = root * root * root
+    margin = f32(0.5) * x * x + d * ((f32(1) - v) + log32(v))
+    return d * v, positive & (exponential32(word) + margin > f32(0))
+
+
+@inner
+def gamma(w: Any, alpha: Any) -> Any:
+    """A gamma variate of unit scale from nine words (a tuple)."""
+    shape = max(f32(alpha), f32(2.0**-100))
+    small = shape < f32(1)
+    d = select(small, shape + f32(1), shape) - f32(1 / 3)
+    scale = f32(1 / 3) / f32(math.sqrt(d))
+    x0, x1 = _pair(w[0], w[1])
+    x2, x3 = _pair(w[2], w[3])
+    value = d
+    for x, word in ((x3, w[7]), (x2, w[6]), (x1, w[5]), (x0, w[4])):
+        candidate, accepted = _attempt(x, word, d, scale)
+        value = select(accepted, candidate, value)
+    shrink = select(small, exponential32(w[8]) / shape, f32(0))
+    return f64(value * exp32(-shrink))

@@ -1,0 +1,135 @@
+"""Operators in generated kernels that are more than one expression; sine and cosine are polynomials, for speed."""
+
+from __future__ import annotations
+
+import math
+from math import atan2, exp, inf, log, nan, sqrt, tan, tanh  # noqa: F401  # for generated code
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.numba.basics import i32, inner, select
+
+INT_MAX = 2147483647.0
+
+
+@inner
+def floordiv_int(a: Any, b: Any) -> Any:
+    d = select(b == 0, 1, b)
+    q = a // d
+    return select(b == 0, 0, q)
+
+
+@inner
+def mod_int(a: Any, b: Any) -> Any:
+    d = select(b == 0, 1, b)
+    return select(b == 0, 0, a % d)
+
+
+@inner
+def floordiv_real(a: Any, b: Any) -> Any:
+    if b == 0.0:
+        return a / b
+    if not (math.isfinite(a) and math.isfinite(b)):
+        return math.nan
+    return np.floor_divide(a, b)
+
+
+@inner
+def mod_real(a: Any, b: Any) -> Any:
+    """The remainder with the divisor's sign; where both are finite it is exact, as C's fmod is."""
+    if b == 0.0 or not math.isfinite(a):
+        return math.nan
+    r = np.fmod(a, b)
+    if r != 0.0 and ((r < 0.0) != (b < 0.0)):
+        r += b
+    return math.copysign(0.0, b) if r == 0.0 else r
+
+
+@inner
+def pow_(a: Any, b: Any) -> Any:
+    return math.pow(a, b)
+
+
+@inner
+def min2(a: Any, b: Any) -> Any:
+    return select((a <= b) | (b != b), a, b)
+
+
+@inner
+def max2(a: Any, b: Any) -> Any:
+    return select((a >= b) | (b != b), a, b)
+
+
+@inner
+def _whole(x: Any) -> Any:
+    x = select(x == x, x, 0.0)
+    x = select(x > INT_MAX, INT_MAX, x)
+    return i32(select(x < -INT_MAX, -INT_MAX, x))
+
+
+@inner
+def floor(x: Any) -> Any:
+    return _whole(np.floor(x))
+
+
+@inner
+def ceil(x: Any) -> Any:
+    return _whole(np.ceil(x))
+
+
+@inner
+def round_(x: Any) -> Any:
+    return _whole(np.rint(x))
+
+
+@inner
+def position(i: Any, n: Any) -> Any:
+    i = select(i < 0, i + n, i)
+    return select(i < 0, 0, select(i > n - 1, n - 1, i))
+
+
+@inner
+def _quarters(x: Any) -> Any:
+    """x as a number of quarter turns, modulo 4, and the rest in [-pi/4, pi/4] (Cody and Waite, three parts).
+
+    The rest is exact to 1e-16 for |x| < 1e6, and beyond that to the precision of x itself.
+    """
+    small = abs(x) < 1e15
+    y = select(small, x, x - x)
+    k = np.rint(y * 0.6366197723675814)
+    rest = ((y - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21
+    return k - 4.0 * np.floor(k * 0.25), rest
+
+
+@inner
+def _sine(r: Any) -> Any:
+    """Coefficients of fdlibm."""
+    z = r * r
+    p = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06
+        + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))  # fmt: skip
+    return r + (z * r) * (-1.66666666666666324348e-01 + z * p)
+
+
+@inner
+def _cosine(r: Any) -> Any:
+    z = r * r
+    p = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05
+        + z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11))))  # fmt: skip
+    h = 0.5 * z
+    w = 1.0 - h
+    return w + (((1.0 - w) - h) + z * z * p)
+
+
+@inner
+def sin(x: Any) -> Any:
+    q, r = _quarters(x)
+    value = select((q == 1.0) | (q == 3.0), _cosine(r), _sine(r))
+    return select(q >= 2.0, -value, value)
+
+
+@inner
+def cos(x: Any) -> Any:
+    q, r = _quarters(x)
+    value = select((q == 1.0) | (q == 3.0), _sine(r), _cosine(r))
+    return select((q == 1.0) | (q == 2.0), -value, value)
