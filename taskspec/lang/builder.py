@@ -39,7 +39,7 @@ class Builder:
     def const(self, value: Any, type: Type) -> Const:
         """A constant; `value` is a scalar, or a flat row-major sequence for a vector."""
         flat = (value,) if type.is_scalar else value
-        self._check_size(type.shape)
+        self.check_size(type.shape)
         # A set may have a hundred thousand elements, and they are ints: a task's tables are built here.
         items = tuple(map(int, flat)) if type.kind is Kind.INT else tuple(exact(v, type.kind) for v in flat)
         if type.kind is Kind.INT and items and max(max(items), -min(items)).bit_length() > MAX_BITS:
@@ -64,7 +64,7 @@ class Builder:
 
     def draw(self, base: str, args: Sequence[Node], type: Type) -> Node:
         """A new draw: never shared with another."""
-        self._check_size(type.shape)
+        self.check_size(type.shape)
         self._sites += 1
         return Draw(base, tuple(args), type, self._sites)
 
@@ -78,7 +78,7 @@ class Builder:
         result = op.rule(tuple(a.type for a in args))
         if isinstance(result, str):
             raise Refused(result, "E307" if "shape" in result else "E306")
-        self._check_size(result.shape)
+        self.check_size(result.shape)
         rational = self._fold_rational(name, args, result)
         if rational is not None:
             return rational
@@ -94,7 +94,7 @@ class Builder:
             kind = join(*(a.type.kind for a in args))
             args = [self.cast(a, kind) for a in args]
         result = STRUCTURES[name].rule(tuple(a.type for a in args), static)
-        self._check_size(result.shape)
+        self.check_size(result.shape)
         if all(isinstance(a, Const) for a in args):
             return self._fold(name, tuple(args), result, static)
         simpler = self._rearranged(name, args, static)
@@ -163,7 +163,8 @@ class Builder:
         key = (name, static, type, *map(id, args))
         return self._intern(key, lambda: Apply(name, args, type, static))
 
-    def _check_size(self, shape: Shape) -> None:
+    def check_size(self, shape: Shape) -> None:
+        """Refuse (E314) a vector too large to hold, before it is made."""
         size = Type(Kind.INT, shape).size
         if size > MAX_ELEMENTS:
             raise Refused(f"a vector of {size:,} elements is too large; the limit is {MAX_ELEMENTS:,}", "E314")

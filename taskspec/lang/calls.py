@@ -95,6 +95,7 @@ def _count(n: int) -> str:
 
 def _own(checker: Checker, function: FunctionDef, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
     _no_keywords(checker, expr)
+    checker.expand(expr)
     values = checker.each([(lambda e=e: checker.value(e, scope)) for e in expr.args])  # type: ignore[misc]
     if len(values) != len(function.arguments):
         signature = f"{function.name}({', '.join(function.arguments)})"

@@ -7,7 +7,8 @@ and only what needs the value of a broken part is given up.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import NoReturn, TypeVar, assert_never
 
 from taskspec.diagnostics import Collector, nearest, suggest
@@ -20,6 +21,7 @@ from taskspec.lang.types import Domain, Kind, Refused, Type
 
 T = TypeVar("T")
 CONSTANTS = {"pi": math.pi, "inf": math.inf}
+MAX_EXPANDED = 50_000
 _ARITHMETIC = {"+": "add", "-": "sub", "*": "mul", "/": "div", "//": "floordiv", "%": "mod"}
 _COMPARISON = {"==": "eq", "!=": "ne", "<": "lt", "<=": "le"}
 
@@ -34,6 +36,8 @@ class Checker:
     def __init__(self, builder: Builder, collector: Collector) -> None:
         self.builder = builder
         self.collector = collector
+        self._expanded = 0
+        self._times = 1  # how often the present expression is written out by comprehensions around it
 
     # -- entry ----------------------------------------------------------------------------------------------------
 
@@ -42,9 +46,6 @@ class Checker:
         try:
             return self.value(expr, scope, want)
         except Poisoned:
-            return None
-        except RecursionError:
-            self.collector.add("E314", expr.place, "this expression is nested too deeply")
             return None
 
     # -- the pass -------------------------------------------------------------------------------------------------
@@ -59,6 +60,9 @@ class Checker:
             return self._value(expr, scope, want)
         except Refused as refused:
             self.fail(refused.code, expr, refused.message, refused.hint)
+        except RecursionError:
+            pass  # said below, where the stack has room again
+        self.fail("E314", expr, "this is nested too deeply, with the definitions that it uses")
 
     def _value(self, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:
         match expr:
@@ -163,6 +167,21 @@ class Checker:
     def fail(self, code: str, expr: s.Expr | s.Slice, message: str, hint: str | None = None) -> NoReturn:
         self.collector.add(code, expr.place, message, hint)
         raise Poisoned
+
+    def expand(self, expr: s.Expr, count: int = 1) -> None:
+        """Count what is written out on the author's behalf: calls of definitions, elements of comprehensions."""
+        self._expanded += count
+        if count * self._times > MAX_EXPANDED or self._expanded > MAX_EXPANDED:
+            self.fail("E314", expr, f"definitions and comprehensions write out more than {MAX_EXPANDED:,} expressions")
+
+    @contextmanager
+    def repeated(self, count: int) -> Iterator[None]:
+        """What is checked inside is written out so many times."""
+        self._times *= count
+        try:
+            yield
+        finally:
+            self._times //= count
 
     def poison(self) -> NoReturn:
         """Give up on a part whose mistakes are reported."""

@@ -128,6 +128,7 @@ def _onehot(b: Builder, args: list[Node]) -> Node:
     assert isinstance(n, Const)
     if n.type != INT or n.value < 1:
         raise Refused("`onehot` needs a positive int as length")
+    b.check_size((n.value,))
     positions = b.const(tuple(range(n.value)), Type(Kind.INT, (n.value,)))
     return b.cast(b.apply("eq", positions, _need_index("onehot", index)), Kind.INT)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import re
 import warnings
+from keyword import iskeyword
 from typing import NoReturn
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
@@ -37,6 +38,7 @@ _CONFUSIONS = (
     (r"!(?!=)", "write `not x`"),
     (r"\?", "write `x if condition else y`"),
 )
+_NAME, _DIGITS = re.compile(r"[A-Za-z]\w*", re.ASCII), re.compile(r"0|[1-9]\d{0,14}", re.ASCII)
 _WORDS = re.compile(r"\s*\w+(\s+\w+)+\s*")
 
 
@@ -72,6 +74,11 @@ def parse_into(text: s.Text, collector: Collector) -> s.Expr | None:
 
 
 def _parse(text: s.Text) -> s.Expr:
+    place = s.Place(text, 0, len(text.value))
+    if _NAME.fullmatch(text.value) and not iskeyword(text.value):  # most cells of tables are a word or a number
+        return s.Name(text.value, False, place)
+    if _DIGITS.fullmatch(text.value):
+        return s.Number(int(text.value), text.value, place)
     source = _prepare(text.value)
     try:
         with warnings.catch_warnings():
@@ -111,7 +118,10 @@ def _prepare(value: str) -> str:
         position = _scan(value, position, out, brackets)
     if brackets:
         raise _Failure(brackets[-1], brackets[-1] + 1, f"this '{value[brackets[-1]]}' is never closed")
-    return "".join(out)
+    source = "".join(out)
+    if not source.strip():
+        raise _Failure(0, len(value), "an expression is missing here: this is only a comment")
+    return source
 
 
 def _scan(value: str, at: int, out: list[str], brackets: list[int]) -> int:
@@ -162,6 +172,8 @@ def _explain(value: str, error: Exception) -> NoReturn:
             raise _Failure(found.start(), found.end(), f"'{found[0]}' is not an operator here", hint)
     if not isinstance(error, SyntaxError):
         raise _Failure(0, len(value), "this expression is nested too deeply", code="E314")
+    if "integer string conversion" in (error.msg or ""):
+        raise _Failure(0, len(value), "a number in this expression has too many digits", code="E314")
     start = _offset(value, error.lineno or 1, error.offset or 1)
     end = _offset(value, error.end_lineno or error.lineno or 1, error.end_offset or error.offset or 1)
     if start >= len(value):

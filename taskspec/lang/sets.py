@@ -104,11 +104,13 @@ def unroll(checker: Checker, expr: s.Comprehension, scope: Scope) -> list[Node]:
             expr,
             f"{len(points.rows):,} elements are too many to write out; the limit is {MAX_UNROLLED:,}",
         )
+    checker.expand(expr, len(points.rows))
     nodes = []
-    for row in points.rows:
-        inner = scope.child(_bind(checker, clause, row, points.domain, expr))
-        if all(_holds(checker, c, inner) for c in clause.conditions):
-            nodes.append(checker.numeric(expr.element, inner))
+    with checker.repeated(max(1, len(points.rows))):
+        for row in points.rows:
+            inner = scope.child(_bind(checker, clause, row, points.domain, expr))
+            if all(_holds(checker, c, inner) for c in clause.conditions):
+                nodes.append(checker.numeric(expr.element, inner))
     return nodes
 
 

@@ -198,7 +198,8 @@ class _Build:
         except Poisoned:
             return None
         if not 1 <= steps <= MAX_HORIZON:
-            self.collector.add("E407", expr.place, f"a horizon of {steps} steps is not possible; at least 1")
+            self.collector.add("E407", expr.place, f"a horizon of {steps:,} steps is not possible",
+                               f"between 1 and {MAX_HORIZON:,}, or `none`")  # fmt: skip
         return steps
 
     def _discount(self) -> float:

@@ -229,7 +229,7 @@ class Declarations:
             return (0,) * type_.size, (1,) * type_.size
         low, high = (self.edge(entry, key, path, type_, scope) for key in ("low", "high"))
         for a, b in zip(low, high, strict=True):
-            if not a <= b:
+            if not a <= b or a == math.inf or b == -math.inf:
                 self._stop("E407", path, f"no value lies between low = {_shown(a)} and high = {_shown(b)}")
         return low, high
 
