@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import re
 import time
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-import taskspec
-from taskspec.diagnostics import SpecError, TaskspecError
-from taskspec.exact import soundness
+from taskspec.diagnostics import SpecError
 from taskspec.source import read_text
 from taskspec.spec.build import build
 from taskspec.spec.task import Task
@@ -93,3 +89,58 @@ def test_labels_are_labels(label: str) -> None:
     env.reset(seed=0, options={"state": {"s": label}})
     assert env.state == {"s": label}
     assert (env.step(0)[1], env.state) == (1, {"s": "other"})
+
+
+# -- cost -------------------------------------------------------------------------------------------------------------
+
+TABLE = "\n".join(f"    {i}: {i % 7}" for i in range(100_000))
+COSTLY = {
+    "power": {"reward": " 9**9**9"},
+    "powers": {"reward": " (9**9)**(9**9)"},
+    "fraction": {"reward": " 1/3**99999"},
+    "digits": {"reward": f" s + {'9' * 5000}"},
+    "sum": {"reward": f" {'s+' * 9000}s"},
+    "brackets": {"reward": f" {'(' * 10_000}s{')' * 10_000}"},
+    "minus": {"reward": f" {'-' * 5000}s"},
+    "branches": {"reward": f" {'1 if s == 1 else ' * 300}0"},
+    "box": {"reward": ' "s in {p[0] for p in box(-10**6, 10**6, 3)}"'},
+    "range": {"reward": " sum([s for i in range(10**9)])"},
+    "matrix": {"reward": ' "sum([sum([s + i*j for i in range(1000)]) for j in range(1000)])"'},
+    "onehot": {"reward": ' "sum(onehot(s, 10**12))"'},
+    "normal": {"reward": ' "sum(Normal(shape=10**12))"'},
+    "poisson": {"reward": ' "Poisson(10**9)"'},
+    "shape": {"state": "\n  s: {type: int, shape: 10**12}"},
+    "bound": {"state": "\n  s: {type: int, low: 0, high: 10**100}"},
+    "one hot": {"observation": " {o: s * 10**7, space: one_hot}"},
+    "names": {"definitions": "\n  d0: s\n" + "".join(f"  d{i}: d{i - 1} * d{i - 1}\n" for i in range(1, 200)), "reward": " d199"},
+    "calls": {
+        "definitions": '\n  "f0(x)": x\n' + "".join(f'  "f{i}(x)": f{i - 1}(x) + f{i - 1}(x + 1)\n' for i in range(1, 40)),
+        "reward": " f39(s)",
+    },
+    "table": {"reward": f"\n  by: s\n  rows:\n{TABLE}"},
+    "tables": {"reward": f" {'{by: s, rows: {0: ' * 300}1{', else: 0}}' * 300}"},
+    "aliases": {"constants": " &a [1, 1]\nname: [*a, *a]"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", COSTLY)
+def test_cost_is_refused_before_it_is_spent(case: str) -> None:
+    start = time.perf_counter()
+    with pytest.raises(SpecError) as caught:
+        written(**COSTLY[case])
+    assert time.perf_counter() - start < 4  # a second, and room for a busy machine
+    assert {d.code for d in caught.value.diagnostics} <= {"E314", "E114", "E102", "E408", "E214"}
+
+
+@pytest.mark.parametrize("name", ["table", "weights"])
+def test_long_tables_are_read_in_time(name: str) -> None:
+    start = time.perf_counter()
+    n = 5000
+    rows = "".join(f"    {i}: {i % 7}\n" for i in range(n))
+    state = {"state": f"\n  s: {{type: int, low: 0, high: {n - 1}}}"}
+    if name == "table":
+        task = written(**state, dynamics=f" {{s': (s + a) % {n}}}", reward=f"\n  by: s\n  rows:\n{rows}")
+    else:
+        task = written(**state, dynamics=f"\n  s': {{{', '.join(f'{i}: 1/{n}' for i in range(n))}}}")
+    task.make().reset(seed=0)
+    assert time.perf_counter() - start < 4
