@@ -78,7 +78,8 @@ def test_the_shape_of_gymnax() -> None:
     key = jax.random.key(3)
     seen, state = env.reset(key, env.default_params)
     following = env.step(key, state, jnp.int32(1), env.default_params)
-    assert len(following) == 5
+    assert len(following) == 6
+    assert len(env.step_env(key, state, jnp.int32(1))) == 5
     assert env.num_actions == 2
     assert int(seen) == 0
 

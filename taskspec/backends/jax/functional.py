@@ -61,7 +61,7 @@ class Functional:
         return _single(observation), _single(state), result.reward[0], done, info
 
     def step_env(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
-        """A step without autoreset, as gymnax orders it: observation, state, reward, done, info."""
+        """A step without autoreset: observation, state, reward, done, info."""
         program = self.program
         after, result = program.step(_lane(state), acted(program.action, jnp.asarray(action)[..., None]))
         seen = _single(observed(program.observation, result.observation))
@@ -87,7 +87,7 @@ class Functional:
 
 
 class Gymnax:
-    """A task with the signatures of a gymnax environment."""
+    """A task with the signatures of an environment of gymnax 1.0."""
 
     def __init__(self, functional: Functional) -> None:
         self._functional = functional
@@ -97,12 +97,14 @@ class Gymnax:
         return self._functional.reset(key)
 
     def step(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
-        """Observation, state, reward, done, info; with autoreset."""
-        return self._functional.step(state, action)
+        """Observation, state, reward, terminated, truncated, info; with autoreset."""
+        seen, following, reward, _, info = self._functional.step(state, action)
+        return seen, following, reward, info["terminated"], info["truncated"], info
 
     def step_env(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
-        """The same without autoreset."""
-        return self._functional.step_env(key, state, action)
+        """Observation, state, reward, terminated, info; without autoreset and horizon."""
+        seen, following, reward, _, info = self._functional.step_env(key, state, action)
+        return seen, following, reward, info["terminated"], info
 
     @property
     def num_actions(self) -> int:

@@ -51,8 +51,9 @@ def gymnax_scan(name: str, lanes: int) -> Callable[[], int]:
         state, total, key = carry
         key, own = jax.random.split(key)
         each = jax.random.split(own, lanes)
-        seen, state, reward, done, _ = jax.vmap(env.step, (0, 0, 0, None))(each, state, actions[k % ACTIONS], params)
-        return (state, total + reward + done + seen.reshape(lanes, -1).sum(1), key), None
+        results = jax.vmap(env.step, (0, 0, 0, None))(each, state, actions[k % ACTIONS], params)
+        seen, state, reward, *ends, _ = results  # one flag before gymnax 1.0, two since then
+        return (state, total + reward + sum(ends) + seen.reshape(lanes, -1).sum(1), key), None
 
     return _driver(step, (state, jnp.zeros(lanes), jax.random.key(1)), lanes)
 
