@@ -46,7 +46,8 @@ class Row:
     kind: str  # the library's function that gives n numbers of it
 
     def source(self, memory: Memory, first: str = "first", every: str = "every") -> str:
-        offset = first if self.row == 0 else f"{self.row} * {every} + {first}"
+        # Numba compiles a function once more for every literal that it is given, and not for what i64() returns.
+        offset = first if self.row == 0 else f"i64({self.row}) * {every} + {first}"
         return f"{self.kind}({memory.at(self.array)}, {offset}, n)"
 
 

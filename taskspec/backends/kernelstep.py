@@ -54,7 +54,7 @@ def _views(p: Program, rows: Sequence[Row]) -> list[str]:
     lines = [f"{name} = {kind}({p.memory.at(name)}, first, n)" for name, kind in _COUNTERS.items()]
     for row in rows:
         scratch = row.array in ("words", "reals")
-        source = row.source(p.memory, "0", str(p.block)) if scratch else row.source(p.memory)
+        source = row.source(p.memory, "i64(0)", str(p.block)) if scratch else row.source(p.memory)
         lines.append(f"{row.name} = {source}")
     return list(dict.fromkeys(lines))
 
@@ -70,14 +70,16 @@ def _step(
     width = len(action_rows(p))
     part = "actions[first:first + n]" if width == 1 else f"actions[first * {width}:(first + n) * {width}]"
     body = _views(p, [*rows, *begin])
-    body += [f"part = {part}", f"lanes = i64s({p.memory.at('lanes')}, 0, {p.block + 1})"]
+    body += [f"part = {part}", f"lanes = i64s({p.memory.at('lanes')}, i64(0), i64({p.block + 1}))"]
     if p.mode == "next_step":
         body += ["late = gather(n, ended, lanes)"]
     body += _fill(p, p.step_words, "step_words(n", "k0, k1, steps", "n")
     body += [f"count = advance({', '.join([*arguments, *(r.name for r in rows)])})"]
     for row, (number, size) in shown.items():
         seen = p.memory.at("seen0")
-        body.append(f"show(n, {p.memory.at('reals')}, {p.block}, {number}, {size}, {seen}, {row}, every, first)")
+        body.append(
+            f"show(n, {p.memory.at('reals')}, i64({p.block}), i64({number}), i64({size}), {seen}, i64({row}), every, first)"
+        )
     body += _restart(p, begin, begin_shown)
     flat = "actions = actions.ravel()"
     bad = [f"if check(stop - start, actions[start * {width}:stop * {width}]) > 0:", "    return -1"]
@@ -123,7 +125,7 @@ def _keep(p: Program) -> list[str]:
         rows = [r for r in p.seen if r.array == array]
         kind = "keep_reals" if rows[0].kind == "f32s" else "keep_ints"
         final = p.memory.at(array.replace("seen", "final"))
-        lines.append(f"{kind}(late, lanes, {len(rows)}, every, first, n, {p.memory.at(array)}, {final})")
+        lines.append(f"{kind}(late, lanes, i64({len(rows)}), every, first, n, {p.memory.at(array)}, {final})")
     return lines
 
 
@@ -132,7 +134,9 @@ def _begin_again(p: Program, rows: Sequence[Row], shown: Shown) -> list[str]:
     lines.append(f"begin({', '.join(['late', 'lanes', 'time', 'episodes', *(r.name for r in rows)])})")
     for row, (number, size) in shown.items():
         seen, reals = p.memory.at("seen0"), p.memory.at("reals")
-        lines.append(f"show_some(late, lanes, {reals}, {p.block}, {number}, {size}, {seen}, {row}, every, first, n)")
+        lines.append(
+            f"show_some(late, lanes, {reals}, i64({p.block}), i64({number}), i64({size}), {seen}, i64({row}), every, first, n)"
+        )
     return lines
 
 
@@ -141,11 +145,11 @@ def _fill(p: Program, words: WordLayout, call: str, keys: str, n: str) -> list[s
     if not words.count:
         return []
     w, r = p.memory.at("words"), p.memory.at("reals")
-    lines = [f"{call}, {w}, {p.block}, {(words.count + 1) // 2}, {keys})"]
+    lines = [f"{call}, {w}, i64({p.block}), i64({(words.count + 1) // 2}), {keys})"]
     for draw in words.draws:
         if draw.base in ("normal", "exponential"):
-            place = f"{words.first[draw.site]}, {draw.type.size}"
-            lines.append(f"{draw.base}s({n}, {w}, {r}, {p.block}, {place})")
+            place = f"i64({words.first[draw.site]}), i64({draw.type.size})"
+            lines.append(f"{draw.base}s({n}, {w}, {r}, i64({p.block}), {place})")
     return lines
 
 
@@ -153,7 +157,7 @@ def _reset(p: Program, rows: Sequence[Row], shown: Shown) -> list[str]:
     """Begin an episode in the lanes of a range whose flag `chosen` is set."""
     body = _views(p, rows)
     body += [
-        f"lanes = i64s({p.memory.at('lanes')}, 0, {p.block + 1})",
+        f"lanes = i64s({p.memory.at('lanes')}, i64(0), i64({p.block + 1}))",
         "late = gather(n, chosen[first:first + n], lanes)",
         "for i in range(late):",
         "    j = u64(lanes[i])",

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import carray, njit, types
-from numba.core import cgutils
+from numba import njit, types
 from numba.extending import intrinsic
 
 f32, f64, i32, i64, u32, u64 = np.float32, np.float64, np.int32, np.int64, np.uint32, np.uint64
@@ -27,16 +26,6 @@ def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
     return result(types.boolean, a, b), codegen
 
 
-@intrinsic
-def pointer(typing: Any, address: Any) -> Any:
-    """An address as a pointer."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], cgutils.voidptr_t)
-
-    return types.voidptr(types.uint64), codegen
-
-
 def _bits(source: Any, target: Any) -> Any:
     @intrinsic
     def view(typing: Any, x: Any) -> Any:
@@ -51,27 +40,25 @@ def _bits(source: Any, target: Any) -> Any:
 as_f32, as_i32 = _bits(types.int32, types.float32), _bits(types.float32, types.int32)
 
 
-@inner
-def f64s(address: Any, at: Any, n: Any) -> Any:
-    """n float64 numbers in memory, from number `at` on."""
-    return carray(pointer(u64(address + u64(at * 8))), (n,), np.float64)
+def _numbers(dtype: Any) -> Any:
+    """`view(address, at, n)`: n numbers in memory, from number `at` on, as an array."""
+
+    @intrinsic
+    def view(typing: Any, address: Any, at: Any, n: Any) -> Any:
+        result = types.Array(dtype, 1, "C")
+
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(dtype)))
+            place = builder.add(args[0], builder.mul(args[1], size))
+            array = context.make_array(result)(context, builder)
+            data = builder.inttoptr(place, context.get_data_type(dtype).as_pointer())
+            context.populate_array(array, data=data, shape=[args[2]], strides=[size], itemsize=size, meminfo=None)
+            return array._getvalue()
+
+        return result(types.uint64, types.int64, types.int64), codegen
+
+    return view
 
 
-@inner
-def i64s(address: Any, at: Any, n: Any) -> Any:
-    return carray(pointer(u64(address + u64(at * 8))), (n,), np.int64)
-
-
-@inner
-def u32s(address: Any, at: Any, n: Any) -> Any:
-    return carray(pointer(u64(address + u64(at * 4))), (n,), np.uint32)
-
-
-@inner
-def f32s(address: Any, at: Any, n: Any) -> Any:
-    return carray(pointer(u64(address + u64(at * 4))), (n,), np.float32)
-
-
-@inner
-def bools(address: Any, at: Any, n: Any) -> Any:
-    return carray(pointer(u64(address + u64(at))), (n,), np.bool_)
+f64s, i64s, u32s = _numbers(types.float64), _numbers(types.int64), _numbers(types.uint32)
+f32s, bools = _numbers(types.float32), _numbers(types.boolean)

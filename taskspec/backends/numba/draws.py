@@ -16,29 +16,56 @@ from taskspec.backends.numba.basics import as_f32, as_i32, f32, f32s, f64, i32, 
 
 
 @inner
-def _mix(x0: Any, x1: Any, r: Any) -> Any:
-    x0 = u32(x0 + x1)
-    return x0, u32(u32(u32(x1 << u32(r)) | u32(x1 >> u32(32 - r))) ^ x0)
-
-
-@inner
-def _four(x0: Any, x1: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
-    x0, x1 = _mix(x0, x1, a)
-    x0, x1 = _mix(x0, x1, b)
-    x0, x1 = _mix(x0, x1, c)
-    return _mix(x0, x1, d)
-
-
-@inner
 def threefry(k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
-    """Threefry-2x32-20 of one block (see `taskspec.draws.threefry`)."""
+    """Threefry-2x32-20 of one block (see `taskspec.draws.threefry`), written out: a helper for a round compiles slowly."""
     k2 = u32(k0 ^ k1 ^ u32(0x1BD11BDA))
-    x0, x1 = _four(u32(c0 + k0), u32(c1 + k1), 13, 15, 26, 6)
-    x0, x1 = _four(u32(x0 + k1), u32(x1 + k2 + u32(1)), 17, 29, 16, 24)
-    x0, x1 = _four(u32(x0 + k2), u32(x1 + k0 + u32(2)), 13, 15, 26, 6)
-    x0, x1 = _four(u32(x0 + k0), u32(x1 + k1 + u32(3)), 17, 29, 16, 24)
-    x0, x1 = _four(u32(x0 + k1), u32(x1 + k2 + u32(4)), 13, 15, 26, 6)
-    return u32(x0 + k2), u32(x1 + k0 + u32(5))
+    x0, x1 = u32(c0 + k0), u32(c1 + k1)
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(13)) | u32(x1 >> u32(19))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(15)) | u32(x1 >> u32(17))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(26)) | u32(x1 >> u32(6))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(6)) | u32(x1 >> u32(26))) ^ x0
+    x0, x1 = u32(x0 + k1), u32(x1 + k2 + u32(1))
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(17)) | u32(x1 >> u32(15))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(29)) | u32(x1 >> u32(3))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(16)) | u32(x1 >> u32(16))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(24)) | u32(x1 >> u32(8))) ^ x0
+    x0, x1 = u32(x0 + k2), u32(x1 + k0 + u32(2))
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(13)) | u32(x1 >> u32(19))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(15)) | u32(x1 >> u32(17))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(26)) | u32(x1 >> u32(6))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(6)) | u32(x1 >> u32(26))) ^ x0
+    x0, x1 = u32(x0 + k0), u32(x1 + k1 + u32(3))
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(17)) | u32(x1 >> u32(15))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(29)) | u32(x1 >> u32(3))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(16)) | u32(x1 >> u32(16))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(24)) | u32(x1 >> u32(8))) ^ x0
+    x0, x1 = u32(x0 + k1), u32(x1 + k2 + u32(4))
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(13)) | u32(x1 >> u32(19))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(15)) | u32(x1 >> u32(17))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(26)) | u32(x1 >> u32(6))) ^ x0
+    x0 = u32(x0 + x1)
+    x1 = u32(u32(x1 << u32(6)) | u32(x1 >> u32(26))) ^ x0
+    x0, x1 = u32(x0 + k2), u32(x1 + k0 + u32(5))
+    return x0, x1
 
 
 @inner
