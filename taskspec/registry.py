@@ -100,6 +100,8 @@ def load(id_or_path: str | os.PathLike[str], variant: str | None = None, /, **pa
     Raises:
         SpecError: unknown id, or any mistake in the spec, each with its place.
     """
+    if not isinstance(id_or_path, str | os.PathLike):
+        raise SpecError([Diagnostic("E701", None, f"a task is named by its id or a path, not by {id_or_path!r}")])
     if isinstance(id_or_path, os.PathLike) or is_path(id_or_path):
         return _load_file(Path(id_or_path), variant, parameters)
     entry = find(id_or_path)
@@ -108,7 +110,10 @@ def load(id_or_path: str | os.PathLike[str], variant: str | None = None, /, **pa
 
 def is_path(name: str) -> bool:
     """Whether a name is meant as a file and not as an id."""
-    return name.endswith((".yaml", ".yml")) or Path(name).is_file()
+    try:
+        return name.endswith((".yaml", ".yml")) or Path(name).is_file()
+    except (OSError, ValueError):  # too long for a path, or with characters that none has
+        return False
 
 
 def find(task_id: str) -> Entry:
@@ -135,7 +140,7 @@ def _load_file(path: Path, variant: str | None, parameters: dict[str, Any], suit
     try:
         stamp = path.stat()
         version = (stamp.st_mtime_ns, stamp.st_size)
-    except OSError:
+    except (OSError, ValueError):
         version = (0, 0)  # reading it will say what is wrong
     suite = suite_of(path) if suite is None else suite
     # 1, 1.0 and True are one key to a dictionary, but not one value to a parameter.
@@ -164,7 +169,10 @@ def _document(path: str, version: tuple[int, int]) -> Document:
 
 def suite_of(path: Path) -> str:
     """The suite that a spec's folder makes, or none where the folder's name could not be part of an id."""
-    name = path.resolve().parent.name
+    try:
+        name = path.resolve().parent.name
+    except (OSError, ValueError):  # no path at all; reading it will say so
+        return ""
     return name if re.fullmatch(r"[\w:-]+", name) else ""
 
 
@@ -277,6 +285,8 @@ def make_vec_registered(
 
 
 def _source(task: str | None, path: str | None) -> str | Path:
+    if task is not None and path is not None:
+        raise SpecError([Diagnostic("E713", None, "give `task` or `path`, not both")])
     source = task if path is None else Path(path)
     if source is None:
         hint = 'gym.make("taskspec/Spec-v0", path="my.yaml")'

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 import time
+from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec.diagnostics import SpecError
+from taskspec.envs.errors import ActionError, StateError
 from taskspec.source import read_text
 from taskspec.spec.build import build
 from taskspec.spec.task import Task
@@ -58,7 +62,7 @@ def test_names_do_not_meet_those_of_the_generated_code(name: str) -> None:
     """Components that are called like what the generated code calls its own."""
     text = BASE.replace("s'", f"{name}'").replace("s:", f"{name}:").replace("s +", f"{name} +")
     text = text.replace(f"constant{name}:", "constants:").replace(f"dynamic{name}:", "dynamics:")
-    env = written(text).make(ending="absorb", observe_time=True)
+    env: Any = written(text).make(ending="absorb", observe_time=True)
     env.reset(seed=0)
     assert env.step(1)[1] == 1
     assert set(env.state) >= {name}
@@ -85,7 +89,7 @@ def test_labels_are_labels(label: str) -> None:
         state=f"\n  s: {{type: choice, values: [{quoted}, other]}}",
         initial=f"\n  s: {quoted}", dynamics=" {s': other}", reward=f"\n  by: s\n  rows: {{{quoted}: 1, other: 2}}",
     )  # fmt: skip
-    env = task.make()
+    env: Any = task.make()
     env.reset(seed=0, options={"state": {"s": label}})
     assert env.state == {"s": label}
     assert (env.step(0)[1], env.state) == (1, {"s": "other"})
@@ -144,3 +148,87 @@ def test_long_tables_are_read_in_time(name: str) -> None:
         task = written(**state, dynamics=f"\n  s': {{{', '.join(f'{i}: 1/{n}' for i in range(n))}}}")
     task.make().reset(seed=0)
     assert time.perf_counter() - start < 4
+
+
+# -- misuse of environments -------------------------------------------------------------------------------------------
+
+REAL_ACTION = "\n  u: {type: real, shape: 2, low: -1, high: 1}"
+SEVERAL = "\n  i: {type: int, low: 1, high: 3}\n  b: {type: bool}"
+NOT_ACTIONS: dict[str, tuple[str, list[Any]]] = {
+    "discrete": ("\n  a: {type: int, low: 0, high: 1}", [
+        -1, 2, 1.0, np.float32(1), None, "1", [1], (1,), {}, float("nan"), 10**30, np.array([1]), np.array(7), 1j, b"1",
+    ]),
+    "box": (REAL_ACTION, [
+        0.5, [0.5], None, "ab", ["x", "y"], [None, 0], [[0, 0]], np.array([2.0, 0]), np.array([np.nan, 0]), {}, [10**400, 0],
+        np.array([np.inf, 0]), np.array(["1", "0"]), np.array([1j, 0]), np.array([1, 0], object), np.zeros((2, 1)), np.zeros(0),
+    ]),
+    "multi_discrete": (SEVERAL, [
+        1, None, "ab", [1], [1, 1, 1], [[1, 1]], [3, 0], [-1, 0], [1.0, 0], [1, float("nan")], [10**30, 0], np.ones(2),
+        np.ones(2, bool), np.array([1, 0], object), np.array(["1", "0"]),
+    ]),
+}  # fmt: skip
+MISUSED = [(form, action) for form, (_, actions) in NOT_ACTIONS.items() for action in actions]
+
+
+@pytest.mark.parametrize(("form", "action"), MISUSED, ids=repr)
+def test_what_is_no_action_is_refused_and_changes_nothing(form: str, action: Any) -> None:
+    env: Any = written(action=NOT_ACTIONS[form][0], dynamics=" {s': (s + 1) % 10}").make()
+    env.reset(seed=0)
+    with pytest.raises(ActionError, match="E706"):
+        env.step(action)
+    assert env.state == {"s": 0}
+    env.action_space.seed(0)
+    assert env.step(env.action_space.sample())[1] == 1
+
+
+@pytest.mark.parametrize("action", [[1, 0], (1, 0), np.array([1, 0]), np.array([True, False]), np.array([1, 0], np.uint8),
+                                    np.array([1, 0], np.float16), [np.float32(1), 0], [True, False]], ids=repr)  # fmt: skip
+def test_numbers_of_any_kind_are_real_actions(action: Any) -> None:
+    env = written(action=REAL_ACTION, dynamics=" {s': s}", reward=" u[0]").make()
+    env.reset(seed=0)
+    reward = env.step(action)[1]
+    assert (reward, type(reward)) == (1.0, float)
+
+
+OPTIONS = [5, "x", [("state", {})], {"stat": {}}, {"state": 5}, {"state": [1]}, {"state": {"x": 1}}, {"state": {"s": None}},
+           {"state": {"s": 1.5}}, {"state": {"s": 10}}, {"state": {"s": "a"}}, {"state": {"s": [1]}}, {"state": {1: 1}},
+           {"state": {"s": float("nan")}}, {"state": {"s": 10**30}}, {"state": {"s": 1j}}]  # fmt: skip
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=repr)
+def test_wrong_options_of_reset_are_refused(options: Any) -> None:
+    with pytest.raises(StateError, match=r"E709|E713"):
+        written().make().reset(seed=0, options=options)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2**32, 2**63, 2**64 - 1, np.int64(5), np.uint32(7)], ids=repr)
+def test_seeds(seed: Any) -> None:
+    task = written(initial=" {s: 'UniformInt(0, 9)'}")
+    first = [task.make().reset(seed=seed)[0] for _ in range(2)]
+    assert first[0] == first[1] == task.make().reset(seed=int(seed))[0]
+
+
+@pytest.mark.parametrize("seed", [-1, 2**64, 1.5, "x", [1], np.int32(-3), float("nan")], ids=repr)
+def test_wrong_seeds_are_refused(seed: Any) -> None:
+    with pytest.raises((gym.error.Error, ValueError), match=r"[Ss]eed"):
+        written().make().reset(seed=seed)
+
+
+@pytest.mark.parametrize(
+    "name", [5, None, b"a.yaml", "", "tests", "a\0.yaml", "a\0", "a" * 5000, "nofile.yaml"], ids=repr
+)
+def test_what_names_no_task_is_refused(name: Any) -> None:
+    with pytest.raises(SpecError, match="E7"):
+        taskspec.load(name)
+
+
+def test_wrong_keywords_of_gym_make() -> None:
+    cases: list[tuple[str, dict[str, Any]]] = [
+        ("derail/Branching-v0", {"foo": 1}), ("derail/Branching-v0", {"L": "3"}), ("derail/Branching-v0", {"L": [3]}),
+        ("derail/Branching-v0", {"L": float("nan")}), ("derail/Branching-v0", {"L": True}), ("taskspec/Spec-v0", {}),
+        ("taskspec/Spec-v0", {"path": "nofile.yaml"}), ("taskspec/Spec-v0", {"path": "a.yaml", "task": "derail/Sort-v0"}),
+    ]  # fmt: skip
+    for task_id, options in cases:
+        with pytest.raises(SpecError, match="E7"):
+            gym.make(task_id, **options)
+    assert gym.make("derail/Branching-v0", L=np.int64(3)).reset(seed=0)[0] == 0

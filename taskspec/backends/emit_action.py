@@ -52,13 +52,16 @@ def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value]]
     return flat, values
 
 
-def _listed(shape: tuple[int, ...], names: Sequence[str]) -> list[str]:
-    """Statements that spread an array-like action over names; anything of another shape is refused."""
+def _listed(shape: tuple[int, ...], names: Sequence[str], convert: str, usual: str) -> list[str]:
+    """Statements that spread an array-like action over names; anything of another shape is refused.
+
+    An array that meets the condition `usual` is taken as it is, all else goes through the function `convert`.
+    """
     ravel = ".ravel()" if len(shape) > 1 else ""
     return [
         "try:",
-        f"    if action.__class__ is not np.ndarray or action.shape != {shape}:",
-        f"        action = as_array(action, {shape})",
+        f"    if action.__class__ is not np.ndarray or action.shape != {shape} or not ({usual}):",
+        f"        action = {convert}(action, {shape})",
         f"    {', '.join(names)}{',' if shape else ''} = action{ravel}.tolist()",
         "except (TypeError, ValueError):",
         "    raise bad_action(action) from None",
@@ -67,13 +70,13 @@ def _listed(shape: tuple[int, ...], names: Sequence[str]) -> list[str]:
 
 def _read_multi(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value]]:
     flat, values = _elements(task, names)
-    lines = _listed((len(flat),), flat)
+    lines = _listed((len(flat),), flat, "as_ints", "action.dtype is int64")
     k = 0
     for c in task.action:
         for count, start in zip(c.counts, c.low, strict=True):
             name = flat[k]
             lines += [
-                f"if {name}.__class__ is not int or not 0 <= {name} < {count}:",
+                f"if not 0 <= {name} < {count}:",
                 "    raise bad_action(action)",
             ]
             shifted = f"{name} + {int(start)}" if start else name
@@ -85,7 +88,7 @@ def _read_multi(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value
 
 def _read_box(task: Task, layout: Layout, names: Sequence[str]) -> tuple[list[str], list[Value]]:
     flat, values = _elements(task, names)
-    lines = _listed(layout.shape, flat)
+    lines = _listed(layout.shape, flat, "as_floats", "action.dtype is float32 or action.dtype is float64")
     kinds = [c.type.kind for c in task.action for _ in range(c.type.size)]
     for name, low, high, kind in zip(flat, layout.low, layout.high, kinds, strict=True):
         low, high = max(low, -FLOAT_MAX), min(high, FLOAT_MAX)

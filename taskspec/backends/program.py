@@ -114,19 +114,34 @@ def compile_scalar(task: Task) -> Scalar:
         **constants,
         "np": np,
         "index": operator.index,
-        "as_array": _as_array,
+        **_ACTIONS,
     }
     exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
     return Scalar(task, source, observation, action, reset, step, namespace)
 
 
-def _as_array(action: Any, shape: tuple[int, ...]) -> Any:
-    """An array-like action as an array of the given shape.
+def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
+    """An array-like action as an array of float64 of the given shape.
 
     ValueError: it has another shape or is no array of numbers.
     """
+    return _as_numbers(action, shape, "biuf").astype(np.float64)
+
+
+def _as_ints(action: Any, shape: tuple[int, ...]) -> Any:
+    """The same of ints; reals are refused, as `MultiDiscrete.contains` refuses them."""
+    return _as_numbers(action, shape, "iu").astype(np.int64)
+
+
+def _as_numbers(action: Any, shape: tuple[int, ...], kinds: str) -> Any:
     array = np.asarray(action)
-    if array.shape != shape or array.dtype.kind not in "biuf":
+    if array.shape != shape or array.dtype.kind not in kinds:
         raise ValueError
     return array
+
+
+_ACTIONS = {
+    "as_floats": _as_floats, "as_ints": _as_ints, "int64": np.dtype(np.int64), "float32": np.dtype(np.float32),
+    "float64": np.dtype(np.float64),
+}  # fmt: skip

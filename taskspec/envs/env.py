@@ -20,7 +20,7 @@ from taskspec.draws.sample import sampler
 from taskspec.envs import picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.spaces import space
-from taskspec.envs.state import flat_state, plain_state
+from taskspec.envs.state import flat_state, overridden, plain_state, whole
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.spec.task import Task
@@ -83,15 +83,16 @@ class Environment(gymnasium.Env[Any, Any]):
             options: `{"state": {name: value}}` overrides components of the first state.
 
         Raises:
-            StateError: when an overridden component has no such value.
+            StateError: when an overridden component has no such value, or for another option.
         """
+        override = None if options is None else overridden(options)
         if seed is not None:
+            seed = whole(seed)
             super().reset(seed=seed)
             self._restart(seed)
         elif self._seed is None:
             self._restart(int.from_bytes(os.urandom(8), "little"))
         result = self._lane.reset()
-        override = None if options is None else options.get("state")
         return result if override is None else (self._begin_at(override), {})
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:

@@ -82,3 +82,21 @@ def _needs(c: Component) -> str:
     kind = {Kind.BOOL: "true or false", Kind.INT: "an int", Kind.REAL: "a real number"}[c.type.kind]
     bounds = "" if c.type.kind is Kind.BOOL else f" between {min(c.low):g} and {max(c.high):g}"
     return f"{kind}{shape}{bounds}"
+
+
+def overridden(options: Any) -> Mapping[str, Any] | None:
+    """The components that the options of a reset override."""
+    if not isinstance(options, Mapping):
+        raise StateError(f"E713: options are a mapping such as {{'state': {{...}}}}, not {options!r}")
+    for name in options:
+        if name != "state":
+            raise StateError(f"E713: {name!r} is not an option of reset; the only one is 'state'")
+    state = options.get("state")
+    if state is not None and not isinstance(state, Mapping):
+        raise StateError(f"E709: the option 'state' gives values by component, as in {{'x': 1}}, not {state!r}")
+    return state
+
+
+def whole(seed: Any) -> Any:
+    """A seed as the Python int that Gymnasium insists on, where it is one of NumPy's."""
+    return int(seed) if isinstance(seed, np.integer) else seed
