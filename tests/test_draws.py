@@ -56,9 +56,7 @@ def column(words: list[int]) -> draws.Words:
 
 
 @pytest.mark.parametrize(("key", "counter", "result"), KNOWN_ANSWERS)
-def test_known_answers(
-    key: tuple[int, int], counter: tuple[int, int], result: tuple[int, int]
-) -> None:
+def test_known_answers(key: tuple[int, int], counter: tuple[int, int], result: tuple[int, int]) -> None:
     assert threefry.threefry(key, counter) == result
     arrays = threefry.threefry_arrays(key, counter)
     assert tuple(int(half) for half in arrays) == result
@@ -241,9 +239,7 @@ def test_dirichlet_gives_one_result(words: list[int], alphas: list[float]) -> No
 def test_categorical_gives_one_result(weights: list[int], w: int) -> None:
     total = sum(weights)
     table = draws.thresholds([Fraction(p, total) for p in weights])
-    assert table == tuple(
-        round(Fraction(2**32 * sum(weights[: i + 1]), total)) for i in range(len(weights) - 1)
-    )
+    assert table == tuple(round(Fraction(2**32 * sum(weights[: i + 1]), total)) for i in range(len(weights) - 1))
     outcome = draws.categorical(w, table)
     array = np.array([w], np.uint32)
     assert draws.categoricals(array, table).tolist() == [outcome]

@@ -152,9 +152,7 @@ SMOOTH = [
     ("MountainCarContinuous-v0", "mountain_car_continuous", ("x", "v"), 2e-6),
     ("Pendulum-v1", "pendulum", ("theta", "omega"), 2e-5),
 ]
-smooth = pytest.mark.parametrize(
-    ("name", "spec", "names", "tolerance"), SMOOTH, ids=[entry[1] for entry in SMOOTH]
-)
+smooth = pytest.mark.parametrize(("name", "spec", "names", "tolerance"), SMOOTH, ids=[entry[1] for entry in SMOOTH])
 
 
 @smooth
@@ -191,9 +189,7 @@ def _push(env: Any, seed: int) -> Any:
 
 
 @smooth
-def test_smooth_trajectories(
-    name: str, spec: str, names: tuple[str, ...], tolerance: float
-) -> None:
+def test_smooth_trajectories(name: str, spec: str, names: tuple[str, ...], tolerance: float) -> None:
     """Whole episodes from one start, with nothing put right on the way: the ends agree."""
     theirs, ours = gym.make(name), make(spec)
     for seed in range(5):
@@ -235,9 +231,7 @@ LOWS_AND_HIGHS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("spec", "ranges"), LOWS_AND_HIGHS, ids=[entry[0] for entry in LOWS_AND_HIGHS]
-)
+@pytest.mark.parametrize(("spec", "ranges"), LOWS_AND_HIGHS, ids=[entry[0] for entry in LOWS_AND_HIGHS])
 def test_smooth_starts_are_uniform(spec: str, ranges: dict[str, tuple[float, float]]) -> None:
     ours = make(spec)
     ours.reset(seed=0)

@@ -250,9 +250,7 @@ def test_files(tmp_path: Path) -> None:
         (None, "E710", None, "no file"),
     ],
 )
-def test_bad_files(
-    tmp_path: Path, content: bytes | None, code: str, place: str | None, words: str
-) -> None:
+def test_bad_files(tmp_path: Path, content: bytes | None, code: str, place: str | None, words: str) -> None:
     path = tmp_path / "bad.yaml"
     if content is not None:
         path.write_bytes(content)
@@ -316,9 +314,7 @@ def test_places_in_what_the_emitter_writes(value: str, style: str, width: int) -
     check_places(text, yaml.safe_load(text)["x"])
 
 
-plain_words = st.text(alphabet="abXY01+*()'é😀", min_size=1, max_size=6).map(
-    lambda word: "w" + word
-)
+plain_words = st.text(alphabet="abXY01+*()'é😀", min_size=1, max_size=6).map(lambda word: "w" + word)
 plain_gaps = st.sampled_from([" ", "  ", "\n  ", "\n\n   ", " \n \n  ", "\r\n  "])
 
 

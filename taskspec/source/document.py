@@ -22,9 +22,7 @@ MAX_BYTES = 1_000_000
 _MAX_FINDINGS = 50
 _BREAKS = re.compile(r"\r\n|\r|\n")
 # Control characters, the line separators that editors do not show, and what is not a character.
-_NOT_TEXT = re.compile(
-    "[\0-\x08\x0b-\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]"
-)
+_NOT_TEXT = re.compile("[\0-\x08\x0b-\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

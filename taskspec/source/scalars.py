@@ -77,9 +77,7 @@ def resolve(text: str) -> str | int | float | bool | None:
 
 def is_overlong_number(text: str) -> bool:
     """Whether a plain scalar is a number with more digits than anybody needs."""
-    return len(text) > MAX_DIGITS and bool(
-        _INT.fullmatch(text) or _FLOAT.fullmatch(text) or _HEX.fullmatch(text)
-    )
+    return len(text) > MAX_DIGITS and bool(_INT.fullmatch(text) or _FLOAT.fullmatch(text) or _HEX.fullmatch(text))
 
 
 def places(text: str, scalar: Scalar) -> list[tuple[int, int]]:

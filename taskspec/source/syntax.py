@@ -120,9 +120,7 @@ def split_expression(text: str, start: int) -> Finding:
     """The finding for an expression between braces or brackets that YAML cuts in pieces."""
     end = value_end(text, start, in_flow=True)
     written = text[start:end]
-    message = (
-        f"YAML cuts `{shown(written)}` in pieces, because it stands between braces or brackets"
-    )
+    message = f"YAML cuts `{shown(written)}` in pieces, because it stands between braces or brackets"
     return Finding("E106", start, end, message, in_quotes(written))
 
 
