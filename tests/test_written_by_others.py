@@ -33,6 +33,7 @@ def test_claims_hold(entry: Any) -> None:
 # -- Gymnasium --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.skipif(gym.__version__ < "1", reason="Gymnasium 0.29's Acrobot needs NumPy 1")
 def test_acrobot_moves_as_gymnasiums() -> None:
     theirs: Any = gym.make("Acrobot-v1").unwrapped
     ours = make("acrobot")
