@@ -68,8 +68,8 @@ def _library() -> str:
 
 
 def _written(source: str, path: Path) -> Path:
-    """The file, written once and whole: an older one with the same name holds the same text."""
-    if not path.is_file():
+    """The file, written once and whole. What stands there is run only if it is this very text."""
+    if not path.is_file() or path.read_text(encoding="utf-8") != source:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, suffix=".py")
         with os.fdopen(handle, "w", encoding="utf-8") as file:
