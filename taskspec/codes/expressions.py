@@ -250,4 +250,19 @@ initial: {y: "0", x: "y"}    # right
 ```
 """,
     ),
+    Code(
+        "E318",
+        "int-too-wide",
+        "an int that may not fit in 64 bits",
+        """
+Ints have 64 bits on every backend. Bounds of what is read, and of constants, tell how large a result
+can become; one that may leave the range is refused, because it would differ from backend to backend.
+(A state component that is an int without bounds stops at 2147483647 either way.)
+
+```yaml
+reward: s**20         # wrong when s can be 100
+reward: (1.0*s)**20   # right: reals reach further
+```
+""",
+    ),
 )

@@ -20,6 +20,7 @@ NORMAL_REACH = 6.67
 """No standard normal that is drawn lies further out: its radius comes from 31 bits."""
 Interval = tuple[float, float]
 EVERYTHING: Interval = (-INF, INF)
+_HUGE = 1e300
 
 
 def bounds(root: Node, known: dict[int, Interval]) -> Interval:
@@ -28,11 +29,12 @@ def bounds(root: Node, known: dict[int, Interval]) -> Interval:
         return known[id(root)]
     for node in walk([root]):
         if id(node) not in known:
-            known[id(node)] = _bounds(node, [known[id(c)] for c in children(node)])
+            known[id(node)] = step(node, [known[id(c)] for c in children(node)])
     return known[id(root)]
 
 
-def _bounds(node: Node, args: list[Interval]) -> Interval:
+def step(node: Node, args: list[Interval]) -> Interval:
+    """Bounds of a node from those of its arguments."""
     match node:
         case Const():
             numbers = [v for v in node.flat if v == v]
@@ -91,8 +93,11 @@ def _quotient(args: list[Interval], node: Any) -> Interval:
 
 def _floor_quotient(args: list[Interval], node: Any) -> Interval:
     (a, b), (c, d) = args
-    if c <= 0 <= d or not all(map(math.isfinite, (a, b, c, d))):
+    if not all(map(math.isfinite, (a, b, c, d))):
         return EVERYTHING
+    if c <= 0 <= d:
+        most = max(abs(a), abs(b))
+        return (-most, most) if node.type.kind is Kind.INT else EVERYTHING
     corners = [a // c, a // d, b // c, b // d]
     return min(corners), max(corners)
 
@@ -132,6 +137,24 @@ def _magnitude(args: list[Interval], node: Any) -> Interval:
 def _total(args: list[Interval], node: Any) -> Interval:
     n = node.args[0].type.size
     return _mul(args[0][0], n), _mul(args[0][1], n)
+
+
+def _running(args: list[Interval], node: Any) -> Interval:
+    (a, b), n = args[0], node.type.size
+    return min(a, _mul(a, n)), max(b, _mul(b, n))
+
+
+def _power(args: list[Interval], node: Any) -> Interval:
+    """Of all elements multiplied."""
+    (a, b), n = args[0], node.args[0].type.size
+    if not (math.isfinite(a) and math.isfinite(b)):
+        return EVERYTHING
+    most = max(abs(a), abs(b))
+    try:
+        most = max(most, most**n, 1)
+    except OverflowError:
+        return EVERYTHING if node.type.kind is Kind.REAL else (-_HUGE, _HUGE)
+    return (0 if a >= 0 else -most), most
 
 
 def _to_int(function: Callable[[float], int]) -> Callable[[list[Interval], Any], Interval]:
@@ -196,6 +219,8 @@ _RULES: dict[str, Callable[[list[Interval], Any], Interval]] = {
     "tanh": lambda a, n: (-1, 1),
     "atan2": lambda a, n: (-math.pi, math.pi),
     "sum": _total,
+    "prod": _power,
+    "cumsum": _running,
     "count": lambda a, n: (0, n.args[0].type.size),
     "min": _same,
     "max": _same,

@@ -101,7 +101,8 @@ class _Build:
         context.forms.labels = frozenset(x for d in context.domains for x in d.labels if not is_word(x))
         context.horizon, discount = self._horizon(), self._discount()
         sections.parse()
-        initial, following = sections.initial(), sections.dynamics()
+        initial, changed = sections.initial(), sections.dynamics()
+        following = sections.saturate(initial, changed)
         reward = sections.single("reward", REAL, scope("reward"))
         terminal = sections.single("terminal", BOOL, scope("terminal"), default=False)
         absorbing = sections.single("absorbing_reward", REAL, scope("absorbing"), default=0)
@@ -112,6 +113,8 @@ class _Build:
         scope("claims")
         self.collector.raise_if_errors()
         assert reward is not None and terminal is not None and absorbing is not None
+        self._check_widths(sections, initial, changed, (reward, terminal, *observation.nodes), expert)
+        self.collector.raise_if_errors()
         return Task(
             name=self.merged.name, suite=suite, version=int(self.data.get("version", 0)), variant=self.merged.variant,
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,

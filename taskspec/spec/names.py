@@ -158,6 +158,10 @@ class Names:
             self._next[name] = self._changed(name, at)
         return self._next[name]
 
+    def set_next(self, name: str, value: Value) -> None:
+        """Give a component another next value than its line says."""
+        self._next[name] = value
+
     def _changed(self, name: str, at: s.Name) -> Value:
         context, written = self.context, name + "'"
         component = next(c for c in context.state if c.name == name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
 from taskspec.diagnostics import suggest
@@ -17,6 +17,7 @@ from taskspec.spec.context import Context
 from taskspec.spec.names import Names, poison
 from taskspec.spec.observe import Observed
 from taskspec.spec.reach import reach
+from taskspec.spec.widths import saturated, widest
 from taskspec.spec.task import FINITE_SPACES, Claim, Component, Observation, Soft
 
 MAX_ONE_HOT = 1_000_000
@@ -90,6 +91,26 @@ class Sections:
             except Poisoned:
                 continue
         return found
+
+    def saturate(self, initial: list[Node], following: list[Node]) -> list[Node]:
+        """Next states with ints that fit (`spec.widths`); what reads a next value later reads that."""
+        context = self.context
+        if not len(initial) == len(following) == len(context.state):
+            return following
+        found = saturated(self.builder, context.state, initial, following, context.horizon)
+        for c, old, new in zip(context.state, following, found, strict=True):
+            if new is not old:
+                self.names.set_next(c.name, Value(new, c.domain))
+        return found
+
+    def check_widths(self, parts: Iterable[tuple[Path, Sequence[Node]]]) -> None:
+        """Report (E318) sections in which an int may not fit in 64 bits."""
+        for path, nodes in parts:
+            most = widest(nodes)
+            if most:
+                message = f"ints have 64 bits, but one that this computes may reach {most:.3g}"
+                hint = "compute with reals (`1.0 * x`), or keep the values small: bounds, `clip`, `%`"
+                self.collector.add("E318", self.context.merged.span(path), message, hint)
 
     # -- single values --------------------------------------------------------------------------------------------
 

@@ -73,7 +73,7 @@ class Words:
         """Words first, first + 2, ... and those after each: uint32 (count, N) both."""
         if self._rows is None or first & 1:
             halves = ([self.word(first + 2 * k + h) for k in range(count)] for h in (0, 1))
-            return tuple(jnp.stack(half) for half in halves)  # type: ignore[return-value]
+            return tuple(jnp.stack(half) for half in halves)  # type: ignore[return-value, unused-ignore]
         place = slice(first >> 1, (first >> 1) + count)
         return self._rows[0][place], self._rows[1][place]
 
