@@ -11,6 +11,7 @@ from taskspec.cli.options import Json
 
 PARTS = {
     "seals": ("taskspec.cli.bench_seals", "scalar environments against seals 0.2.1"),
+    "exact": ("taskspec.cli.bench_exact", "exact models of large grids, beside Storm and plain loops"),
     "vector": ("taskspec.cli.bench_vector", "vector environments on every backend, beside others"),
 }
 """Parts by name: the module, with a function `bench(tasks, rounds, seconds, json)` that gives whether targets are met."""
