@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 import taskspec
+from taskspec.backends.interpreter import Interpreter
 from taskspec.diagnostics import SpecError
 from taskspec.envs.errors import ActionError, StateError
+from taskspec.exact import soundness
 from taskspec.source import read_text
 from taskspec.spec.build import build
 from taskspec.spec.task import Task
@@ -232,3 +234,47 @@ def test_wrong_keywords_of_gym_make() -> None:
         with pytest.raises(SpecError, match="E7"):
             gym.make(task_id, **options)
     assert gym.make("derail/Branching-v0", L=np.int64(3)).reset(seed=0)[0] == 0
+
+
+# -- large numbers ----------------------------------------------------------------------------------------------------
+
+
+def steps(task: Task, count: int) -> list[Any]:
+    """Rewards, the same in the interpreter."""
+    env, reference = task.make(), Interpreter(task, 0)
+    env.reset(seed=0)
+    reference.reset()
+    rewards = []
+    for _ in range(count):
+        rewards.append(env.step(1)[1])
+        assert np.array_equal(rewards[-1], reference.step([(1,)])[1], equal_nan=True)
+    return rewards
+
+
+def test_ints_without_bounds_stop() -> None:
+    task = written(state="\n  s: {type: int}", dynamics=" {s': 's * s + 3'}", horizon=" none")
+    assert steps(task, 50)[-1] == 2**31 - 1
+    assert soundness(task) == []
+
+
+def test_a_counter_that_cannot_get_far_is_not_stopped() -> None:
+    task = written(state="\n  s: {type: int}", dynamics=" {s': s + a}", horizon=" 200")
+    assert str(2**31 - 1) not in task.make()._program.source  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    "reward",
+    ["(s + 2**62) * 4 // 2**60", "(s + 2**200) // 2**199", "(s * 6364136223846793005 + 1) % 10", "prod([s + 10 for k in range(40)])",
+     "sum((s + 2**62, 2**62, 2**62))", "(s + 3)**16 * (s + 100)**10", "(2**70, 1)[a] // 2**69"],
+)  # fmt: skip
+def test_ints_that_may_leave_64_bits_are_refused(reward: str) -> None:
+    with pytest.raises(SpecError, match="E318"):
+        written(reward=f" {reward}")
+
+
+def test_reals_go_to_infinity_and_soundness_says_so() -> None:
+    task = written(
+        state="\n  s: {type: real}", dynamics=" {s': 's * s + 3'}", observation=" {o: [s, 0]}", horizon=" 200"
+    )
+    assert steps(task, 20)[-1] == float("inf")
+    assert {d.code for d in soundness(task)} == {"E403", "E406"}

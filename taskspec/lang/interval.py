@@ -51,8 +51,11 @@ def step(node: Node, args: list[Interval]) -> Interval:
 
 
 def _safe(value: Interval) -> Interval:
+    """Without nan, and without ints so large that computing with them takes long."""
     low, high = value
-    return (-INF if low != low else low, INF if high != high else high)
+    low = -INF if low != low or low < -_HUGE else min(low, _HUGE)
+    high = INF if high != high or high > _HUGE else max(high, -_HUGE)
+    return low, high
 
 
 def _draw_bounds(base: str, node: Draw, args: list[Interval]) -> Interval:
@@ -149,11 +152,8 @@ def _power(args: list[Interval], node: Any) -> Interval:
     (a, b), n = args[0], node.args[0].type.size
     if not (math.isfinite(a) and math.isfinite(b)):
         return EVERYTHING
-    most = max(abs(a), abs(b))
-    try:
-        most = max(most, most**n, 1)
-    except OverflowError:
-        return EVERYTHING if node.type.kind is Kind.REAL else (-_HUGE, _HUGE)
+    most = max(abs(a), abs(b), 1)
+    most = _HUGE if n * math.log2(most) > 990 else max(most, most**n)
     return (0 if a >= 0 else -most), most
 
 

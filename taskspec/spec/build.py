@@ -113,7 +113,12 @@ class _Build:
         scope("claims")
         self.collector.raise_if_errors()
         assert reward is not None and terminal is not None and absorbing is not None
-        self._check_widths(sections, initial, changed, (reward, terminal, *observation.nodes), expert)
+        sections.check_widths("initial", initial)
+        sections.check_widths("dynamics", changed)
+        sections.check_widths("reward", [reward])
+        sections.check_widths("terminal", [terminal])
+        sections.check_widths("observation", observation.nodes)
+        sections.check_widths("expert", expert if isinstance(expert, tuple) else ())
         self.collector.raise_if_errors()
         return Task(
             name=self.merged.name, suite=suite, version=int(self.data.get("version", 0)), variant=self.merged.variant,

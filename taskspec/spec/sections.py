@@ -17,8 +17,8 @@ from taskspec.spec.context import Context
 from taskspec.spec.names import Names, poison
 from taskspec.spec.observe import Observed
 from taskspec.spec.reach import reach
-from taskspec.spec.widths import saturated, widest
 from taskspec.spec.task import FINITE_SPACES, Claim, Component, Observation, Soft
+from taskspec.spec.widths import saturated, widest
 
 MAX_ONE_HOT = 1_000_000
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
@@ -103,14 +103,17 @@ class Sections:
                 self.names.set_next(c.name, Value(new, c.domain))
         return found
 
-    def check_widths(self, parts: Iterable[tuple[Path, Sequence[Node]]]) -> None:
-        """Report (E318) sections in which an int may not fit in 64 bits."""
-        for path, nodes in parts:
-            most = widest(nodes)
-            if most:
-                message = f"ints have 64 bits, but one that this computes may reach {most:.3g}"
-                hint = "compute with reals (`1.0 * x`), or keep the values small: bounds, `clip`, `%`"
-                self.collector.add("E318", self.context.merged.span(path), message, hint)
+    def check_widths(self, section: str, nodes: Sequence[Node]) -> None:
+        """Report (E318) the lines of a section in which an int may not fit in 64 bits."""
+        exprs = self.context.exprs.get(section)
+        lines = list(exprs.values()) if isinstance(exprs, dict) else [exprs]
+        wide = [most for most in map(widest, ([n] for n in nodes)) if most]
+        if wide:
+            narrow = [e for e, n in zip(lines, nodes, strict=False) if e is not None and widest([n])]
+            place = narrow[0].place if narrow and len(lines) == len(nodes) else self.context.place(section)
+            message = f"ints have 64 bits, but one that this computes may reach {wide[0]:.3g}"
+            hint = "compute with reals (`1.0 * x`), or keep the values small: bounds, `clip`, `%`"
+            self.collector.add("E318", place, message, hint)
 
     # -- single values --------------------------------------------------------------------------------------------
 
