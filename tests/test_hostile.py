@@ -264,7 +264,8 @@ def test_a_counter_that_cannot_get_far_is_not_stopped() -> None:
 
 @pytest.mark.parametrize(
     "reward",
-    ["(s + 2**62) * 4", "(s + 2**200) // 2**199", "(s * 6364136223846793005 + 1) % 10", "prod([s + 10 for k in range(40)])",
+    ["(s + 2**62) * 4", "(s + 2**200) // 2**199", "(s * 6364136223846793005 + 1) % 10",
+     "prod([s + 10 for k in range(40)])",
      "sum((s + 2**62, 2**62, 2**62))", "(s + 3)**16 * (s + 100)**10", "(2**70, 1)[a] // 2**69"],
 )  # fmt: skip
 def test_ints_that_may_leave_64_bits_are_refused(reward: str) -> None:
