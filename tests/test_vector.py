@@ -57,7 +57,13 @@ def test_compiled_backends_walk_the_scalar_trajectories(task: tuple[str, str | N
         Agreement(load(task), backend, lanes, mode).run(60 if lanes < 10 else 25)
 
 
-QUICK = ["derail/RiskyPath-v0", "derail/NoisyObs-v0", "derail/Sort-v0", "derail/LargestSum-v0"]
+QUICK = [
+    str(SPECS / "key_door.yaml"),
+    "derail/RiskyPath-v0",
+    "derail/NoisyObs-v0",
+    "derail/Sort-v0",
+    "derail/LargestSum-v0",
+]
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -13,6 +13,7 @@ from taskspec.backends.actions import reader
 from taskspec.backends.buffers import Array, Buffers
 from taskspec.backends.jax.pack import observed
 from taskspec.backends.jax.program import JaxProgram, State, compile_jax
+from taskspec.backends.spaces import Layout
 from taskspec.backends.vector import Mode, NotRunningError, Options
 from taskspec.spec.task import Task
 
@@ -52,7 +53,7 @@ class JaxEngine:
         if lanes is not None:
             chosen[lanes] = True
         self._state, seen = self._reset(self._state, jnp.array(chosen))
-        for part, new in zip(b.seen.parts, _parts(seen), strict=True):
+        for part, new in zip(b.seen.parts, _parts(self.observation, seen), strict=True):
             np.copyto(part, np.asarray(new).reshape(part.shape), where=chosen, casting="unsafe")
         for flags in (b.terminated, b.truncated, b.ended):
             flags[chosen] = False
@@ -69,7 +70,11 @@ class JaxEngine:
         narrow = tuple(jnp.array(p.astype(_NARROW[p.dtype.kind])) for p in parts)
         self._state, out = self._step(self._state, narrow, jnp.array(b.ended))
         seen, final, reward, terminated, truncated = out
-        for part, new in zip((*b.seen.parts, *b.final.parts), (*_parts(seen), *_parts(final)), strict=True):
+        for part, new in zip(
+            (*b.seen.parts, *b.final.parts),
+            (*_parts(self.observation, seen), *_parts(self.observation, final)),
+            strict=True,
+        ):
             np.copyto(part, np.asarray(new).reshape(part.shape), casting="unsafe")
         b.reward[:], b.terminated[:], b.truncated[:] = reward, terminated, truncated
         np.logical_or(b.terminated, b.truncated, b.ended)
@@ -96,8 +101,9 @@ class JaxEngine:
 _NARROW = {"b": np.bool_, "i": np.int32, "f": np.float32}
 
 
-def _parts(seen: Any) -> list[Any]:
-    return list(seen.values()) if isinstance(seen, dict) else [seen]
+def _parts(layout: Layout, seen: Any) -> list[Any]:
+    """The parts of a dict in the order of the layout: JAX gives dicts back in that of their keys."""
+    return [seen[c.name] for c in layout.components] if isinstance(seen, dict) else [seen]
 
 
 @lru_cache(maxsize=64)
