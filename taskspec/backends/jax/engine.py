@@ -70,11 +70,8 @@ class JaxEngine:
         narrow = tuple(jnp.array(p.astype(_NARROW[p.dtype.kind])) for p in parts)
         self._state, out = self._step(self._state, narrow, jnp.array(b.ended))
         seen, final, reward, terminated, truncated = out
-        for part, new in zip(
-            (*b.seen.parts, *b.final.parts),
-            (*_parts(self.observation, seen), *_parts(self.observation, final)),
-            strict=True,
-        ):
+        shown = (*_parts(self.observation, seen), *_parts(self.observation, final))
+        for part, new in zip((*b.seen.parts, *b.final.parts), shown, strict=True):
             np.copyto(part, np.asarray(new).reshape(part.shape), casting="unsafe")
         b.reward[:], b.terminated[:], b.truncated[:] = reward, terminated, truncated
         np.logical_or(b.terminated, b.truncated, b.ended)
