@@ -153,7 +153,8 @@ def _power(args: list[Interval], node: Any) -> Interval:
     if not (math.isfinite(a) and math.isfinite(b)):
         return EVERYTHING
     most = max(abs(a), abs(b), 1)
-    most = _HUGE if n * math.log2(most) > 990 else max(most, most**n)
+    beyond = INF if node.type.kind is Kind.REAL else _HUGE  # a real product may overflow; a wide int is refused
+    most = beyond if n * math.log2(most) > 990 else max(most, most**n)
     return (0 if a >= 0 else -most), most
 
 
