@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 
 import taskspec
 from taskspec.backends.interpreter import Interpreter
-from taskspec.backends.spaces import pack, unpack
 from taskspec.diagnostics import SpecError
 from taskspec.registry import entries, register_shipped, task_ids
+from taskspec.spec.spaces import pack, unpack
 from taskspec.spec.task import FINITE_SPACES, Task
 
 SPECS = Path(__file__).parent / "specs"

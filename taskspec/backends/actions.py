@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.spaces import Layout
 from taskspec.lang.types import Kind
+from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Component, Task
 
 Array = np.ndarray[Any, Any]

@@ -8,10 +8,10 @@ from typing import Any
 from taskspec.backends.arrayform import ArrayForm, Scratch, scalar
 from taskspec.backends.buffers import Array, Values
 from taskspec.backends.hoist import Hoisted
-from taskspec.backends.spaces import Layout
 from taskspec.draws.layout import poisson_bound
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
+from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Component, Task
 
 

@@ -13,9 +13,9 @@ from taskspec.backends.invariant import Invariants, frozen_components
 from taskspec.backends.lane import Lane, Value
 from taskspec.backends.phase import Phase
 from taskspec.backends.source import without_unused
-from taskspec.backends.spaces import Layout
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type
+from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Task
 
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from taskspec.backends.lane import Value
 from taskspec.backends.source import literal
-from taskspec.backends.spaces import Layout
 from taskspec.lang.types import Kind
+from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Component, Task
 
 FLOAT_MAX = 3.4028234663852886e38

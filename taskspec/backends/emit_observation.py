@@ -7,9 +7,9 @@ from struct import Struct
 
 from taskspec.backends.lane import UNROLLED, Lane, Value
 from taskspec.backends.phase import Phase, is_filled
-from taskspec.backends.spaces import Layout
 from taskspec.lang.ir import Node
 from taskspec.lang.types import Kind
+from taskspec.spec.spaces import Layout
 
 
 def observe(lane: Lane, layout: Layout, phase: Phase, values: Sequence[Value]) -> tuple[str, list[str]]:

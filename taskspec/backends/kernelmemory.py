@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from taskspec.backends.hoist import compared
-from taskspec.backends.spaces import Layout
 from taskspec.backends.vector import Mode
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.lang.types import Kind
+from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Component, Task
 
 SCRATCH = 1 << 16

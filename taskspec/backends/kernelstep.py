@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 from taskspec.backends.kernelloop import Shown, action_rows, advance, begin, check, indent
 from taskspec.backends.kernelmemory import Program, Row
-from taskspec.backends.spaces import Layout
 from taskspec.backends.vector import Mode
 from taskspec.draws.layout import Layout as WordLayout
+from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Task
 
 

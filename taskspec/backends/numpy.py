@@ -20,13 +20,13 @@ from taskspec.backends.arraystep import generate, never, observed
 from taskspec.backends.buffers import Array, Buffers, Values
 from taskspec.backends.hoist import Hoisted, hoist
 from taskspec.backends.runtimes import RUNTIME
-from taskspec.backends.spaces import Layout, action_layout, observation_layout
 from taskspec.backends.tabulate import tabulate
 from taskspec.backends.vector import NotRunningError, Options
 from taskspec.draws import finite, variates
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
+from taskspec.spec.spaces import Layout, action_layout, observation_layout
 from taskspec.spec.task import Task
 
 BLOCK = 16_384

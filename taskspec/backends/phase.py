@@ -11,13 +11,13 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.backends.invariant import WIDE
-from taskspec.backends.spaces import Layout as ValueLayout
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout, words_of
 from taskspec.draws.stream import stream
 from taskspec.lang import batch
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
 from taskspec.lang.types import Kind, Type
+from taskspec.spec.spaces import Layout as ValueLayout
 from taskspec.spec.task import Task
 
 _INEXACT = frozenset({"exp", "log", "sin", "cos", "tan", "tanh", "atan2", "pow"})

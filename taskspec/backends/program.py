@@ -20,10 +20,10 @@ from taskspec.backends import scalars
 from taskspec.backends.emit import Parts, generate
 from taskspec.backends.invariant import Invariants, changing, cold_components
 from taskspec.backends.phase import Phase
-from taskspec.backends.spaces import Layout, action_layout, observation_layout, pack
 from taskspec.draws.layout import Layout as DrawLayout
 from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
+from taskspec.spec.spaces import Layout, action_layout, observation_layout, pack
 from taskspec.spec.task import Task
 
 Failure = Callable[..., Exception]

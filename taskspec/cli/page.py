@@ -14,11 +14,11 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from taskspec.backends.spaces import action_layout, observation_layout
 from taskspec.cli.console import clean
 from taskspec.cli.equations import body, colored
 from taskspec.cli.records import domain_words, show_value, space_words
 from taskspec.cli.targets import near
+from taskspec.spec.spaces import action_layout, observation_layout
 from taskspec.spec.task import Component, Parameter, Soft, Task
 
 _MATH = re.compile(r"\$([^$\n]+)\$")

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taskspec.backends.spaces import Layout as ValueLayout
-from taskspec.backends.spaces import action_layout, pack
 from taskspec.cli.failures import refuse
 from taskspec.diagnostics import suggest
 from taskspec.draws.layout import Layout
@@ -19,6 +17,8 @@ from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Kind
+from taskspec.spec.spaces import Layout as ValueLayout
+from taskspec.spec.spaces import action_layout, pack
 from taskspec.spec.task import Component, Task
 
 if TYPE_CHECKING:

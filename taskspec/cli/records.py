@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from taskspec.backends.spaces import Layout, action_layout, observation_layout
 from taskspec.cli.console import number
 from taskspec.lang.types import Domain, Kind
+from taskspec.spec.spaces import Layout, action_layout, observation_layout
 from taskspec.spec.task import Component, Parameter, Soft, Task
 
 _SETS = {Kind.BOOL: "𝔹", Kind.INT: "ℤ", Kind.REAL: "ℝ"}

@@ -8,8 +8,8 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from taskspec.backends.spaces import Layout, single
 from taskspec.lang.types import Kind
+from taskspec.spec.spaces import Layout, single
 from taskspec.spec.task import Component
 
 

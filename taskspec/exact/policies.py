@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -17,6 +16,7 @@ from taskspec.exact.returns import Results, Return
 from taskspec.exact.rollout import State
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Read, Role, draws, reads
+from taskspec.spec import spaces
 from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
@@ -76,11 +76,6 @@ def one_hot(model: Model, values: list[Array]) -> Array:
 # -- observations ---------------------------------------------------------------------------------
 
 
-def _spaces() -> Any:
-    """How observations and actions are laid out as Gymnasium values."""
-    return importlib.import_module("taskspec.backends.spaces")
-
-
 def _predicted(task: Task, policy: Any, results: Results) -> Return:
     """The value of an object with `predict`, asked about every state at once, or in episodes."""
     model = results.model
@@ -107,7 +102,6 @@ def _ask(task: Task, policy: Any, state: State, t: int, rng: np.random.Generator
     words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
     values = evaluate(task.observation.nodes, reads_of(state, {}, t), batch_sampler(layout, words))
     flat = [np.broadcast_to(v, (*v.shape[:-1], lanes)).reshape(-1, lanes).T for v in values]
-    spaces = _spaces()
     seen, done = spaces.observation_layout(task), spaces.action_layout(task)
     packed = [spaces.pack(seen, [tuple(row[i].tolist()) for row in flat]) for i in range(lanes)]
     batch = (
@@ -132,7 +126,6 @@ class Expert:
             refuse(f"{task.name} gives no expert")
         self.task, self.results = task, Results(task)
         self.rng = np.random.default_rng(seed)
-        spaces = _spaces()
         self.observation, self.action = spaces.observation_layout(task), spaces.action_layout(task)
         self.where = _where_states_are(task)
 
@@ -157,7 +150,7 @@ class Expert:
         if episode_start is not None:
             steps[np.asarray(episode_start, np.bool_).reshape(-1)] = 0
         actions = [self._choose(one, int(t), deterministic) for one, t in zip(batch, steps, strict=True)]
-        packed = [_spaces().pack(self.action, action) for action in actions]
+        packed = [spaces.pack(self.action, action) for action in actions]
         return (packed[0] if single else np.stack(packed)), (steps + 1,)
 
     def _split(self, observation: Any) -> tuple[bool, list[Any]]:
@@ -193,7 +186,7 @@ class Expert:
         return [tuple(values[Role.ACTION, c.name].reshape(-1).tolist()) for c in model.actions.components]
 
     def _state(self, observation: Any) -> dict[str, Array]:
-        flats = _spaces().unpack(self.observation, observation)
+        flats = spaces.unpack(self.observation, observation)
         state = {}
         for c in self.task.state:
             value = np.array(flats[self.where[c.name]]).reshape(*c.type.shape, 1)

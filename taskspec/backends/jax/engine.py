@@ -13,8 +13,8 @@ from taskspec.backends.actions import reader
 from taskspec.backends.buffers import Array, Buffers
 from taskspec.backends.jax.pack import observed
 from taskspec.backends.jax.program import JaxProgram, State, compile_jax
-from taskspec.backends.spaces import Layout
 from taskspec.backends.vector import Mode, NotRunningError, Options
+from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Task
 
 

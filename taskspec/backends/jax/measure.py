@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from taskspec.backends.jax.functional import Functional
-from taskspec.backends.spaces import Layout
+from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Task
 
 STEPS = 128

@@ -7,8 +7,8 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from taskspec.backends.spaces import Layout
 from taskspec.lang.types import Kind
+from taskspec.spec.spaces import Layout
 
 Array = Any
 

@@ -15,12 +15,12 @@ from taskspec import draws
 from taskspec.backends.arrayform import ArrayForm, arrays
 from taskspec.backends.hoist import compared, word_names
 from taskspec.backends.jax import library
-from taskspec.backends.spaces import Layout, action_layout, observation_layout
 from taskspec.backends.tabulate import folded
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.draws.layout import poisson_bound
 from taskspec.lang.ir import Const, Draw, Node, Role, plain, walk
 from taskspec.lang.types import INT_MAX, Kind
+from taskspec.spec.spaces import Layout, action_layout, observation_layout
 from taskspec.spec.task import Component, Task
 
 Array = Any

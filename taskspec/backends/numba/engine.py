@@ -14,9 +14,9 @@ from taskspec.backends.buffers import Array, Buffers
 from taskspec.backends.kernelmemory import Program
 from taskspec.backends.kernelstep import generate
 from taskspec.backends.numba.compile import load
-from taskspec.backends.spaces import action_layout, observation_layout
 from taskspec.backends.vector import Mode, NotRunningError, Options
 from taskspec.lang.types import Kind
+from taskspec.spec.spaces import action_layout, observation_layout
 from taskspec.spec.task import Task
 
 

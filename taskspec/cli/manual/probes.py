@@ -81,8 +81,8 @@ def fits(section: str, template: str, expression: str) -> bool:
 
 def spaces(changes: dict[str, Any]) -> tuple[str, str]:
     """The observation space and the action space of the probe with some sections replaced."""
-    from taskspec.backends.spaces import action_layout, observation_layout
     from taskspec.envs.spaces import space
+    from taskspec.spec.spaces import action_layout, observation_layout
 
     found = task(changes)
     return str(space(observation_layout(found))), str(space(action_layout(found)))
