@@ -63,7 +63,7 @@ def test_scores_are_kept_and_refused_when_stale(tmp_path: Path) -> None:
     found.save(path)
     assert exact.Scores.load(path, task) == found
     assert json.loads(path.read_text())["gap"] == 0
-    with pytest.raises(exact.StaleScores):
+    with pytest.raises(exact.StaleScores, match="E714"):
         exact.Scores.load(path, shipped("branching", L=5))
 
 

@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from taskspec.backends.vector import BACKENDS, Engine, Options
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.spec.task import Task
 
 _ENGINES = {
@@ -31,8 +31,9 @@ def choose(task: Task, backend: str) -> str:
     if backend == "auto":
         return "numba" if find_spec("numba") is not None and _suits_numba(task) else "numpy"
     if backend not in BACKENDS:
-        names = ", ".join(("auto", *BACKENDS))
-        raise SpecError([Diagnostic("E713", None, f"there is no backend {backend!r}; there are {names}")])
+        names = ("auto", *BACKENDS)
+        message = f"there is no backend {backend!r}; there are {', '.join(names)}"
+        raise SpecError([Diagnostic("E713", None, message, suggest(str(backend), names))])
     if backend != "numpy" and find_spec(backend) is None:
         hint = f'pip install "taskspec[{backend}]"'
         raise SpecError([Diagnostic("E705", None, f"the backend {backend!r} needs the package {backend}", hint)])

@@ -148,4 +148,17 @@ taskspec.make("Branching", ending="terminate")    # right
 ```
 """,
     ),
+    Code(
+        "E714",
+        "stale-scores",
+        "scores of another version of a task",
+        """
+Scores kept in a file belong to the task whose content hash they carry: its spec and its parameter
+values. Work them out anew.
+
+```python
+taskspec.exact.scores(task).save("scores.json")
+```
+""",
+    ),
 )

@@ -19,13 +19,13 @@ from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
 from taskspec.envs import picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
+from taskspec.envs.options import ENDINGS, one_of, seed_of
 from taskspec.envs.spaces import space
-from taskspec.envs.state import flat_state, overridden, plain_state, whole
+from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.spec.task import Task
 
-SEED_MAX = 2**64
 Reset = Callable[..., tuple[Any, dict[str, Any]]]
 
 
@@ -44,7 +44,7 @@ class Environment(gymnasium.Env[Any, Any]):
         observe_time: whether the number of steps taken is added to the observation.
 
     Raises:
-        SpecError: E705, when a way to render needs packages that are not installed.
+        SpecError: E705, when a way to render needs packages that are not installed; E713, for another option.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi", "rgb_array", "human"], "render_fps": 4}  # type: ignore[misc]
@@ -57,10 +57,9 @@ class Environment(gymnasium.Env[Any, Any]):
         ending: str = "terminate",
         observe_time: bool = False,
     ) -> None:
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"render_mode must be None or one of {self.metadata['render_modes']}, not {render_mode!r}")
-        if ending not in ("terminate", "absorb"):
-            raise ValueError(f"ending must be 'terminate' or 'absorb', not {ending!r}")
+        if render_mode is not None:
+            one_of("render_mode", render_mode, self.metadata["render_modes"])
+        one_of("ending", ending, ENDINGS)
         if render_mode in ("rgb_array", "human"):
             window.require()
         task = task.absorbing() if ending == "absorb" else task
@@ -84,10 +83,11 @@ class Environment(gymnasium.Env[Any, Any]):
 
         Raises:
             StateError: when an overridden component has no such value, or for another option.
+            SpecError: E713, when the seed is none.
         """
         override = None if options is None else overridden(options)
         if seed is not None:
-            seed = whole(seed)
+            seed = seed_of(seed)
             super().reset(seed=seed)
             self._restart(seed)
         elif self._seed is None:
@@ -183,10 +183,8 @@ class Environment(gymnasium.Env[Any, Any]):
     # -- starting, copying ----------------------------------------------------------------------------------------
 
     def _restart(self, seed: int) -> None:
-        if not 0 <= seed < SEED_MAX:
-            raise ValueError(f"a seed lies between 0 and 2**64 - 1, not {seed}")
-        self._seed = int(seed)
-        self._start(self._seed, Clock())
+        self._seed = seed
+        self._start(seed, Clock())
 
     def _start(self, seed: int, clock: Clock) -> None:
         failures = Failures(self._bad_action, self._not_running)

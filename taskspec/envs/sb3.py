@@ -18,6 +18,7 @@ from taskspec.backends.actions import BadActionError
 from taskspec.backends.vector import NotRunningError as EngineNotRunning
 from taskspec.backends.vector import Options
 from taskspec.envs.errors import ActionError, NotRunningError
+from taskspec.envs.options import positive, seed_of
 from taskspec.envs.spaces import space
 from taskspec.spec.task import Task
 
@@ -36,15 +37,16 @@ class Sb3VecEnv(VecEnv):
         self, task: Task, num_envs: int, *, seed: int = 0, backend: str = "auto", num_threads: int = 1
     ) -> None:
         self.task = task
+        num_envs, num_threads = positive("num_envs", num_envs), positive("num_threads", num_threads)
         self._engine = select.engine(task, num_envs, backend, Options("same_step", num_threads))
         self.render_mode = None
         super().__init__(num_envs, space(self._engine.observation), space(self._engine.action))
-        self._first_seed: int | None = seed
+        self._first_seed: int | None = seed_of(seed)
         self._actions: Any = None
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Lane i draws from seed + i from the next reset on; without a seed, streams go on."""
-        self._first_seed = seed
+        self._first_seed = None if seed is None else seed_of(seed)
         return [None if seed is None else seed + i for i in range(self.num_envs)]
 
     def reset(self) -> Any:

@@ -95,8 +95,3 @@ def overridden(options: Any) -> Mapping[str, Any] | None:
     if state is not None and not isinstance(state, Mapping):
         raise StateError(f"E709: the option 'state' gives values by component, as in {{'x': 1}}, not {state!r}")
     return state
-
-
-def whole(seed: Any) -> Any:
-    """A seed as the Python int that Gymnasium insists on, where it is one of NumPy's."""
-    return int(seed) if isinstance(seed, np.integer) else seed

@@ -23,6 +23,7 @@ from taskspec.backends.vector import Mode, Options
 from taskspec.backends.vector import NotRunningError as EngineNotRunning
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.errors import ActionError, NotRunningError
+from taskspec.envs.options import ENDINGS, invalid, one_of, positive, seed_of
 from taskspec.envs.spaces import space
 from taskspec.envs.state import plain_state
 from taskspec.spec.task import Task
@@ -39,7 +40,6 @@ if not hasattr(gymnasium.vector, "AutoresetMode"):
         ]
     )
 AutoresetMode = gymnasium.vector.AutoresetMode
-SEEDS = 2**64
 _MODES: dict[str, Mode] = {"NextStep": "next_step", "SameStep": "same_step", "Disabled": "disabled"}
 
 
@@ -58,6 +58,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             next call. Faster, and for callers who copy what they keep.
         num_threads: threads of the Numba backend.
         ending, observe_time: as for `taskspec.envs.Environment`.
+
+    Raises:
+        SpecError: E705, when the backend's package is not installed; E713, for an option with another value.
     """
 
     def __init__(
@@ -74,12 +77,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         render_mode: str | None = None,
     ) -> None:
         if render_mode is not None:
-            raise ValueError(f"a vector environment is not rendered; render_mode must be None, not {render_mode!r}")
-        if num_envs < 1:
-            raise ValueError(f"num_envs must be a positive integer, not {num_envs!r}")
-        if ending not in ("terminate", "absorb"):
-            raise ValueError(f"ending must be 'terminate' or 'absorb', not {ending!r}")
-        mode = autoreset_mode if isinstance(autoreset_mode, AutoresetMode) else AutoresetMode(autoreset_mode)
+            raise invalid(f"a vector environment is not rendered; render_mode must be None, not {render_mode!r}")
+        num_envs, num_threads = positive("num_envs", num_envs), positive("num_threads", num_threads)
+        one_of("ending", ending, ENDINGS)
+        if not isinstance(autoreset_mode, AutoresetMode):
+            one_of("autoreset_mode", autoreset_mode, _MODES)
+        mode = AutoresetMode(autoreset_mode)
         task = task.absorbing() if ending == "absorb" else task
         self.task = task.observing_time() if observe_time else task
         self.num_envs = num_envs
@@ -123,7 +126,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
                 seed all streams go on; the first time, they start from a random one.
             options: `{"reset_mask": array}`.
         """
-        mask = None if options is None else options.get("reset_mask")
+        mask = None if options is None else _reset_mask(options)
         lanes = None if mask is None else self._lanes(mask)
         self._seed_streams(seed, lanes)
         self._engine.reset(lanes)
@@ -167,7 +170,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _lanes(self, mask: Any) -> Array:
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
-            raise ValueError(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
+            raise invalid(f"reset_mask must be a bool array of shape ({self.num_envs},), not {mask!r}")
         if not self._seeded and not mask.all():
             raise NotRunningError("E707: the first reset() is one of all lanes, without a mask")
         return np.flatnonzero(mask)
@@ -176,8 +179,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         if seed is None:
             if not self._seeded:
                 self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
-        elif isinstance(seed, int | np.integer):
-            every = draws.lane_seeds(_checked(int(seed)), self.num_envs)
+        elif not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str | bytes):
+            every = draws.lane_seeds(seed_of(seed), self.num_envs)
             self._engine.seed(every if lanes is None else every[lanes], lanes)
         else:
             self._seed_each(list(seed), lanes)
@@ -185,11 +188,11 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _seed_each(self, seeds: list[int | None], lanes: Array | None) -> None:
         if len(seeds) != self.num_envs:
-            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} lanes")
+            raise invalid(f"{len(seeds)} seeds for {self.num_envs} lanes")
         if not self._seeded and None in seeds:
             self._engine.seed(draws.lane_seeds(int.from_bytes(os.urandom(8), "little"), self.num_envs))
         allowed = set(range(self.num_envs) if lanes is None else lanes.tolist())
-        given = {i: _checked(s) for i, s in enumerate(seeds) if s is not None and i in allowed}
+        given = {i: seed_of(s) for i, s in enumerate(seeds) if s is not None and i in allowed}
         if len(given) == self.num_envs:
             self._engine.seed(np.array(list(given.values()), np.uint64))
         elif given:
@@ -222,10 +225,13 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         )
 
 
-def _checked(seed: int) -> int:
-    if not 0 <= seed < SEEDS:
-        raise ValueError(f"a seed lies between 0 and 2**64 - 1, not {seed}")
-    return seed
+def _reset_mask(options: Any) -> Any:
+    if not isinstance(options, Mapping):
+        raise invalid(f"options are a mapping such as {{'reset_mask': ...}}, not {options!r}")
+    for name in options:
+        if name != "reset_mask":
+            raise invalid(f"{name!r} is not an option of reset; the only one is 'reset_mask'")
+    return options.get("reset_mask")
 
 
 def _rows(view: dict[str, Array], ended: Array) -> Array:

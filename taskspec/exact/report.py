@@ -133,7 +133,7 @@ class Scores:
         """
         data = json.loads(Path(path).read_text(encoding="utf-8"))
         if data.get("content_hash") != task.content_hash or data.get("id") != task.id:
-            raise StaleScores(f"{path} holds scores of {data.get('id')} as it was; the task has changed since")
+            raise StaleScores(f"E714: {path} holds scores of {data.get('id')} as it was; the task has changed since")
         data.pop("gap", None)
         for name in ("optimal", "random", "worst", "expert"):
             data[name] = None if data[name] is None else Return(**data[name])
@@ -141,7 +141,7 @@ class Scores:
 
 
 class StaleScores(TaskspecError, ValueError):
-    """Scores in a file belong to another version of the task."""
+    """Scores in a file belong to another version of the task (E714)."""
 
 
 def scores(task: Task, episodes: int = EPISODES, seed: int = 0) -> Scores:

@@ -1,0 +1,58 @@
+"""Options of environments: the few values that each of them takes."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Iterable
+from typing import Any
+
+from taskspec.diagnostics import Diagnostic, SpecError, suggest
+
+ENDINGS = ("terminate", "absorb")
+
+
+def invalid(message: str, hint: str | None = None) -> SpecError:
+    """The error (E713) about an option that means nothing."""
+    return SpecError([Diagnostic("E713", None, message, hint)])
+
+
+def one_of(name: str, value: Any, options: Iterable[str]) -> None:
+    """Refuse a value that is not one of the options.
+
+    Raises:
+        SpecError: E713, with the options and the nearest of them.
+    """
+    known = tuple(options)
+    if value not in known:
+        listed = ", ".join(map(repr, known))
+        raise invalid(f"{name} must be one of {listed}, not {value!r}", suggest(str(value), known))
+
+
+def positive(name: str, value: Any) -> int:
+    """A positive int of any kind.
+
+    Raises:
+        SpecError: E713 for anything else.
+    """
+    try:
+        number = 0 if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        number = 0
+    if number < 1:
+        raise invalid(f"{name} must be a positive int, not {value!r}")
+    return number
+
+
+def seed_of(value: Any) -> int:
+    """A seed: an int of any kind from 0 to 2**64 - 1.
+
+    Raises:
+        SpecError: E713 for anything else.
+    """
+    try:
+        seed = -1 if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        seed = -1
+    if not 0 <= seed < 2**64:
+        raise invalid(f"a seed is an int between 0 and 2**64 - 1, not {value!r}")
+    return seed
