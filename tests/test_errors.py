@@ -175,3 +175,38 @@ def test_claims_are_placed_too() -> None:
     verdict = list(verdicts(build(source.read_text(text), "fast")))[1]
     assert verdict.diagnostic is not None
     assert (verdict.status, _written(text, verdict.diagnostic)) == ("broken", "random_retrun")
+
+
+# -- several mistakes at once -----------------------------------------------------------------------------------------
+
+UNCALLED = """taskspec: 1
+name: C
+parameters: {mode: {type: choice, values: [slow, fast], default: slow}, n: {type: int, default: 3}}
+definitions:
+  "f(x, y)": x + yy * maxx(x) if mode == fast else sum([i * j for i in range(n)])
+  "g(x)": f(x) + pi + s' + t
+  "h(x)": x == calm or x == slow
+state:
+  s: {type: int, low: 0, high: 9}
+  m: {type: choice, values: [calm, angry]}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 12
+initial: {s: 0, m: calm}
+dynamics: {s': (s + 1) % 10}
+reward: 0
+"""
+
+
+def test_functions_that_nothing_calls_are_checked() -> None:
+    found = [(p.code, _written(UNCALLED, p)) for p in problems(source.read_text(UNCALLED))]
+    assert found == [("E302", "yy"), ("E303", "maxx"), ("E302", "j"), ("E304", "f(x)")]
+
+
+@pytest.mark.parametrize(("reward", "names"), [
+    ("0 == ss == uu", ["ss", "uu"]), ("q1 < q2 <= q3", ["q1", "q2", "q3"]), ("q1 == q2 != s", ["q1", "q2"]),
+    ("ss == calm", ["ss"]), ("ss == fast", ["ss"]),
+])  # fmt: skip
+def test_both_sides_of_a_comparison_are_checked(reward: str, names: list[str]) -> None:
+    head = UNCALLED.replace(UNCALLED[UNCALLED.index("definitions") : UNCALLED.index("state:")], "")
+    text = head.replace("reward: 0", f"reward: {reward}")
+    assert [_written(text, p) for p in problems(source.read_text(text))] == names

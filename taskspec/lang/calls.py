@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NoReturn
 
-from taskspec.diagnostics import suggest
+from taskspec.diagnostics import Collector, suggest
 from taskspec.lang import dists, sets, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.functions import FUNCTIONS
@@ -38,18 +38,15 @@ def call(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> V
     if expr.function in SET_FUNCTIONS:
         checker.fail("E306", expr, f"`{expr.function}(...)` is a set, not a value",
                      f"use it in a comprehension: `{{x for x in {expr.function}(...)}}`")  # fmt: skip
-    known = (
-        *FUNCTIONS,
-        *dists.DIST_NAMES,
-        *(n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef)),
-    )
-    checker.collector.add(
-        "E303",
-        expr.name_place,
-        f"there is no function '{expr.function}'",
-        suggest(expr.function, known),
-    )
+    no_function(checker.collector, expr, scope)
     _poison(checker, expr, scope)
+
+
+def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
+    """Report a function that does not exist."""
+    own = (n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef))
+    hint = suggest(expr.function, (*FUNCTIONS, *dists.DIST_NAMES, *own))
+    collector.add("E303", expr.name_place, f"there is no function '{expr.function}'", hint)
 
 
 def _poison(checker: Checker, expr: s.Call, scope: Scope) -> NoReturn:
@@ -78,7 +75,7 @@ def _built_in(checker: Checker, expr: s.Call, scope: Scope) -> Node:
     _no_keywords(checker, expr)
     nodes = checker.numerics(expr.args, scope)
     if not function.accepts(len(nodes)):
-        checker.fail("E304", expr, f"{function.signature} was given {_count(len(nodes))}")
+        checker.fail("E304", expr, f"{function.signature} was given {count_of(len(nodes))}")
     for index in function.static:
         if not isinstance(nodes[index], Const):
             checker.fail(
@@ -89,7 +86,8 @@ def _built_in(checker: Checker, expr: s.Call, scope: Scope) -> Node:
     return function.build(checker.builder, nodes)
 
 
-def _count(n: int) -> str:
+def count_of(n: int) -> str:
+    """`1 argument`, `2 arguments`."""
     return f"{n} argument{'' if n == 1 else 's'}"
 
 
@@ -98,8 +96,7 @@ def _own(checker: Checker, function: FunctionDef, expr: s.Call, scope: Scope, wa
     checker.expand(expr)
     values = checker.each([(lambda e=e: checker.value(e, scope)) for e in expr.args])  # type: ignore[misc]
     if len(values) != len(function.arguments):
-        signature = f"{function.name}({', '.join(function.arguments)})"
-        checker.fail("E304", expr, f"{signature} was given {_count(len(values))}")
+        checker.fail("E304", expr, f"{function.signature} was given {count_of(len(values))}")
     leave = function.enter(expr)
     try:
         inner = function.scope.child(dict(zip(function.arguments, values, strict=True)))
@@ -169,7 +166,7 @@ def _bind(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tup
 def _given(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, s.Expr], Shape | None]:
     names = [a.name for a in dist.arguments]
     if len(expr.args) > len(names):
-        checker.fail("E304", expr, f"{dist.name}({', '.join(names)}) was given {_count(len(expr.args))}")
+        checker.fail("E304", expr, f"{dist.name}({', '.join(names)}) was given {count_of(len(expr.args))}")
     given, shape = dict(zip(names, expr.args, strict=False)), None
     for name, value in expr.keywords:
         if name == "shape" and dist.shaped:

@@ -318,7 +318,12 @@ class Checker:
         if self._may_be_label(left, scope) and not self._may_be_label(right, scope):
             other = self.value(right, scope)
             return self.value(left, scope, other.domain), other
-        one = self.value(left, scope)
+        try:
+            one = self.value(left, scope)
+        except Poisoned:
+            if not (self._may_be_label(right, scope) and scope.is_label(_word(right))):
+                self.value(right, scope)
+            raise
         return one, self.value(right, scope, one.domain)
 
     def _may_be_label(self, expr: s.Expr, scope: Scope) -> bool:
@@ -372,6 +377,10 @@ class Checker:
             self.fail("E307", expr, "the elements of this vector have different shapes",
                       "`concat(x, y)` lays vectors end to end")  # fmt: skip
         return self.builder.structure("vector", nodes)
+
+
+def _word(expr: s.Expr) -> str:
+    return expr.value if isinstance(expr, s.Quoted) else expr.id if isinstance(expr, s.Name) else ""
 
 
 def _article(type: Type) -> str:

@@ -35,6 +35,10 @@ class FunctionDef:
     scope: Scope
     enter: Callable[[s.Call], Callable[[], None]] = field(compare=False)
 
+    @property
+    def signature(self) -> str:
+        return f"{self.name}({', '.join(self.arguments)})"
+
 
 @dataclass(frozen=True, slots=True)
 class Unavailable:
@@ -89,6 +93,15 @@ class Scope:
             scope = scope.parent
         for domain in self.domains:
             yield from domain.labels
+
+    def is_label(self, word: str) -> bool:
+        """Whether some choice has this label, one among the parameters included."""
+        bound: list[Domain] = []
+        scope: Scope | None = self
+        while scope is not None:
+            bound += [b.domain for b in scope.bindings.values() if isinstance(b, Value) and b.domain is not None]
+            scope = scope.parent
+        return any(word in domain.labels for domain in (*self.domains, *bound))
 
     def labelled(self, label: str) -> list[Domain]:
         """The distinct domains that have this label."""

@@ -10,8 +10,9 @@ from typing import Any
 from taskspec.diagnostics import Collector, suggest
 from taskspec.lang.check import Poisoned
 from taskspec.lang.ir import Const
-from taskspec.lang.scope import Scope
+from taskspec.lang.scope import FunctionDef, Scope
 from taskspec.lang.types import BOOL, REAL
+from taskspec.lang.uncalled import check_uncalled
 from taskspec.source import Document, Path, read_text
 from taskspec.spec.context import Context
 from taskspec.spec.declare import INSTANCE_SEED
@@ -226,12 +227,15 @@ class _Build:
     def _check_unused(self) -> None:
         """Definitions and noise that nothing uses are checked all the same."""
         context, scope = self.context, self.names.scope("reward")
+        unused = [d for d in context.exprs["definitions"] if not any(signature(d)[0] in x.used for x in context.scopes)]
         for name in self.data.get("noise") or {}:
             context.resolve(scope.bindings[name], context.place("noise", name))
-        for written in context.exprs["definitions"]:
-            name, arguments = signature(written)
-            if arguments is None and not any(name in x.used for x in context.scopes):
-                context.resolve(scope.bindings[name], context.place("definitions", written))
+        for written in unused:
+            name, binding = signature(written)[0], scope.bindings[signature(written)[0]]
+            if isinstance(binding, FunctionDef):
+                check_uncalled(self.collector, binding)
+            else:
+                context.resolve(binding, context.place("definitions", written))
 
     def _hash(self) -> str:
         """SHA-256 of what decides the task's behaviour: its semantic sections and its parameter values."""

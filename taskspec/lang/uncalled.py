@@ -1,0 +1,31 @@
+"""Mistakes in the body of a function that nothing calls.
+
+The types of its arguments are known only where it is called, so names and functions are all that can be checked.
+"""
+
+from __future__ import annotations
+
+from taskspec.diagnostics import Collector, suggest
+from taskspec.lang import calls
+from taskspec.lang import syntax as s
+from taskspec.lang.check import CONSTANTS
+from taskspec.lang.scope import FunctionDef
+
+
+def check_uncalled(collector: Collector, function: FunctionDef) -> None:
+    """Report (E302, E303, E304) names and functions that do not exist, and calls with too many or too few arguments."""
+    scope = function.scope
+    local = {*function.arguments, *s.targets(function.body), *CONSTANTS}
+    for found in s.names(function.body):
+        own = scope.lookup(found.function if isinstance(found, s.Call) else found.written)
+        match found:
+            case s.Call() if isinstance(own, FunctionDef):
+                if len(found.args) != len(own.arguments):
+                    message = f"{own.signature} was given {calls.count_of(len(found.args))}"
+                    collector.add("E304", found.place, message)
+            case s.Call():
+                if own is None and not calls.is_function(found.function):
+                    calls.no_function(collector, found, scope)
+            case s.Name() if own is None and found.written not in local and not scope.is_label(found.id):
+                message, known = f"'{found.written}' is not defined here", [*local, *scope.names()]
+                collector.add("E302", found.place, message, suggest(found.id, known))
