@@ -236,6 +236,72 @@ def test_wrong_keywords_of_gym_make() -> None:
     assert gym.make("derail/Branching-v0", L=np.int64(3)).reset(seed=0)[0] == 0
 
 
+WRONG_OPTIONS: list[tuple[dict[str, Any], str]] = [
+    ({"ending": "absorbed"}, r"'terminate', 'absorb', not 'absorbed'(.|\n)*mean 'absorb'"),
+    ({"ending": None}, "E713.*ending must be one of 'terminate', 'absorb', not None"),
+    ({"render_mode": "rgb"}, r"'rgb_array', 'human', not 'rgb'(.|\n)*mean 'rgb_array'"),
+    ({"render_mode": 3}, "E713.*render_mode must be one of"),
+]
+WRONG_VECTOR_OPTIONS: list[tuple[dict[str, Any], str]] = [
+    *WRONG_OPTIONS[:2], ({"render_mode": "ansi"}, "E713.*not rendered"),
+    ({"autoreset_mode": "nextstep"}, r"'NextStep', 'SameStep', 'Disabled', not 'nextstep'(.|\n)*mean 'NextStep'"),
+    ({"autoreset_mode": None}, "E713.*autoreset_mode"), ({"backend": "nunba"}, r"numpy, numba, jax(.|\n)*mean 'numba'"),
+    ({"backend": None}, "E713.*there is no backend None"), ({"num_envs": 0}, "E713.*num_envs must be a positive int, not 0"),
+    ({"num_envs": 2.0}, "E713.*not 2.0"), ({"num_envs": True}, "E713"), ({"num_envs": "3"}, "E713.*not '3'"),
+    ({"num_threads": 0}, "E713.*num_threads must be a positive int"), ({"num_threads": None}, "E713.*not None"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "message"), WRONG_OPTIONS, ids=repr)
+def test_wrong_options_of_environments_say_what_is_allowed(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(SpecError, match=message):
+        written().make(**options)
+
+
+@pytest.mark.parametrize(("options", "message"), WRONG_VECTOR_OPTIONS, ids=repr)
+def test_wrong_options_of_vector_environments_say_what_is_allowed(options: dict[str, Any], message: str) -> None:
+    vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
+    with pytest.raises(SpecError, match=message):
+        vector.VectorEnvironment(written(), **options)
+
+
+@pytest.mark.parametrize("call", [{"seed": -1}, {"seed": 1.5}, {"seed": "x"}, {"seed": [1]}, {"seed": [1, 2.5]}, {"seed": True},
+                                  {"options": 5}, {"options": {"state": {"s": 1}}}, {"options": {"reset_mask": [True, False]}},
+                                  {"options": {"reset_mask": np.ones(3, bool)}}], ids=repr)  # fmt: skip
+def test_wrong_resets_of_vector_environments_are_refused(call: dict[str, Any]) -> None:
+    vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
+    lanes = vector.VectorEnvironment(written(), 2, backend="numpy")
+    lanes.reset(seed=0)
+    with pytest.raises(SpecError, match="E713"):
+        lanes.reset(**call)
+
+
+# -- observations outside their space ---------------------------------------------------------------------------------
+
+
+def test_what_a_one_hot_vector_cannot_show_shows_nothing() -> None:
+    observation = "\n  o: {value: s, low: 1, high: 3}\n  b: s > 4\n  space: one_hot"
+    task = written(observation=observation)
+    env = task.make()
+    env.reset(seed=0, options={"state": {"s": 0}})
+    shown = [env.step(1)[0].argmax() for _ in range(3)]
+    assert shown == [0, 1, 2]
+    assert env.step(1)[0].tolist() == [0, 0, 0, 1, 0]
+    assert {d.code for d in soundness(task)} == {"E405"}
+
+
+@pytest.mark.parametrize(
+    "observation", ["{o: x, space: box}", "{o: x, p: v, space: dict}", "{p: v}", "{o: x, u: 0}", "{o: x, p: v}"]
+)
+def test_reals_beyond_float32_are_seen_as_infinite(observation: str) -> None:
+    task = written(state="\n  x: {type: real}\n  v: {type: real, shape: [2]}", initial=' {x: 1e30, v: "(1, 1e30)"}',
+                   dynamics='\n  x\': x * 1e30\n  v\': v * 1e20', observation=f" {observation}", reward=" 1")  # fmt: skip
+    env: Any = task.make()
+    env.reset(seed=0, options={"state": {"x": 1e300}})
+    seen = env.step(0)[0]
+    assert np.isinf(np.hstack([*seen.values()] if isinstance(seen, dict) else [seen])).any()
+
+
 # -- large numbers ----------------------------------------------------------------------------------------------------
 
 

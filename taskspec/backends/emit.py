@@ -210,7 +210,7 @@ def _access(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> l
     lines = [f"{name} = {source}" for name, source in zip(parts.invariants.names, fixed, strict=True)]
     if nodes:
         flat = [f"*{lane.packed(n)}" if n.type.shape else lane.scalar(n) for n in nodes]
-        lines.append(f"kept = np.array(({', '.join(flat)},), np.float32).reshape({parts.observation.shape})")
+        lines.append(f"kept = singles(({', '.join(flat)},), {parts.observation.shape})")
     assert len(values) == len(parts.invariants.nodes) + len(nodes)
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]

@@ -11,6 +11,9 @@ from taskspec.lang.ir import Node
 from taskspec.lang.types import Kind
 from taskspec.spec.spaces import Layout
 
+_LARGEST = 3.4e38
+"""Below the largest float32."""
+
 
 def observe(lane: Lane, layout: Layout, phase: Phase, values: Sequence[Value]) -> tuple[str, list[str]]:
     """The source of the observation, and the statements that fill it in."""
@@ -21,7 +24,7 @@ def observe(lane: Lane, layout: Layout, phase: Phase, values: Sequence[Value]) -
         case "box" if phase.row_size:
             return _row(lane, nodes, layout)
         case "box":
-            return f"np.array({lane.scalar(nodes[0])}, np.float32)", []
+            return _array(lane, nodes[0], lane.scalar(nodes[0])), []
         case "multi_discrete":
             atoms = [_shifted(a, start) for a, start in zip(_all_atoms(lane, nodes), layout.starts, strict=True)]
             return f"np.array(({', '.join(atoms)},), np.int64)", []
@@ -66,7 +69,7 @@ def _write(lane: Lane, start: int, run: Sequence[Node]) -> list[str]:
     if not run:
         return []
     size = sum(n.type.size for n in run)
-    if size == 1:
+    if size == 1 and not _may_overflow(lane, run[0]):
         return [f"o[{start}] = {lane.scalar(run[0])}"]
     items = [f"*{lane.packed(n)}" if n.type.size > UNROLLED else ", ".join(lane.atoms(n)) for n in run]
     writer = lane.constant(Struct(f"{size}f").pack_into)  # native floats: what overflows becomes inf
@@ -77,10 +80,26 @@ def _one_hot(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, li
     name = lane.name()
     statements = [f"{name} = np.zeros({layout.size}, np.float32)"]
     offset = 0
-    for atom, start, count in zip(_all_atoms(lane, nodes), layout.starts, layout.counts, strict=True):
-        statements.append(f"{name}[{offset} + {_shifted(atom, start)}] = 1.0")
+    bounds = [lane.bounds(node) for node in nodes for _ in range(node.type.size)]
+    places = zip(_all_atoms(lane, nodes), bounds, layout.starts, layout.counts, strict=True)
+    for atom, (low, high), start, count in places:
+        inside = "" if start <= low and high < start + count else f"if {start} <= {atom} < {start + count}: "
+        statements.append(f"{inside}{name}[{offset} + {_shifted(atom, start)}] = 1.0")
         offset += count
     return name, statements
+
+
+def _may_overflow(lane: Lane, node: Node) -> bool:
+    """Whether a number may be finite, and infinite in float32, which NumPy warns of."""
+    return max(map(abs, lane.bounds(node))) > _LARGEST
+
+
+def _array(lane: Lane, node: Node, source: str) -> str:
+    """The source of an array of float32."""
+    shape = node.type.shape
+    if _may_overflow(lane, node):
+        return f"singles({source}, {shape})"
+    return f"np.array({source}, np.float32)" + (f".reshape({shape})" if len(shape) > 1 else "")
 
 
 def _dictionary(lane: Lane, nodes: Sequence[Node], layout: Layout) -> str:
@@ -90,6 +109,5 @@ def _dictionary(lane: Lane, nodes: Sequence[Node], layout: Layout) -> str:
             items.append(f"{c.name!r}: {_integer(lane, node)}")
         else:
             source = lane.scalar(node) if c.type.is_scalar else lane.packed(node)
-            shape = "" if len(c.type.shape) < 2 else f".reshape({c.type.shape})"
-            items.append(f"{c.name!r}: np.array({source}, np.float32){shape}")
+            items.append(f"{c.name!r}: {_array(lane, node, source)}")
     return "{" + ", ".join(items) + "}"

@@ -23,7 +23,7 @@ from taskspec.backends.phase import Phase
 from taskspec.draws.layout import Layout as DrawLayout
 from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
-from taskspec.spec.spaces import Layout, action_layout, observation_layout, pack
+from taskspec.spec.spaces import Layout, action_layout, observation_layout, pack, singles
 from taskspec.spec.task import Task
 
 Failure = Callable[..., Exception]
@@ -114,6 +114,7 @@ def compile_scalar(task: Task) -> Scalar:
         **constants,
         "np": np,
         "index": operator.index,
+        "singles": singles,
         **_ACTIONS,
     }
     exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text

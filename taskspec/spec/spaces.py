@@ -89,6 +89,12 @@ def single(value: float) -> float:
         return float(np.float32(value))
 
 
+def singles(values: Any, shape: tuple[int, ...]) -> Any:
+    """Numbers as a float32 array; those that are too large become infinite, without a warning."""
+    with np.errstate(over="ignore"):
+        return np.array(values, np.float32).reshape(shape)
+
+
 def pack(layout: Layout, flats: Sequence[tuple[Any, ...]]) -> Any:
     """Component values, flat row-major, as one Gymnasium value."""
     items = [value for flat in flats for value in flat]
@@ -102,15 +108,15 @@ def pack(layout: Layout, flats: Sequence[tuple[Any, ...]]) -> Any:
         case "dict":
             return {c.name: _entry(c, flat) for c, flat in zip(layout.components, flats, strict=True)}
         case "box":
-            with np.errstate(over="ignore"):
-                return np.array(items, np.float32).reshape(layout.shape)
+            return singles(items, layout.shape)
 
 
 def _one_hot(layout: Layout, items: Sequence[Any]) -> Any:
     row = np.zeros(layout.size, np.float32)
     offset = 0
     for item, start, count in zip(items, layout.starts, layout.counts, strict=True):
-        row[offset + int(item) - start] = 1.0
+        if 0 <= item - start < count:  # as `onehot(i, n)` has it: outside, no place is 1
+            row[offset + int(item) - start] = 1.0
         offset += count
     return row
 
@@ -118,7 +124,7 @@ def _one_hot(layout: Layout, items: Sequence[Any]) -> Any:
 def _entry(c: Component, flat: tuple[Any, ...]) -> Any:
     if c.is_finite and c.type.is_scalar:
         return int(flat[0])
-    return np.array(flat, np.float32).reshape(c.type.shape)
+    return singles(flat, c.type.shape)
 
 
 def unpack(layout: Layout, action: Any) -> list[tuple[Any, ...]]:
