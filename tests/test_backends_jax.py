@@ -12,9 +12,12 @@ import taskspec
 jax = pytest.importorskip("jax")
 import jax.numpy as jnp  # noqa: E402
 
-from taskspec.backends.jax import Functional  # noqa: E402
+from taskspec import draws  # noqa: E402
+from taskspec.backends.jax import Functional, library  # noqa: E402
 from taskspec.backends.jax.library import threefry  # noqa: E402
 from taskspec.envs.functional import TaskFuncEnv  # noqa: E402
+from taskspec.source import read  # noqa: E402
+from taskspec.spec.build import build  # noqa: E402
 
 
 def scalar_episode(name: str, seed: int, actions: Any) -> tuple[list[Any], list[float]]:
@@ -37,6 +40,115 @@ def test_threefry_gives_the_published_answers() -> None:
     ]
     for words, answer in known:
         assert tuple(int(x) for x in threefry(*(jnp.uint32(w) for w in words))) == answer
+
+
+# -- draws, against those of `taskspec.draws` ---------------------------------------------------------------------
+
+LANES, STEPS, SIZE = 2**13, 16, 8
+"""A million draws of each kind."""
+_RNG = np.random.default_rng(0)
+SHAPES = np.float32(10 ** _RNG.uniform(-1.5, 2, (SIZE, LANES)))
+RATES = np.float32(_RNG.uniform(0, 150, (SIZE, LANES)))
+COUNTS = _RNG.integers(1, 2**31, (SIZE, LANES), dtype=np.int32)
+LIMITS = draws.reachable(draws.thresholds(_RNG.uniform(0, 1, 40).tolist()))
+
+
+def apart(words: np.ndarray, each: int) -> np.ndarray:
+    """Words of SIZE draws as (words a draw, SIZE, lanes)."""
+    return np.moveaxis(words.reshape(SIZE, each, -1), 1, 0)
+
+
+DRAWN: dict[str, tuple[int, Any, Any]] = {
+    "uniform": (1, lambda w: library.uniform(w, 0, SIZE), draws.uniforms),
+    "exponential": (1, lambda w: library.exponential(w, 0, SIZE), draws.exponentials),
+    "normal": (1, lambda w: library.normal(w, 0, SIZE), lambda words: draws.normals(words, SIZE)),
+    "gamma": (
+        draws.GAMMA_WORDS,
+        lambda w: library.gamma(w, 0, SIZE, SHAPES),
+        lambda words: draws.gammas(apart(words, draws.GAMMA_WORDS), SHAPES),
+    ),
+    "poisson": (
+        1,
+        lambda w: library.poisson(w, 0, SIZE, RATES / 3, 50.0),
+        lambda words: draws.poissons(words[None], RATES / 3, 50.0),
+    ),
+    "poisson of several words": (
+        3,
+        lambda w: library.poisson(w, 0, SIZE, RATES, 150.0),
+        lambda words: draws.poissons(apart(words, 3), RATES, 150.0),
+    ),
+    "bernoulli": (1, lambda w: library.bernoulli(w, 0, SIZE, RATES / 150), lambda words: draws.bernoullis(words, RATES / 150)),
+    "index": (1, lambda w: library.index(w, 0, SIZE, COUNTS), lambda words: draws.indices(words, COUNTS)),
+    "categorical": (1, lambda w: library.categorical(w, 0, SIZE, LIMITS), lambda words: draws.categoricals(words, LIMITS)),
+    "weighted": (
+        1,
+        lambda w: library.weighted(w, 0, SIZE, SHAPES),
+        lambda words: draws.weighted_categoricals(words, SHAPES[:, None]),
+    ),
+    "permutation": (
+        1,
+        lambda w: library.permutation(w, 0, SIZE, SIZE),
+        lambda words: draws.permutations(words),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("unrolled", [True, False], ids=["one by one", "as an array"])
+@pytest.mark.parametrize("base", DRAWN)
+def test_draws_are_equal_to_the_bit_inside_scan(base: str, unrolled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """XLA fuses and reorders what it can, and still every draw is the one that NumPy gives."""
+    each, drawn, expected = DRAWN[base]
+    monkeypatch.setattr(library, "UNROLLED", each * SIZE if unrolled else 0)
+    keys = _RNG.integers(0, 2**32, (2, LANES), dtype=np.uint32)
+
+    def step(n: Any, _: Any) -> Any:
+        words = library.Words(keys[0], keys[1], n, draws.STEP, each * SIZE)
+        return n + 1, (drawn(words), words.rows(0, each * SIZE))
+
+    start = jnp.zeros(LANES, jnp.uint32)
+    found, words = jax.jit(lambda n: jax.lax.scan(step, n, None, STEPS)[1])(start)
+    for one, of in zip(np.asarray(found), np.asarray(words), strict=True):
+        np.testing.assert_array_equal(one, expected(of))
+
+
+RAW = """
+taskspec: 1
+name: Raw
+summary: Draws as they come, and sums of them.
+state:
+  u: {type: real}
+  e: {type: real}
+  n: {type: real, shape: [5]}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 9
+initial: {u: "Uniform(0, 1)", e: Exponential(1), n: "Normal(0, 1, shape=5)"}
+dynamics: {u': "Uniform(0, 1)", e': Exponential(1), n': "Normal(0, 1, shape=5)"}
+reward: 0
+"""
+
+
+def test_draws_are_equal_to_the_bit_in_vmapped_programs() -> None:
+    functional, env = Functional(build(read(RAW), None, {}, "")), build(read(RAW), None, {}, "").make()
+    seeds = jnp.arange(64, dtype=jnp.uint32)
+
+    @jax.jit
+    def walk(seeds: Any) -> Any:
+        def one(seed: Any) -> Any:
+            first, state = functional.reset(jnp.stack([jnp.uint32(0), seed]))
+            return first, jax.lax.scan(lambda s, _: functional.step(s, 0)[1::-1], state, None, 40)[1]
+
+        return jax.vmap(one)(seeds)
+
+    first, rest = walk(seeds)
+    for seed in range(64):
+        np.testing.assert_array_equal(first[seed], env.reset(seed=seed)[0])
+        for seen in np.asarray(rest[seed]):
+            expected, _, _, truncated, _ = env.step(0)
+            np.testing.assert_array_equal(seen, env.reset()[0] if truncated else expected)
+
+
+# -- pure functions -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["derail/RiskyPath-v0", "derail/Sort-v0", "derail/NoisyObs-v0"])

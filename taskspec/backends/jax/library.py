@@ -1,7 +1,8 @@
 """Random words and variates in JAX, and the array forms that XLA compiles well; 32-bit numbers only.
 
-Words are exactly those of `taskspec.draws`, and so are finite draws. Real variates use the same float32 polynomials, but
-XLA may fuse a product with the sum that it feeds: about 3% of normals differ from NumPy's, in the last digits (5e-7).
+Words and variates are exactly those of `taskspec.draws`. For XLA computes a product and the sum that it feeds with one
+rounding, a quotient by a constant as a product, and a quotient by a root as one by `rsqrt`, whatever is rounded in
+between passes through `Rounding`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from jax import lax
 from taskspec.draws import GAMMA_WORDS, poisson_terms, poisson_words
 from taskspec.draws.polynomials import LN2, LN2_HIGH, LN2_LOW, LOG2E, C, E, L, S
 from taskspec.draws.threefry import PARITY, ROTATIONS
+from taskspec.draws.variates import SMALLEST_GAMMA
 from taskspec.lang.arrays import Runtime
 
 Array = Any
@@ -93,46 +95,70 @@ def _real(bits: Array) -> Array:
     return lax.bitcast_convert_type(bits, jnp.float32)
 
 
-def _split(x: Array) -> tuple[Array, Array]:
+class Rounding:
+    """What passes through is rounded to float32 before anything else is done with it, as in NumPy.
+
+    A negative zero is added, which changes nothing, and which the compiler cannot tell from another number: bits 0 and 2
+    of a square are never both set, for a square is 0, 1 or 4 modulo 8. If a product is fused with a sum, then with this
+    one. The number squared is one of the random words that the values follow from, so that it is known while compiling
+    only where they are, too.
+    """
+
+    def __init__(self, words: Array) -> None:
+        square = words * words
+        zero = square & (square >> 2) & 1
+        self._zero = lax.bitcast_convert_type(zero ^ jnp.uint32(1 << 31), jnp.float32)
+
+    def __call__(self, x: Array) -> Array:
+        return x + self._zero
+
+    def horner(self, z: Array, coefficients: Sequence[Any]) -> Array:
+        """The polynomial in z with these coefficients, the constant first."""
+        *rest, value = coefficients
+        for c in reversed(rest):
+            value = c + self(z * value)
+        return value
+
+
+def _split(x: Array, rounded: Rounding) -> tuple[Array, Array]:
     bits = _bits(x) - jnp.int32(0x3F3504F3)
     m = _real((bits & jnp.int32(0x007FFFFF)) + jnp.int32(0x3F3504F3))
     s = (m - 1) / (m + 1)
-    z = s * s
-    return bits >> 23, s * (2 + z * (L[0] + z * (L[1] + z * L[2])))
+    return bits >> 23, rounded(s * rounded.horner(s * s, (2, *L)))
 
 
-def log(x: Array) -> Array:
-    e, log_m = _split(x)
-    return e.astype(jnp.float32) * LN2 + log_m
+def log(x: Array, rounded: Rounding) -> Array:
+    e, log_m = _split(x, rounded)
+    return rounded(e.astype(jnp.float32) * LN2) + log_m
 
 
-def exp(x: Array) -> Array:
+def exp(x: Array, rounded: Rounding) -> Array:
     y = jnp.minimum(jnp.maximum(x, -87), 88)
     k = jnp.rint(y * LOG2E)
-    f = (y - k * LN2_HIGH) - k * LN2_LOW
-    p = E[0] + f * (E[1] + f * (E[2] + f * (E[3] + f * E[4])))
+    f = (y - k * LN2_HIGH) - rounded(k * LN2_LOW)
     power = _real((k.astype(jnp.int32) + 127) << 23)
-    return jnp.where(x < -87, 0, ((f * f) * p + f + 1) * power)
+    return jnp.where(x < -87, 0, (rounded((f * f) * rounded.horner(f, E)) + f + 1) * power)
 
 
 def uniforms(words: Array) -> Array:
     return (words >> 8).astype(jnp.int32).astype(jnp.float32) * 2**-24
 
 
-def exponentials(words: Array) -> Array:
+def exponentials(words: Array, rounded: Rounding | None = None) -> Array:
+    rounded = rounded or Rounding(words)
     v = (~words >> 1).astype(jnp.int32).astype(jnp.float32) + 0.5
-    e, log_m = _split(v)
-    return (31 - e).astype(jnp.float32) * LN2 - log_m
+    e, log_m = _split(v, rounded)
+    return rounded((31 - e).astype(jnp.float32) * LN2) - log_m
 
 
 def normal_pair(radius: Array, angle: Array) -> tuple[Array, Array]:
-    r = jnp.sqrt(exponentials(radius) * 2)
+    rounded = Rounding(radius)
+    r = jnp.sqrt(exponentials(radius, rounded) * 2)
     x = lax.bitcast_convert_type(angle << 1, jnp.int32).astype(jnp.float32) * 2**-31
     z = x * x
-    sine = x * (S[0] + z * (S[1] + z * (S[2] + z * (S[3] + z * S[4]))))
-    cosine = C[0] + z * (C[1] + z * (C[2] + z * (C[3] + z * C[4])))
+    sine, cosine = x * rounded.horner(z, S), rounded.horner(z, C)
     sign = lax.bitcast_convert_type(angle & jnp.uint32(1 << 31), jnp.int32)
-    return r * _real(_bits(cosine) ^ sign), r * sine
+    return rounded(r * _real(_bits(cosine) ^ sign)), rounded(r * sine)
 
 
 # -- variates: what draws are called in generated code ------------------------------------------------------------
@@ -184,11 +210,12 @@ def poisson(w: Words, first: int, size: int, rate: Array, bound: float) -> Array
     """Counts at a rate of at most `bound`; each draw shares its rate among its words."""
     each = poisson_words(bound)
     words = w.rows(first, size * each).reshape(size, each, -1)
-    share = (jnp.minimum(jnp.where(rate > 0, rate, 0), bound) / each)[:, None]
+    rounded = Rounding(words[:, :1])
+    share = jnp.minimum(jnp.where(rate > 0, rate, 0), bound)[:, None] / rounded(jnp.float32(each))
     term = total = jnp.ones_like(share)
     sums = [total]
     for k in range(1, poisson_terms(bound) + 1):
-        term = term * share / k
+        term = rounded(term * share / rounded(jnp.float32(k)))
         total = total + term
         sums.append(total)
     target = uniforms(words) * total
@@ -205,24 +232,26 @@ def gamma(w: Words, first: int, size: int, alpha: Array) -> Array:
     """Marsaglia and Tsang, as `taskspec.draws.gammas`."""
     words = w.rows(first, size * GAMMA_WORDS).reshape(size, GAMMA_WORDS, -1)
     alpha = jnp.maximum(alpha, 2.0**-100)
+    rounded = Rounding(words[:, 0])
     small = alpha < 1
     d = jnp.where(small, alpha + 1, alpha) - 1 / 3
-    scale = (1 / 3) / jnp.sqrt(d)
+    scale = (1 / 3) / rounded(jnp.sqrt(d))
     x = (*normal_pair(words[:, 0], words[:, 1]), *normal_pair(words[:, 2], words[:, 3]))
     value = d
     for i in (3, 2, 1, 0):
-        candidate, accepted = _attempt(x[i], words[:, 4 + i], d, scale)
+        candidate, accepted = _attempt(x[i], words[:, 4 + i], d, scale, rounded)
         value = jnp.where(accepted, candidate, value)
-    shrink = jnp.where(small, exponentials(words[:, 8]) / alpha, 0)
-    return value * exp(-shrink)
+    shrink = jnp.where(small, exponentials(words[:, 8]) / rounded(alpha), 0)
+    made = rounded(value * exp(-shrink, rounded))
+    return jnp.where(made <= SMALLEST_GAMMA, 0, made)
 
 
-def _attempt(x: Array, word: Array, d: Array, scale: Array) -> tuple[Array, Array]:
-    root = x * scale + 1
+def _attempt(x: Array, word: Array, d: Array, scale: Array, rounded: Rounding) -> tuple[Array, Array]:
+    root = rounded(x * scale) + 1
     positive = root > 0
     root = jnp.where(positive, root, 1)
-    v = root * root * root
-    margin = 0.5 * x * x + d * ((1 - v) + log(v))
+    v = rounded(root * root * root)
+    margin = rounded(0.5 * x * x) + rounded(d * ((1 - v) + log(v, rounded)))
     return d * v, positive & (exponentials(word) + margin > 0)
 
 

@@ -247,4 +247,5 @@ def gamma(w: Any, alpha: Any) -> Any:
         candidate, accepted = _attempt(x, word, d, scale)
         value = select(accepted, candidate, value)
     shrink = select(small, exponential32(w[8]) / shape, f32(0))
-    return f64(value * exp32(-shrink))
+    made = value * exp32(-shrink)
+    return f64(select(made <= f32(2.0**-126), f32(0), made))
