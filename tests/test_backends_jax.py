@@ -1,4 +1,4 @@
-"""The JAX program as pure functions: under jit, vmap and scan, in gymnax's shape, as Gymnasium's FuncEnv."""
+"""The JAX program as pure functions: draws to the bit, under jit, vmap and scan, as Gymnasium's FuncEnv."""
 
 from __future__ import annotations
 
@@ -185,17 +185,6 @@ def test_vmap_and_scan() -> None:
         assert rewards[:, lane].tolist() == paid
 
 
-def test_the_shape_of_gymnax() -> None:
-    env = Functional(taskspec.load("derail/RiskyPath-v0")).gymnax()
-    key = jax.random.key(3)
-    seen, state = env.reset(key, env.default_params)
-    following = env.step(key, state, jnp.int32(1), env.default_params)
-    assert len(following) == 6
-    assert len(env.step_env(key, state, jnp.int32(1))) == 5
-    assert env.num_actions == 2
-    assert int(seen) == 0
-
-
 def test_func_env() -> None:
     task = taskspec.load("derail/EarlyTermPos-v0")
     env, scalar = TaskFuncEnv(task), task.make()
@@ -209,3 +198,32 @@ def test_func_env() -> None:
         assert float(env.reward(state, action, following, key)) == reward
         assert bool(env.terminal(following, key)) == terminated
         state = following
+
+
+def test_gymnasium_steps_the_func_env() -> None:
+    functional_env = pytest.importorskip("gymnasium.envs.functional_jax_env").FunctionalJaxEnv
+    env = functional_env(TaskFuncEnv(taskspec.load("derail/RiskyPath-v0")))
+    assert int(env.reset(seed=0)[0]) == 0
+    seen, reward, *_ = zip(*(env.step(1) for _ in range(3)), strict=True)
+    assert (int(seen[0]), reward[0]) in {(2, 1.0), (3, -100.0)}
+
+
+def test_func_env_under_scan() -> None:
+    env = TaskFuncEnv(taskspec.load("derail/RiskyPath-v0"))
+
+    def step(state: Any, action: Any) -> Any:
+        following = env.transition(state, action, None)
+        return following, env.observation(following, None)
+
+    _, seen = jax.jit(lambda s: jax.lax.scan(step, s, jnp.ones(4, jnp.int32)))(env.initial(jax.random.key(7)))
+    scalar = taskspec.make("derail/RiskyPath-v0")
+    scalar.reset(seed=7)
+    assert seen.tolist() == [scalar.step(1)[0] for _ in range(4)]
+
+
+def test_other_kinds_of_keys() -> None:
+    """Keys of four words count by the first two, which for small seeds are those of Threefry's."""
+    functional = Functional(taskspec.load("derail/Sort-v0"))
+    expected = functional.reset(jax.random.PRNGKey(5))[0].tolist()
+    assert functional.reset(jax.random.key(5))[0].tolist() == expected
+    assert functional.reset(jax.random.key(5, impl="rbg"))[0].tolist() == expected

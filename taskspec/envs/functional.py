@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
 from gymnasium.experimental.functional import FuncEnv
 
 from taskspec.backends.jax import Functional, State
@@ -34,10 +35,10 @@ class TaskFuncEnv(FuncEnv[FuncState, Any, Any, Any, Any, Any, Any]):
 
     def initial(self, rng: Any, params: Any = None) -> FuncState:
         seen, state = self._functional.reset(rng)
-        return FuncState(state, seen, 0.0, False)
+        return FuncState(state, seen, np.float32(0), np.False_)
 
     def transition(self, state: FuncState, action: Any, rng: Any, params: Any = None) -> FuncState:
-        seen, following, reward, _, info = self._functional.step_env(rng, state.state, action)
+        seen, following, reward, _, info = self._functional.step_env(state.state, action)
         return FuncState(following, seen, reward, info["terminated"])
 
     def observation(self, state: FuncState, rng: Any, params: Any = None) -> Any:

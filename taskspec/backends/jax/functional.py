@@ -1,8 +1,8 @@
 """A task as pure functions of one environment, in the shape that gymnax users know.
 
 Use them under `jit`, `vmap` and `scan`. The key that `reset` gets is the seed: `reset(jax.random.key(s))` walks the
-trajectory of the scalar environment with seed s. Later keys are taken and ignored, since draws follow from the seed and
-the counters that the state carries.
+trajectory of the scalar environment with seed s. No other keys are needed, since draws follow from the seed and the
+counters that the state carries.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from taskspec.backends.jax.gymnax import Gymnax
 from taskspec.backends.jax.pack import acted, observed
 from taskspec.backends.jax.program import JaxProgram, Result, State, compile_jax
 from taskspec.spec.task import Task
@@ -20,7 +21,7 @@ Array = Any
 
 
 class Functional:
-    """`reset(key) -> (observation, state)` and `step(state, action)`; `reset_env`, `step_env` as in gymnax.
+    """`reset(key) -> (observation, state)`, and `step(state, action)` with autoreset or `step_env` without it.
 
     Arrays of one environment have no axis for lanes. For many environments, `lanes_reset` and `lanes_step` take and
     give arrays with the lanes last, which XLA compiles to better code than `vmap` over the first axis.
@@ -34,14 +35,9 @@ class Functional:
     def name(self) -> str:
         return self.task.id
 
-    @property
-    def default_params(self) -> None:
-        """Parameters are bound when the task is loaded."""
-        return None
-
     # -- one environment ------------------------------------------------------------------------------------------
 
-    def reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
+    def reset(self, key: Array) -> tuple[Any, State]:
         """The first observation and state of a key: `jax.random.key(seed)`, or its uint32 words (2,)."""
         observation, state = self.lanes_reset(key_words(key)[:, None])
         return _single(observation), _single(state)
@@ -60,8 +56,8 @@ class Functional:
         done = info["terminated"] | info["truncated"]
         return _single(observation), _single(state), result.reward[0], done, info
 
-    def step_env(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
-        """A step without autoreset: observation, state, reward, done, info."""
+    def step_env(self, state: State, action: Array) -> tuple[Any, State, Array, Array, dict[str, Array]]:
+        """A step without autoreset; info holds "terminated" and "truncated"."""
         program = self.program
         after, result = program.step(_lane(state), acted(program.action, jnp.asarray(action)[..., None]))
         seen = _single(observed(program.observation, result.observation))
@@ -69,7 +65,7 @@ class Functional:
         return seen, _single(after), result.reward[0], ends["terminated"] | ends["truncated"], ends
 
     def gymnax(self) -> Gymnax:
-        """The same functions under gymnax's signatures, `reset(key, params)` and `step(key, state, action, params)`."""
+        """The same functions under gymnax's signatures, with its spaces."""
         return Gymnax(self)
 
     # -- many environments, lanes last ----------------------------------------------------------------------------
@@ -86,38 +82,11 @@ class Functional:
         return observed(self.program.observation, seen), following, result
 
 
-class Gymnax:
-    """A task with the signatures of an environment of gymnax 1.0."""
-
-    def __init__(self, functional: Functional) -> None:
-        self._functional = functional
-        self.name, self.default_params = functional.name, None
-
-    def reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
-        return self._functional.reset(key)
-
-    def step(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
-        """Observation, state, reward, terminated, truncated, info; with autoreset."""
-        seen, following, reward, _, info = self._functional.step(state, action)
-        return seen, following, reward, info["terminated"], info["truncated"], info
-
-    def step_env(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
-        """Observation, state, reward, terminated, info; without autoreset and horizon."""
-        seen, following, reward, _, info = self._functional.step_env(key, state, action)
-        return seen, following, reward, info["terminated"], info
-
-    @property
-    def num_actions(self) -> int:
-        """How many actions there are, for tasks with one finite action."""
-        (count,) = self._functional.program.action.counts
-        return count
-
-
 def key_words(key: Array) -> Array:
-    """The two uint32 words of a key, high word first."""
+    """The two uint32 words of a key, high word first; of longer keys than Threefry's, the first two."""
     if jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)
-    return jnp.asarray(key, jnp.uint32)
+    return jnp.asarray(key, jnp.uint32)[:2]
 
 
 def _lane(tree: Any) -> Any:

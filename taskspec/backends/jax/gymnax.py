@@ -1,0 +1,145 @@
+"""A task in the shape of an environment of gymnax 1.0, for its wrappers and for learners written for it."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from taskspec.backends.jax.program import State
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.lang.types import INT_MAX
+from taskspec.spec.spaces import Layout, single
+from taskspec.spec.task import Component
+
+if TYPE_CHECKING:
+    from taskspec.backends.jax.functional import Functional
+
+Array = Any
+
+
+class Params(NamedTuple):
+    """What a caller may want to know. A task's parameters, its horizon among them, are bound when it is loaded."""
+
+    max_steps_in_episode: int
+
+
+class Gymnax:
+    """`reset(key, params)` and `step(key, state, action, params)`; the key of `reset` is the seed, others are ignored.
+
+    Finite observations and actions count from 0, since spaces of gymnax do.
+    """
+
+    def __init__(self, functional: Functional) -> None:
+        task, program = functional.task, functional.program
+        self._functional = functional
+        self._seen, self._acted = program.observation, program.action
+        self.name = functional.name
+        self.default_params = Params(INT_MAX if task.horizon is None else task.horizon)
+
+    def reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
+        seen, state = self._functional.reset(key)
+        return _from_zero(self._seen, seen), state
+
+    reset_env = reset
+
+    def step(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
+        """Observation, state, reward, terminated, truncated, info; with autoreset.
+
+        info holds "terminated", "truncated", and "final_observation", that of the step itself.
+        """
+        seen, following, reward, _, info = self._functional.step(state, self._action(action))
+        info["final_observation"] = _from_zero(self._seen, info["final_observation"])
+        return _from_zero(self._seen, seen), following, reward, info["terminated"], info["truncated"], info
+
+    def step_env(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
+        """Observation, state, reward, terminated, info; without autoreset and horizon."""
+        seen, following, reward, _, info = self._functional.step_env(state, self._action(action))
+        return _from_zero(self._seen, seen), following, reward, info["terminated"], info
+
+    def is_truncated(self, state: State, params: Any = None) -> Array:
+        """Whether the horizon is reached."""
+        return state.time >= self.default_params.max_steps_in_episode
+
+    def _action(self, action: Array) -> Array:
+        return action + self._acted.starts[0] if self._acted.form == "discrete" else action
+
+    @property
+    def num_actions(self) -> int:
+        """How many actions there are; the size of an action that is an array."""
+        return self._acted.counts[0] if self._acted.form == "discrete" else self._acted.size
+
+    def action_space(self, params: Any = None) -> Any:
+        """A space of gymnax; several finite components are a box of integers.
+
+        Raises:
+            SpecError: E705 where gymnax is not installed.
+        """
+        return _space(self._acted)
+
+    def observation_space(self, params: Any = None) -> Any:
+        """A space of gymnax.
+
+        Raises:
+            SpecError: E705 where gymnax is not installed.
+        """
+        return _space(self._seen)
+
+
+def _from_zero(layout: Layout, seen: Any) -> Any:
+    """An observation whose finite scalars count from 0."""
+    match layout.form:
+        case "discrete":
+            return seen - layout.starts[0]
+        case "dict":
+            starts = {c.name: int(c.low[0]) for c in layout.components if _is_discrete(c)}
+            return {name: value - starts.get(name, 0) for name, value in seen.items()}
+        case _:
+            return seen
+
+
+def _is_discrete(c: Component) -> bool:
+    return c.is_finite and c.type.is_scalar
+
+
+# -- spaces -------------------------------------------------------------------------------------------------------
+
+
+def _space(layout: Layout) -> Any:
+    spaces = _spaces()
+    match layout.form:
+        case "discrete":
+            return spaces.Discrete(layout.counts[0])
+        case "multi_discrete":
+            high = jnp.array(layout.counts, jnp.int32) - 1
+            return spaces.Box(jnp.zeros_like(high), high, layout.shape, jnp.int32)
+        case "one_hot":
+            return spaces.Box(0.0, 1.0, layout.shape)
+        case "dict":
+            return spaces.Dict({c.name: _component(spaces, c) for c in layout.components})
+        case "box":
+            return _box(spaces, layout.low, layout.high, layout.shape)
+
+
+def _component(spaces: Any, c: Component) -> Any:
+    if _is_discrete(c):
+        return spaces.Discrete(c.counts[0])
+    low, high = (tuple(single(v) for v in bound) for bound in (c.low, c.high))
+    return _box(spaces, low, high, c.type.shape)
+
+
+def _box(spaces: Any, low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> Any:
+    """Without bounds where there are none: gymnax's own environments have the largest float32 there."""
+    most = float(np.finfo(np.float32).max)
+    lows, highs = (np.clip(np.reshape(b, shape), -most, most).astype(np.float32) for b in (low, high))
+    return spaces.Box(jnp.array(lows), jnp.array(highs), shape)
+
+
+def _spaces() -> Any:
+    try:
+        return import_module("gymnax.environments.spaces")
+    except ModuleNotFoundError as error:
+        message = "spaces of gymnax need the package gymnax"
+        raise SpecError([Diagnostic("E705", None, message, "pip install gymnax")]) from error
