@@ -63,7 +63,7 @@ def on_jax(b: Builder, root: Node, reads: Values) -> np.ndarray:
 
 
 def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
-    pytest.importorskip("numba")
+    numba = pytest.importorskip("numba")
     from taskspec.backends.numba import basics, draws, operators
 
     names, loads, arguments = {}, [], []
@@ -81,7 +81,7 @@ def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
     exec(f"def f(n, out, {parameters}):\n    for j in range(n):\n{body}", space)
     n = next(iter(reads.values())).shape[-1]
     out = np.zeros((root.type.size, n), DTYPES[root.type.kind])
-    basics.inner(space["f"])(n, out, *(row for _, row in arguments))
+    numba.njit(error_model="numpy")(space["f"])(n, out, *(row for _, row in arguments))
     return out.reshape(*root.type.shape, n)
 
 

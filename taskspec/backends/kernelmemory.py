@@ -16,6 +16,12 @@ from taskspec.spec.task import Component, Task
 SCRATCH = 1 << 16
 """Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
 BLOCK = 1024
+CHECKED_STEP, STEP, CHECK, RESET = range(4)
+"""What `run` is to do: check the actions and step; step, without the interpreter's lock; check the actions; reset."""
+WHAT = 3
+"""The number of the field that says so."""
+BAD = -1
+"""What `run` gives where an action is not in the action space; nothing has changed then."""
 _ARRAYS = {Kind.BOOL: "bools", Kind.INT: "i64s", Kind.REAL: "f64s"}
 
 
@@ -26,9 +32,10 @@ class Memory:
     fields: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.fields = ["start", "stop", "every"]  # numbers: the range of lanes, and how many there are in all
+        # Numbers: the range of lanes, how many there are in all, what is to be done.
+        self.fields = ["start", "stop", "every", "what"]
         self.fields += ["k0", "k1", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
-        self.fields += ["lanes", "words", "reals"]
+        self.fields += ["chosen", "lanes", "words", "reals"]
 
     def at(self, name: str) -> str:
         if name not in self.fields:
@@ -59,6 +66,7 @@ class Program:
     observation: Layout
     action: Layout
     mode: Mode
+    actions: str  # "i", "f" or "d": int64, float32 or float64
     memory: Memory = field(default_factory=Memory)
     constants: dict[str, Any] = field(default_factory=dict)
 

@@ -10,7 +10,8 @@ from numba.extending import intrinsic
 
 f32, f64, i32, i64, u32, u64 = np.float32, np.float64, np.int32, np.int64, np.uint32, np.uint64
 
-inner = njit(error_model="numpy", nogil=True)
+inner = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+"""Compile a function that kernels call, and nothing else does."""
 
 
 @intrinsic
@@ -60,5 +61,6 @@ def _numbers(dtype: Any) -> Any:
     return view
 
 
-f64s, i64s, u32s = _numbers(types.float64), _numbers(types.int64), _numbers(types.uint32)
-f32s, bools = _numbers(types.float32), _numbers(types.boolean)
+f64s, f32s = _numbers(types.float64), _numbers(types.float32)
+i64s, u64s, u32s = _numbers(types.int64), _numbers(types.uint64), _numbers(types.uint32)
+bools = _numbers(types.boolean)

@@ -1,25 +1,35 @@
-"""Compiles generated kernels and keeps them on disk, so that the next process starts warm.
+"""Kernels as machine code: compiled once by Numba, kept on disk, and loaded without Numba by the processes that follow.
 
-A kernel is written to a file in the user's cache, named after its content and the versions that matter, and imported from
-there; Numba keeps the machine code beside it.
+Importing Numba and what it imports takes longer than everything else that a warm start does. A kernel has plain numbers
+as arguments and needs nothing of Numba's while it runs, so that LLVM's loader is enough.
 """
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
-import importlib.util
 import os
 import sys
 import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
+from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-import numba
+import llvmlite.binding as llvm
+import numpy as np
 
 import taskspec
-from taskspec.backends.numba import basics, draws, lanes, operators
+
+Array = np.ndarray[Any, Any]
+_LIBRARY = ("basics", "build", "draws", "lanes", "operators")
+_UNREACHED = (
+    "NRT_Free", "numba_do_raise", "numba_gil_ensure", "numba_gil_release", "numba_runtime_build_excinfo_struct", "numba_unpickle",
+)  # fmt: skip
+"""Functions of Numba that report exceptions, which the code of a kernel names but, since it raises none, never calls."""
 
 
 def cache_folder() -> Path:
@@ -35,64 +45,113 @@ def cache_folder() -> Path:
 
 
 @lru_cache(maxsize=64)
-def load(source: str) -> ModuleType:
-    """The module of a kernel's source, its functions compiled when first called."""
-    key = _key(source)
-    try:
-        path = _written(source, cache_folder() / "numba" / key / "kernel.py")
-        cached = True
-    except OSError:  # nowhere to write: compile in memory
-        path, cached = Path(tempfile.mkdtemp()) / "kernel.py", False
-        path.write_text(source, encoding="utf-8")
-    spec = importlib.util.spec_from_file_location(f"taskspec_kernel_{key}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    module.__dict__.update(outer=_outer(cached), apart=apart)
-    sys.modules[module.__name__] = module  # where Numba looks when it loads machine code from its cache
-    spec.loader.exec_module(module)
-    return module
+def load(source: str) -> Kernel:
+    """The kernel of a generated module, from the cache if it has been compiled before on such a machine."""
+    path = cache_folder() / "numba" / f"{_key(source)}.o"
+    code = _read(path)
+    if code is None:
+        code = import_module("taskspec.backends.numba.build").machine_code(source)
+        _write(path, code)
+    return _linked(code)
 
 
 def _key(source: str) -> str:
-    """A name for all that the machine code follows from, but the machine itself, which Numba checks."""
-    made_of = (source, taskspec.__version__, numba.__version__, _library())
+    """A name for all that the machine code follows from."""
+    machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+    made_of = (source, taskspec.__version__, version("numba"), version("llvmlite"), _library(), *machine)
     return hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:32]
 
 
 @lru_cache(maxsize=1)
 def _library() -> str:
     """The text of the functions that kernels are made of."""
-    files = [module.__file__ for module in (basics, draws, lanes, operators)]
-    return "\0".join(Path(file).read_text(encoding="utf-8") for file in files if file is not None)
+    here = Path(__file__).parent
+    return "\0".join((here / f"{name}.py").read_text(encoding="utf-8") for name in _LIBRARY)
 
 
-def _written(source: str, path: Path) -> Path:
-    """The file, written once and whole. What stands there is run only if it is this very text."""
-    if not path.is_file() or path.read_text(encoding="utf-8") != source:
+# -- on disk: the digest of the code, and the code ----------------------------------------------------------------
+
+
+def _read(path: Path) -> bytes | None:
+    try:
+        whole = path.read_bytes()
+    except OSError:
+        return None
+    digest, code = whole[:32], whole[32:]
+    return code if hashlib.sha256(code).digest() == digest else None
+
+
+def _write(path: Path, code: bytes) -> None:
+    """Write a file at once and whole; where that is not possible, the next process compiles again."""
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".py")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(source)
+        handle, name = tempfile.mkstemp(dir=path.parent)
+        with os.fdopen(handle, "wb") as file:
+            file.write(hashlib.sha256(code).digest() + code)
         Path(name).replace(path)
-    return path
+    except OSError:
+        return
 
 
-def _outer(cached: bool) -> Any:
-    return numba.njit(error_model="numpy", nogil=True, cache=cached)
+# -- in memory ----------------------------------------------------------------------------------------------------
 
 
-def apart(function: Any) -> Any:
-    """Compile with the promise that no two array arguments share memory, which saves the loop from checking."""
-    compiled = numba.njit(error_model="numpy", nogil=True)(function)
-    compiler: Any = getattr(compiled, "_compiler", None)
-    plain = getattr(compiler, "_customize_flags", None)
-    if plain is not None:  # private to Numba, hence optional
+@lru_cache(maxsize=1)
+def target_machine() -> llvm.TargetMachine:
+    """This machine, as a target of code that is loaded at run time."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    triple = llvm.get_process_triple()
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    return llvm.Target.from_triple(triple).create_target_machine(
+        cpu=cpu, features=features, opt=3, reloc="default", codemodel="jitdefault", jit=True
+    )
 
-        def customized(flags: Any) -> Any:
-            flags = plain(flags)
-            flags.noalias = True
-            return flags
 
-        compiler._customize_flags = customized
-    return compiled
+Run = Callable[[Array], int]
+"""Runs a kernel over the memory that it is bound to, with an array of actions."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """The machine code of a generated module."""
+
+    _method: _PyMethodDef
+    _engine: llvm.ExecutionEngine  # the code is its own, and goes when it does
+
+    def bound(self, memory: Array) -> Run:
+        """The kernel as a built-in function of the array of actions, for a vector of addresses, uint64.
+
+        The kernel and whatever the addresses point to must be kept while it is used.
+        """
+        run: Run = _new_function(ctypes.byref(self._method), memory, None)
+        return run
+
+
+class _PyMethodDef(ctypes.Structure):
+    """CPython's structure of that name."""
+
+    _fields_ = (
+        ("ml_name", ctypes.c_char_p),
+        ("ml_meth", ctypes.c_void_p),
+        ("ml_flags", ctypes.c_int),
+        ("ml_doc", ctypes.c_char_p),
+    )
+
+
+_METH_O = 0x8
+_new_function = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)(
+    ("PyCFunction_NewEx", ctypes.pythonapi)
+)
+
+
+def _linked(code: bytes) -> Kernel:
+    """The function `kernel` of an object file."""
+    never = ctypes.cast(ctypes.pythonapi.Py_FatalError, ctypes.c_void_p).value
+    for name in _UNREACHED:
+        if llvm.address_of_symbol(name) is None:
+            llvm.add_symbol(name, never)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return Kernel(_PyMethodDef(b"run", engine.get_function_address("kernel"), _METH_O, None), engine)

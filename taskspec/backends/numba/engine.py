@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
-from types import ModuleType
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.buffers import Array, Buffers
-from taskspec.backends.kernelmemory import Program
+from taskspec.backends.kernelmemory import BAD, CHECK, CHECKED_STEP, RESET, STEP, WHAT, Program
 from taskspec.backends.kernelstep import generate
-from taskspec.backends.numba.compile import load
+from taskspec.backends.numba.compile import Kernel, Run, load
 from taskspec.backends.vector import Mode, NotRunningError, Options
 from taskspec.lang.types import Kind
 from taskspec.spec.spaces import action_layout, observation_layout
 from taskspec.spec.task import Task
 
-
 @lru_cache(maxsize=64)
-def compile_numba(task: Task, mode: Mode) -> tuple[str, Program, ModuleType]:
-    """Source, memory and module of a task's kernel."""
-    source, program = generate(task, observation_layout(task), action_layout(task), mode)
+def compile_numba(task: Task, mode: Mode, actions: str) -> tuple[str, Program, Kernel]:
+    """Source, memory and kernel of a task, for actions of a type: "i" (int64), "f" (float32) or "d" (float64)."""
+    source, program = generate(task, observation_layout(task), action_layout(task), mode, actions)
     return source, program, load(source)
 
 
@@ -31,28 +29,25 @@ class NumbaEngine:
     """Lanes of a task; with several threads, each steps a range of them."""
 
     def __init__(self, task: Task, lanes: int, options: Options) -> None:
-        self.source, program, module = compile_numba(task, options.mode)
-        self.observation, self.action = program.observation, program.action
-        self.buffers = Buffers.of(task, program.observation, lanes)
-        self._program, self._mode = program, options.mode
-        self._keys = np.zeros((2, lanes), np.uint32)
-        self._check, self._step, self._reset = module.check, module.step, module.reset
-        self._set_actions(task, lanes)
-        threads = max(1, min(options.num_threads, -(-lanes // program.block)))
-        self._ranges = _ranges(lanes, threads, program.block)
-        self._scratch = [self._new_scratch() for _ in self._ranges]
-        self._lanes, self._begun, self._over = lanes, False, 0
-        pairs = zip(self._scratch, self._ranges, strict=True)
-        self._memory = [self._addresses(scratch, *place) for scratch, place in pairs]
-        self._first, self._all = self._memory[0], self._addresses(self._scratch[0], 0, lanes)
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
-
-    def _set_actions(self, task: Task, lanes: int) -> None:
-        self._shape: tuple[int, ...] = (lanes, *self.action.shape) if self.action.form != "discrete" else (lanes,)
-        box = self.action.form == "box"
+        self._task, self._mode = task, options.mode
+        box = action_layout(task).form == "box"
         self._dtype = np.dtype(np.float32 if box else np.int64)
         self._kinds = "fiub" if box else "iub"
-        self._whole = all(c.type.kind is not Kind.REAL for c in task.action)
+        self.source, program, self._kernel = compile_numba(task, options.mode, "f" if box else "i")
+        self.observation, self.action = program.observation, program.action
+        self.buffers = Buffers.of(task, program.observation, lanes)
+        self._shape: tuple[int, ...] = (lanes, *self.action.shape) if self.action.form != "discrete" else (lanes,)
+        self._program = program
+        self._keys = np.zeros((2, lanes), np.uint32)
+        self._chosen = np.zeros(lanes, np.bool_)
+        threads = max(1, min(options.num_threads, -(-lanes // program.block)))
+        ranges = _ranges(lanes, threads, program.block)
+        self._scratch = [self._new_scratch() for _ in ranges]
+        pairs = zip(self._scratch, ranges, strict=True)
+        self._memory = [self._addresses(scratch, *place) for scratch, place in pairs]
+        self._runs = [self._kernel.bound(memory) for memory in self._memory]
+        self._lanes, self._begun, self._over = lanes, False, 0
+        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def _new_scratch(self) -> dict[str, Array]:
         p = self._program
@@ -63,17 +58,18 @@ class NumbaEngine:
         }
 
     def _addresses(self, scratch: dict[str, Array], start: int, stop: int) -> Array:
-        """Where every array of `Memory.fields` begins, after the range of lanes and the number of all."""
+        """The numbers of `Memory.fields`, and where every array begins: uint64."""
         b = self.buffers
         arrays = {
             "k0": self._keys[0], "k1": self._keys[1], "steps": b.steps, "episodes": b.episodes, "time": b.time,
-            "reward": b.reward, "terminated": b.terminated, "truncated": b.truncated, "ended": b.ended, **scratch,
+            "reward": b.reward, "terminated": b.terminated, "truncated": b.truncated, "ended": b.ended,
+            "chosen": self._chosen, **scratch,
         }  # fmt: skip
         arrays |= {f"s{i}": array for i, array in enumerate(b.state)}
         arrays |= {f"seen{i}": array for i, array in enumerate(b.seen.parts)}
         arrays |= {f"final{i}": array for i, array in enumerate(b.final.parts)}
-        places = [arrays[name].ctypes.data for name in self._program.memory.fields[3:]]
-        return np.array([start, stop, self._lanes, *places], np.uint64)
+        places = [arrays[name].ctypes.data for name in self._program.memory.fields[4:]]
+        return np.array([start, stop, len(b.seeds), CHECKED_STEP, *places], np.uint64)
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
         b, chosen = self.buffers, slice(None) if lanes is None else lanes
@@ -84,15 +80,24 @@ class NumbaEngine:
         self._keys[1] = (b.seeds >> np.uint64(32)).astype(np.uint32)
 
     def reset(self, lanes: Array | None = None) -> None:
-        b = self.buffers
-        chosen = np.full(self._lanes, lanes is None)
+        b, chosen = self.buffers, self._chosen
+        chosen[:] = lanes is None
         if lanes is not None:
             chosen[lanes] = True
-        self._reset(self._all, chosen)
+        self._each(RESET, self._runs, chosen)
         b.running |= chosen
         self._begun = self._begun or bool(b.running.all())
         if self._mode == "disabled":
             self._over = int(np.count_nonzero(b.ended))
+
+    def _each(self, what: int, runs: list[Run], data: Array) -> int:
+        """Something in every range, one after the other; gives what they give, added up."""
+        total = 0
+        for memory, run in zip(self._memory, runs, strict=True):
+            memory[WHAT] = what
+            total += run(data)
+            memory[WHAT] = CHECKED_STEP
+        return total
 
     def step(self, actions: Any) -> int:
         if not self._begun or self._over:
@@ -104,8 +109,9 @@ class NumbaEngine:
             or not actions.flags.c_contiguous
         ):
             actions = self._read(actions)
-        ended: int = self._step(self._first, actions) if self._pool is None else self._step_threads(actions)
-        if ended < 0:
+        runs = self._runs if actions.dtype is self._dtype else self._other
+        ended = runs[0](actions) if self._pool is None else self._step_threads(runs, actions)
+        if ended == BAD:
             raise BadActionError
         if self._mode == "disabled":
             self._over = ended
@@ -120,12 +126,23 @@ class NumbaEngine:
             return np.ascontiguousarray(array, np.int64)
         return np.ascontiguousarray(array, np.float32 if array.dtype == np.float32 else np.float64)
 
-    def _step_threads(self, actions: Array) -> int:
+    @cached_property
+    def _other(self) -> list[Run]:
+        """The kernel for actions in float64."""
+        self._kernel_of_doubles = compile_numba(self._task, self._mode, "d")[2]
+        return [self._kernel_of_doubles.bound(memory) for memory in self._memory]
+
+    def _step_threads(self, runs: list[Run], actions: Array) -> int:
         assert self._pool is not None
-        if self._check(self._lanes, actions.reshape(-1)):
-            return -1
-        jobs = [self._pool.submit(self._step, memory, actions) for memory in self._memory]
-        return sum(job.result() for job in jobs)
+        if self._each(CHECK, runs, actions):
+            return BAD
+        for memory in self._memory:
+            memory[WHAT] = STEP
+        jobs = [self._pool.submit(run, actions) for run in runs]
+        total = sum(job.result() for job in jobs)
+        for memory in self._memory:
+            memory[WHAT] = CHECKED_STEP
+        return total
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
         for held, new in zip(self.buffers.state, values, strict=True):
