@@ -22,6 +22,8 @@ from taskspec.diagnostics import SpecError
 from taskspec.lang.parse import parse
 from taskspec.printers import plain
 from taskspec.printers.names import nowhere
+from taskspec.source import read_text
+from taskspec.spec.build import build
 from taskspec.spec.task import Claim, Task
 
 ROOT = Path(__file__).parent.parent
@@ -87,6 +89,14 @@ def lines(name: str, key: str, **parameters: object) -> list[str]:
 def test_what_the_paper_states_is_stated(name: str, key: str, expected: str) -> None:
     found = lines(name, key)
     assert any(expected.replace("𝒮", "S") in line for line in found), found
+
+
+def test_a_bound_for_each_element_is_a_set_for_each() -> None:
+    text = (ROOT / "docs" / "howto" / "grids.md").read_text(encoding="utf-8")
+    spec = text[text.index("taskspec: 1") :].partition("```")[0]
+    section = page(build(read_text(spec, "<test>"))).section("state")
+    assert section is not None
+    assert words(section.lines[0].content) == "S = {0, … , rows − 1} × {0, … , columns − 1}"
 
 
 def test_sections_are_in_the_order_of_the_paper() -> None:

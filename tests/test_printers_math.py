@@ -111,6 +111,22 @@ def test_symbols_of_names(name: str, expected: str) -> None:
     assert latex(symbol(name)) == expected
 
 
+@pytest.mark.parametrize(
+    ("source", "tex", "text"),
+    [(r"\dot\theta", r"\dot{\theta}", "θ̇"), (r"\hat{x}_t", r"\hat{x}_t", "x̂ₜ"), (r"\overline x'", r"\bar{x}'", "x̄′"),
+     (r"\frac12", r"\frac{1}{2}", "1/2"), (r"\frac1{23}", r"\frac{1}{23}", "1/23"), (r"\frac{12}x", r"\frac{12}{x}", "12/x"),
+     (r"\uparrow", r"\uparrow", " ↑ "), ("↔", r"\leftrightarrow", " ↔ ")],
+)  # fmt: skip
+def test_symbols_that_authors_give(source: str, tex: str, text: str) -> None:
+    found = read_tex(source)
+    assert (latex(found), plain(found)) == (tex, text)
+    ElementTree.fromstring(mathml(found))
+
+
+def test_arrows_are_text_as_well() -> None:
+    assert escape("↑↗") == r"\ensuremath{\uparrow}\ensuremath{\nearrow}"
+
+
 def test_parameters_become_values() -> None:
     found = substitute(parse(nowhere("(a + 1) * (s % B == 0) + L * B - B**2")), {"L": 5, "B": 3})
     assert text(found) == "(a + 1) * (s % 3 == 0) + 15 - 9"

@@ -79,6 +79,10 @@ class Writing:
 
     def domain(self, name: str, entry: Mapping[str, Any]) -> m.Math:
         """The set of values of a component or parameter."""
+        several = {key: entry[key] for key in ("low", "high") if isinstance(entry.get(key), list)}
+        if several:  # a bound for each element
+            ends = [dict(zip(several, each, strict=True)) for each in zip(*several.values(), strict=False)]
+            return self._product([self._scalar(name, {**entry, **each}) for each in ends])
         inner = self._scalar(name, entry)
         shape = entry.get("shape")
         lengths = shape if isinstance(shape, list) else [] if shape is None else [shape]
@@ -101,7 +105,9 @@ class Writing:
 
     def space(self, section: str) -> m.Math:
         """The product of the components' sets, equal neighbours as a power."""
-        sets = [self.domain(name, entry) for name, entry in self.section(section).items()]
+        return self._product([self.domain(name, entry) for name, entry in self.section(section).items()])
+
+    def _product(self, sets: Sequence[m.Math]) -> m.Math:
         return m.joined((_power(same, len(list(group))) for same, group in groupby(sets)), "×")
 
     def whole(self, section: str, primed: bool = False) -> m.Math:

@@ -15,14 +15,23 @@ SYMBOLS: dict[str, str] = {
     "leq": "≤", "geq": "≥", "neq": "≠", "equiv": "≡", "approx": "≈", "sim": "∼", "propto": "∝", "ll": "≪",
     "gg": "≫", "in": "∈", "notin": "∉", "subset": "⊂", "subseteq": "⊆", "cup": "∪", "cap": "∩",
     "setminus": "∖", "land": "∧", "lor": "∨", "lnot": "¬", "forall": "∀", "exists": "∃", "to": "→",
-    "leftarrow": "←", "mapsto": "↦", "Rightarrow": "⇒", "iff": "⟺", "infty": "∞", "ldots": "…", "cdots": "⋯",
+    "leftarrow": "←", "uparrow": "↑", "downarrow": "↓", "leftrightarrow": "↔", "updownarrow": "↕", "nearrow": "↗",
+    "searrow": "↘", "swarrow": "↙", "nwarrow": "↖", "mapsto": "↦", "Rightarrow": "⇒", "iff": "⟺", "star": "⋆",
+    "bullet": "•", "infty": "∞", "ldots": "…", "cdots": "⋯",
     "vdots": "⋮", "partial": "∂", "nabla": "∇", "emptyset": "∅", "mid": "∣", "prime": "′", "langle": "⟨", "rangle": "⟩",
     "lfloor": "⌊", "rfloor": "⌋", "lceil": "⌈", "rceil": "⌉",
 }  # fmt: skip
 
+ACCENTS: dict[str, tuple[str, str]] = {
+    "dot": ("˙", "\u0307"), "ddot": ("¨", "\u0308"), "hat": ("^", "\u0302"), "tilde": ("~", "\u0303"), "bar": ("¯", "\u0304"),
+    "vec": ("→", "\u20d7"),
+}  # fmt: skip
+"""What TeX sets over a letter: the mark alone, and as a character that joins the one before it."""
+
 ALIASES: dict[str, str] = {
     "le": "leq", "ge": "geq", "ne": "neq", "wedge": "land", "vee": "lor", "neg": "lnot", "gets": "leftarrow",
-    "rightarrow": "to", "dots": "ldots", "dotsc": "ldots", "dotsb": "cdots", "implies": "Rightarrow",
+    "rightarrow": "to", "widehat": "hat", "widetilde": "tilde", "overline": "bar",
+    "dots": "ldots", "dotsc": "ldots", "dotsb": "cdots", "implies": "Rightarrow",
 }  # fmt: skip
 
 DELIMITERS: dict[str, str] = {

@@ -81,6 +81,8 @@ def _write(node: m.Math) -> str:
             return rf"\frac{{{latex(top)}}}{{{latex(bottom)}}}"
         case m.Root(body=body):
             return rf"\sqrt{{{latex(body)}}}"
+        case m.Accent(mark=mark, body=body):
+            return rf"\{mark}{{{latex(body)}}}"
         case m.Script():
             return _script(node)
         case m.Fence():

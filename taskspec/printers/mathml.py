@@ -39,6 +39,8 @@ def _write(node: m.Math) -> str:
             return f"<mfrac>{_write(top)}{_write(bottom)}</mfrac>"
         case m.Root(body=body):
             return f"<msqrt>{_write(body)}</msqrt>"
+        case m.Accent(mark=mark, body=body):
+            return f'<mover accent="true">{_write(body)}<mo stretchy="false">{c.ACCENTS[mark][0]}</mo></mover>'
         case m.Script():
             return _script(node)
         case m.Fence(left=left, body=body, right=right):

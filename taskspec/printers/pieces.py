@@ -126,6 +126,8 @@ def _fill(node: m.Math, values: Mapping[str, m.Math]) -> m.Math:
             return m.Frac(go(top), go(bottom))
         case m.Root(body=body):
             return m.Root(go(body))
+        case m.Accent(mark=mark, body=body):
+            return m.Accent(mark, go(body))
         case m.Fence(left=left, body=body, right=right):
             return m.Fence(left, go(body), right)
         case m.Script(base=base, sub=sub, sup=sup, primes=primes):

@@ -31,6 +31,8 @@ def plain(node: m.Math) -> str:
             return f"{_atom(top)}/{_atom(bottom)}"
         case m.Root(body=body):
             return f"√({plain(body)})"
+        case m.Accent(mark=mark, body=body):
+            return plain(body) + c.ACCENTS[mark][1]
         case m.Script():
             return _script(node)
         case m.Fence(left=left, body=body, right=right):
@@ -57,7 +59,7 @@ def _row(items: tuple[m.Math, ...]) -> str:
 
 def _atom(node: m.Math) -> str:
     text = plain(node)
-    return text if isinstance(node, m.Ident | m.Num | m.Script | m.Fence) else f"({text})"
+    return text if isinstance(node, m.Ident | m.Num | m.Accent | m.Script | m.Fence) else f"({text})"
 
 
 def _script(node: m.Script) -> str:

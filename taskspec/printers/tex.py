@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from taskspec.printers import characters as c
 from taskspec.printers.tree import (
+    Accent,
     Big,
     Cases,
     Fence,
@@ -103,6 +104,15 @@ class _Reader:
         found = self.one()
         return row(*found)
 
+    def digit_or_argument(self) -> Math:
+        r"""As `argument`, but of a number only the first digit: `\frac12` is a half."""
+        self.skip_blanks()
+        token = self.peek()
+        if token is None or not token[0].isdigit():
+            return self.argument()
+        self.tokens[self.at : self.at + 1] = [token[0], *([token[1:]] if token[1:] else [])]
+        return Num(self.take())
+
     def one(self) -> list[Math]:
         token = self.take()
         if self.depth > MAX_DEPTH:
@@ -185,7 +195,9 @@ class _Reader:
             return [Ident(_spaces(self.raw_argument()), _STYLES[name])]
         match name:
             case "frac" | "tfrac" | "dfrac":
-                return [Frac(self.argument(), self.argument())]
+                return [Frac(self.digit_or_argument(), self.digit_or_argument())]
+            case _ if name in c.ACCENTS:
+                return [Accent(name, self.argument())]
             case "sqrt":
                 return [Root(self.argument())]
             case "text" | "textrm" | "mbox" | "textit":

@@ -67,6 +67,14 @@ class Root:
 
 
 @dataclass(frozen=True, slots=True)
+class Accent:
+    """A mark over a body, by TeX's name: `dot`, `hat`."""
+
+    mark: str
+    body: Math
+
+
+@dataclass(frozen=True, slots=True)
 class Script:
     """A base with what is written below, above and as primes."""
 
@@ -121,7 +129,7 @@ class Hole:
 
 
 Math = (
-    Ident | Num | Sym | Words | Space | Row | Frac | Root | Script | Fence | Cases | Matrix | Arrow | Big | Hole
+    Ident | Num | Sym | Words | Space | Row | Frac | Root | Accent | Script | Fence | Cases | Matrix | Arrow | Big | Hole
 )  # fmt: skip
 
 
@@ -157,7 +165,7 @@ def children(node: Math) -> tuple[Math, ...]:
             return items
         case Frac(top=top, bottom=bottom):
             return (top, bottom)
-        case Root(body=body) | Fence(body=body) | Arrow(over=body):
+        case Root(body=body) | Accent(body=body) | Fence(body=body) | Arrow(over=body):
             return (body,)
         case Script(base=base, sub=sub, sup=sup):
             return tuple(x for x in (base, sub, sup) if x is not None)
