@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -45,6 +46,28 @@ def spec(folder: Path, text: str, name: str = "x.yaml") -> Path:
 
 
 # -- list ---------------------------------------------------------------------------------------------------------
+
+
+GRID = """\
+taskspec: 1
+name: G
+constants:
+  map:
+    grid: GRID
+    legend: {S: 0, "#": 1}
+state: {s: {type: int, low: 0, high: 1}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 5
+initial: {s: "map[0, 0]"}
+dynamics: {s': a}
+reward: s
+"""
+
+
+@pytest.mark.parametrize("grid", ['["S#", "##"]', "|\n      S#\n      ##\n"])
+def test_show_draws_a_map_as_it_is_written(tmp_path: Path, grid: str) -> None:
+    found = Done("show", spec(tmp_path, GRID.replace("GRID", grid)), columns=80).out
+    assert re.search(r"constants +map = S#\n +##\n +S 0  # 1\n", found), found
 
 
 def test_list_has_a_row_for_every_task_that_is_known() -> None:
@@ -277,7 +300,6 @@ REFUSED = [
     (["check", "--format", "xml"], 2, "text, json, github"),
     (["run", "Branching", "--json", "--render", "ansi"], 2, "do not go together"),
     (["run", "Branching", "--seed", "-1"], 2, "--seed"),
-    (["bench", "speed"], 2, "seals"),
     (["frobnicate"], 2, "frobnicate"),
     (["show"], 2, "TASK"),
 ]

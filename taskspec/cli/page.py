@@ -193,8 +193,11 @@ def _expert(task: Task) -> list[_Shown]:
 
 
 def _constant(value: Any) -> RenderableType:
-    if isinstance(value, Mapping) and isinstance(value.get("grid"), list):
-        return Text("\n".join(clean(str(row)) for row in value["grid"]))
+    if isinstance(value, Mapping) and "grid" in value:
+        grid = value["grid"]
+        rows = grid.splitlines() if isinstance(grid, str) else grid
+        legend = "  ".join(f"{letter} {clean(str(meaning))}" for letter, meaning in value.get("legend", {}).items())
+        return Text("\n".join([*(clean(str(row)) for row in rows), legend]))
     text = clean(str(value))
     return colored(text if len(text) <= 300 else text[:300] + " …")
 
