@@ -25,8 +25,8 @@ from taskspec.spec.task import Task
 EVERYTHING = 10**9
 CHAIN = 24
 """Tables up to this many rows are chains of selects; larger ones are looked up in memory."""
-ELEMENTS = 6000
-"""Tasks with more elements in all their values take too long to compile, and are left to NumPy."""
+ELEMENTS = 600
+"""Tasks with more elements in all their values compile for more than five seconds or so, and are left to NumPy."""
 WIDE = 64
 """Largest vector that is permuted, ordered or indexed at run time."""
 
@@ -39,7 +39,8 @@ def suits(task: Task) -> bool:
     wide = [n for n in nodes if isinstance(n, Apply) and n.op in quadratic and not isinstance(n.args[0], Const)]
     wide_draws = [n for n in nodes if isinstance(n, Draw) and n.base == "permutation"]
     largest = max([n.args[0].type.size for n in wide] + [n.type.shape[-1] for n in wide_draws], default=0)
-    return sum(n.type.size for n in nodes) <= ELEMENTS and largest <= WIDE
+    looped = sum(n.type.size - 1 for n in nodes if isinstance(n, Draw) and n.base in ("normal", "exponential"))
+    return sum(n.type.size for n in nodes) - looped <= ELEMENTS and largest <= WIDE
 
 
 LANE: dict[str, str] = {

@@ -17,7 +17,6 @@ from taskspec.draws.layout import words_of
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.types import Kind, Type
 
-FLOAT_MAX = 3.4028234663852886e38
 SHOWN = 8
 """Draws of this many elements or more that are observed as they are go to the observations in one piece."""
 Shown = dict[int, tuple[int, int]]
@@ -131,17 +130,13 @@ def check(p: Program) -> list[str]:
     lines = ["bad = 0", "for j in range(n):"]
     places = action_rows(p)
     if p.action.form == "box":
-        bounds = zip(p.action.low, p.action.high, strict=True)
-        limits = [(literal(max(a, -FLOAT_MAX)), literal(min(b, FLOAT_MAX))) for a, b in bounds]
+        limits = [(literal(a), literal(b)) for a, b in p.action.limits]
     else:
         low = [0] * len(places) if p.action.form == "multi_discrete" else list(p.action.starts)
         limits = [(str(a), str(a + c - 1)) for a, c in zip(low, p.action.counts, strict=True)]
-    kinds = [c.type.kind for c in p.task.action for _ in range(c.type.size)]
-    for (name, place), (a, b), kind in zip(places, limits, kinds, strict=True):
+    for (name, place), (a, b) in zip(places, limits, strict=True):
         lines.append(f"    {name} = actions[{place}]")
         good = f"({name} >= {a}) & ({name} <= {b})"
-        if p.action.form == "box" and kind is not Kind.REAL:
-            good += f" & ({name} == np.trunc({name}))"
         lines.append(f"    bad += i64(({good}) == False)")
     return ["@inner", "def check(n, actions):", *indent([*lines, "return bad"])]
 
@@ -153,6 +148,7 @@ def _read_actions(p: Program) -> list[str]:
             name, place = next(places)
             start = int(c.low[k]) if p.action.form == "multi_discrete" else 0
             raw = f"actions[{place}] + {start}" if start else f"actions[{place}]"
+            raw = f"np.rint({raw})" if p.action.form == "box" and c.type.kind is not Kind.REAL else raw
             cast = {Kind.BOOL: "({} != 0)", Kind.INT: "i32({})", Kind.REAL: "f64({})"}[c.type.kind]
             lines.append(f"{name} = {cast.format(raw)}")
     return lines
@@ -166,7 +162,8 @@ def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str]
         for k, row in enumerate(state):
             if f"x_{row.name}" in used:
                 narrow = c.type.kind is Kind.INT and c.low[k] > -(2**31) and c.high[k] < 2**31
-                lines.append(f"x_{row.name} = i32({row.name}[j])" if narrow else f"x_{row.name} = {row.name}[j]")
+                cast = "i32({})" if narrow else "({} != 0)" if c.type.kind is Kind.BOOL else "{}"
+                lines.append(f"x_{row.name} = " + cast.format(f"{row.name}[j]"))
                 rows.append(row)
     for k in range(words.count + 1):
         for prefix, array, kind in (("w", "words", "u32s"), ("r", "reals", "f32s")):

@@ -22,7 +22,7 @@ WHAT = 3
 """The number of the field that says so."""
 BAD = -1
 """What `run` gives where an action is not in the action space; nothing has changed then."""
-_ARRAYS = {Kind.BOOL: "bools", Kind.INT: "i64s", Kind.REAL: "f64s"}
+_ARRAYS = {Kind.BOOL: "flags", Kind.INT: "i64s", Kind.REAL: "f64s"}
 
 
 @dataclass
@@ -55,7 +55,7 @@ class Row:
     def source(self, memory: Memory, first: str = "first", every: str = "every") -> str:
         # Numba compiles a function once more for every literal that it is given, and not for what i64() returns.
         offset = first if self.row == 0 else f"i64({self.row}) * {every} + {first}"
-        return f"{self.kind}({memory.at(self.array)}, {offset}, n)"
+        return f"{self.kind}({memory.at(self.array)}, {offset})"
 
 
 @dataclass

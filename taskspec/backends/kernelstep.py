@@ -1,7 +1,7 @@
 """The generated module of a Numba program: the step, and the reset, of many lanes.
 
 `advance` is the step of n lanes and `begin` the first state of some of them: loops over lanes in which everything is a
-scalar. `run` does either over the memory of an environment, block by block, so that what one loop leaves in the cache the
+scalar. `kernel` does either over the memory of an environment, block by block, so that what one loop leaves in the cache the
 next one finds there.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taskspec.backends.kernelloop import Shown, action_rows, advance, begin, check, indent
-from taskspec.backends.kernelmemory import BAD, CHECK, RESET, STEP, WHAT, Program, Row
+from taskspec.backends.kernelmemory import BAD, CHECK, CHECKED_STEP, RESET, STEP, WHAT, Program, Row
 from taskspec.backends.vector import Mode
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.spec.spaces import Layout
@@ -23,7 +23,7 @@ def generate(task: Task, observation: Layout, action: Layout, mode: Mode, action
     checking = check(p)
     advancing, advance_rows, shown = advance(p)
     beginning, begin_rows, begin_shown = begin(p)
-    running = _run(p, advance_rows, shown, begin_rows, begin_shown)
+    running = _kernel(p, advance_rows, shown, begin_rows, begin_shown)
     text = repr(f"{task.id}: a block of lanes at a time, for Numba. Generated; autoreset is {mode!r}.")
     tables = [f"{name} = np.array({array.tolist()}, np.{array.dtype})" for name, array in p.constants.items()]
     head = [text, "", "import numpy as np", "", _IMPORT, "", *tables, ""]
@@ -44,13 +44,13 @@ def _blank(functions: Sequence[Sequence[str]]) -> list[str]:
 
 _COUNTERS = {
     "k0": "u32s", "k1": "u32s", "steps": "u32s", "episodes": "u32s", "time": "i64s", "reward": "f64s",
-    "terminated": "bools", "truncated": "bools", "ended": "bools",
+    "terminated": "flags", "truncated": "flags", "ended": "flags",
 }  # fmt: skip
 
 
 def _views(p: Program, rows: Sequence[Row]) -> list[str]:
     """Statements that name the arrays of a block."""
-    lines = [f"{name} = {kind}({p.memory.at(name)}, first, n)" for name, kind in _COUNTERS.items()]
+    lines = [f"{name} = {kind}({p.memory.at(name)}, first)" for name, kind in _COUNTERS.items()]
     for row in rows:
         scratch = row.array in ("words", "reals")
         source = row.source(p.memory, "i64(0)", str(p.block)) if scratch else row.source(p.memory)
@@ -58,39 +58,45 @@ def _views(p: Program, rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def _run(p: Program, rows: Sequence[Row], shown: Shown, begin: Sequence[Row], begin_shown: Shown) -> list[str]:
+def _kernel(p: Program, rows: Sequence[Row], shown: Shown, begin: Sequence[Row], begin_shown: Shown) -> list[str]:
     """Check the actions of a range of lanes, step them, or begin episodes in those chosen, as `what` says.
 
-    It is given the addresses of the memory and of the actions, and gives the number of lanes whose episodes have ended,
-    or `BAD`.
+    It is given two arrays as CPython passes objects, the program's memory and the actions, and gives the number of lanes
+    whose episodes have ended, or `BAD`, as an int of Python's.
     """
-    width = len(action_rows(p))
     body = _views(p, [*rows, *begin])
-    body += [f"lanes = i64s({p.memory.at('lanes')}, i64(0), i64({p.block + 1}))", "late = 0"]
-    body += [f"if what == {RESET}:", *indent(_choose(p)), "else:", *indent(_step(p, rows, shown, width))]
+    body += [f"lanes = i64s({p.memory.at('lanes')}, i64(0))", "late = 0"]
+    body += [f"if what == {RESET}:", *indent(_choose(p)), "else:", *indent(_step(p, rows, shown))]
     body += ["if late > 0:", *indent(_begin_again(p, begin, begin_shown))]
-    kind = {"i": "i64s", "f": "f32s", "d": "f64s"}[p.actions]
     lines = [
-        f"m = u64s(memory, i64(0), i64({len(p.memory.fields)}))",
+        "m, data = u64s(numbers_of(memory), i64(0)), numbers_of(actions)",
         f"start, stop, every, what = i64(m[0]), i64(m[1]), i64(m[2]), i64(m[{WHAT}])",
-        f"actions = {kind}(data, start * {width}, (stop - start) * {width})",
-        f"if what != {RESET}:",
-        f"    if what != {STEP} and check(stop - start, actions) > 0:",
-        f"        return {BAD}",
-        f"    if what == {CHECK}:",
-        "        return 0",
-        "total = 0",
+        f"if what == {CHECK} or what == {CHECKED_STEP}:",
+        f"    bad = check(stop - start, {_actions(p, 'start')})",
+        f"    if bad > 0 or what == {CHECK}:",
+        f"        return boxed(i64({BAD} if bad > 0 else 0))",
+        "total, thread = 0, u64(0)",
+        f"if what == {STEP}:",
+        "    thread = release()",
         f"for first in range(start, stop, {p.block}):",
         *indent([f"n = min({p.block}, stop - first)", *body]),
-        "return total",
+        f"if what == {STEP}:",
+        "    acquire(thread)",
+        "return boxed(total)",
     ]
-    return ["def run(memory, data):", *indent(lines)]
+    return ["def kernel(memory, actions):", *indent(lines)]
+
+
+def _actions(p: Program, lane: str) -> str:
+    """The actions from a lane on."""
+    kind = {"i": "i64s", "f": "f32s", "d": "f64s"}[p.actions]
+    return f"{kind}(data, {lane} * {len(action_rows(p))})"
 
 
 def _choose(p: Program) -> list[str]:
     """The lanes of a block whose flag `chosen` is set."""
     return [
-        f"chosen = bools({p.memory.at('chosen')}, first, n)",
+        f"chosen = flags({p.memory.at('chosen')}, first)",
         "late = gather(n, chosen, lanes)",
         "for i in range(late):",
         "    j = u64(lanes[i])",
@@ -98,10 +104,10 @@ def _choose(p: Program) -> list[str]:
     ]
 
 
-def _step(p: Program, rows: Sequence[Row], shown: Shown, width: int) -> list[str]:
+def _step(p: Program, rows: Sequence[Row], shown: Shown) -> list[str]:
     """The step of a block; `late` becomes the number of lanes that begin again, and `lanes` has theirs."""
     body = ["late = gather(n, ended, lanes)"] if p.mode == "next_step" else []
-    body += [f"at = (first - start) * {width}", f"part = actions[at:at + n * {width}]"]
+    body += [f"part = {_actions(p, 'first')}"]
     body += _fill(p, p.step_words, "step_words(n", "k0, k1, steps", "n")
     arguments = ["n", "part", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
     body += [f"count = advance({', '.join([*arguments, *(r.name for r in rows)])})"]

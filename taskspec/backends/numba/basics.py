@@ -1,4 +1,4 @@
-"""Building blocks of generated kernels: selects without branches, and arrays over addresses."""
+"""Building blocks of generated kernels: selects without branches, and numbers at addresses."""
 
 from __future__ import annotations
 
@@ -42,25 +42,36 @@ as_f32, as_i32 = _bits(types.int32, types.float32), _bits(types.float32, types.i
 
 
 def _numbers(dtype: Any) -> Any:
-    """`view(address, at, n)`: n numbers in memory, from number `at` on, as an array."""
+    """`view(address, at)`: a pointer to numbers in memory, from number `at` on.
+
+    An array would say as much, but a function with many of those compiles slowly.
+    """
 
     @intrinsic
-    def view(typing: Any, address: Any, at: Any, n: Any) -> Any:
-        result = types.Array(dtype, 1, "C")
-
+    def view(typing: Any, address: Any, at: Any) -> Any:
         def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(dtype)))
-            place = builder.add(args[0], builder.mul(args[1], size))
-            array = context.make_array(result)(context, builder)
-            data = builder.inttoptr(place, context.get_data_type(dtype).as_pointer())
-            context.populate_array(array, data=data, shape=[args[2]], strides=[size], itemsize=size, meminfo=None)
-            return array._getvalue()
+            pointer = builder.inttoptr(args[0], context.get_value_type(dtype).as_pointer())
+            return builder.gep(pointer, [args[1]])
 
-        return result(types.uint64, types.int64, types.int64), codegen
+        return types.CPointer(dtype)(types.uint64, types.int64), codegen
 
     return view
 
 
 f64s, f32s = _numbers(types.float64), _numbers(types.float32)
 i64s, u64s, u32s = _numbers(types.int64), _numbers(types.uint64), _numbers(types.uint32)
-bools = _numbers(types.boolean)
+flags = _numbers(types.uint8)
+
+
+# -- called by CPython, with objects ------------------------------------------------------------------------------
+
+boxed = types.ExternalFunction("PyLong_FromLongLong", types.uint64(types.int64))
+release = types.ExternalFunction("PyEval_SaveThread", types.uint64())
+acquire = types.ExternalFunction("PyEval_RestoreThread", types.void(types.uint64))
+_HEAD = object.__basicsize__ // 8
+
+
+@inner
+def numbers_of(array: Any) -> Any:
+    """The address of the numbers of an array object: what follows its head (`PyArrayObject` of NumPy's C interface)."""
+    return u64s(array, i64(_HEAD))[0]

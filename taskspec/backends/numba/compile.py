@@ -58,7 +58,8 @@ def load(source: str) -> Kernel:
 def _key(source: str) -> str:
     """A name for all that the machine code follows from."""
     machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
-    made_of = (source, taskspec.__version__, version("numba"), version("llvmlite"), _library(), *machine)
+    versions = (taskspec.__version__, version("numba"), version("llvmlite"), str(object.__basicsize__))
+    made_of = (source, _library(), *versions, *machine)
     return hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:32]
 
 

@@ -9,70 +9,42 @@ import math
 from typing import Any
 
 import numpy as np
+from numba import types
+from numba.extending import intrinsic
 
 from taskspec.backends.numba.basics import as_f32, as_i32, f32, f32s, f64, i32, i64, inner, select, u32, u32s, u64
+from taskspec.draws.threefry import PARITY, ROTATIONS
 
 # -- words --------------------------------------------------------------------------------------------------------
 
 
-@inner
-def threefry(k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
-    """Threefry-2x32-20 of one block (see `taskspec.draws.threefry`), written out: a helper for a round compiles slowly."""
-    k2 = u32(k0 ^ k1 ^ u32(0x1BD11BDA))
-    x0, x1 = u32(c0 + k0), u32(c1 + k1)
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(13)) | u32(x1 >> u32(19))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(15)) | u32(x1 >> u32(17))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(26)) | u32(x1 >> u32(6))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(6)) | u32(x1 >> u32(26))) ^ x0
-    x0, x1 = u32(x0 + k1), u32(x1 + k2 + u32(1))
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(17)) | u32(x1 >> u32(15))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(29)) | u32(x1 >> u32(3))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(16)) | u32(x1 >> u32(16))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(24)) | u32(x1 >> u32(8))) ^ x0
-    x0, x1 = u32(x0 + k2), u32(x1 + k0 + u32(2))
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(13)) | u32(x1 >> u32(19))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(15)) | u32(x1 >> u32(17))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(26)) | u32(x1 >> u32(6))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(6)) | u32(x1 >> u32(26))) ^ x0
-    x0, x1 = u32(x0 + k0), u32(x1 + k1 + u32(3))
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(17)) | u32(x1 >> u32(15))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(29)) | u32(x1 >> u32(3))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(16)) | u32(x1 >> u32(16))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(24)) | u32(x1 >> u32(8))) ^ x0
-    x0, x1 = u32(x0 + k1), u32(x1 + k2 + u32(4))
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(13)) | u32(x1 >> u32(19))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(15)) | u32(x1 >> u32(17))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(26)) | u32(x1 >> u32(6))) ^ x0
-    x0 = u32(x0 + x1)
-    x1 = u32(u32(x1 << u32(6)) | u32(x1 >> u32(26))) ^ x0
-    x0, x1 = u32(x0 + k2), u32(x1 + k0 + u32(5))
-    return x0, x1
+@intrinsic
+def threefry(typing: Any, k0: Any, k1: Any, c0: Any, c1: Any) -> Any:
+    """Threefry-2x32-20 of one block (see `taskspec.draws.threefry`), as instructions: as statements it compiles slowly."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        def number(n: int) -> Any:
+            return context.get_constant(types.uint32, n)
+
+        add, xor = builder.add, builder.xor
+        keys = (args[0], args[1], xor(xor(args[0], args[1]), number(PARITY)))
+        x0, x1 = add(args[2], keys[0]), add(args[3], keys[1])
+        for i in range(1, 6):
+            for r in ROTATIONS[~i & 1]:
+                x0 = add(x0, x1)
+                x1 = xor(builder.or_(builder.shl(x1, number(r)), builder.lshr(x1, number(32 - r))), x0)
+            x0, x1 = add(x0, keys[i % 3]), add(add(x1, keys[(i + 1) % 3]), number(i))
+        return context.make_tuple(builder, signature.return_type, (x0, x1))
+
+    words = (types.uint32,) * 4
+    return types.UniTuple(types.uint32, 2)(*words), codegen
 
 
 @inner
 def step_words(n: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, steps: Any) -> None:
     """Words 0 to 2 slots - 1 of the present step of n lanes, a row of `width` for each."""
     for slot in range(slots):
-        first, second = u32s(words, 2 * slot * width, n), u32s(words, (2 * slot + 1) * width, n)
+        first, second = u32s(words, 2 * slot * width), u32s(words, (2 * slot + 1) * width)
         for j in range(n):
             first[j], second[j] = threefry(k0[j], k1[j], steps[j], u32(slot))
 
@@ -81,7 +53,7 @@ def step_words(n: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, ste
 def reset_words(m: Any, lanes: Any, words: Any, width: Any, slots: Any, k0: Any, k1: Any, episodes: Any) -> None:
     """Words of the next reset of m lanes."""
     for slot in range(slots):
-        first, second = u32s(words, 2 * slot * width, m), u32s(words, (2 * slot + 1) * width, m)
+        first, second = u32s(words, 2 * slot * width), u32s(words, (2 * slot + 1) * width)
         for i in range(m):
             j = u64(lanes[i])
             first[i], second[i] = threefry(k0[j], k1[j], episodes[j], u32(slot + 0x80000000))
@@ -146,8 +118,8 @@ def _pair(radius: Any, angle: Any) -> Any:
 def normals(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> None:
     """Standard normals `first` to `first + size` from the words of the same numbers, as float32 rows."""
     for k in range(first, first + size, 2):
-        radius, angle = u32s(words, k * width, n), u32s(words, (k + 1) * width, n)
-        a, b = f32s(out, k * width, n), f32s(out, (k + 1) * width, n)
+        radius, angle = u32s(words, k * width), u32s(words, (k + 1) * width)
+        a, b = f32s(out, k * width), f32s(out, (k + 1) * width)
         for j in range(n):
             a[j], b[j] = _pair(radius[j], angle[j])
 
@@ -155,7 +127,7 @@ def normals(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> 
 @inner
 def exponentials(n: Any, words: Any, out: Any, width: Any, first: Any, size: Any) -> None:
     for k in range(first, first + size):
-        row, made = u32s(words, k * width, n), f32s(out, k * width, n)
+        row, made = u32s(words, k * width), f32s(out, k * width)
         for j in range(n):
             made[j] = exponential32(row[j])
 

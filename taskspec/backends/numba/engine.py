@@ -14,9 +14,9 @@ from taskspec.backends.kernelmemory import BAD, CHECK, CHECKED_STEP, RESET, STEP
 from taskspec.backends.kernelstep import generate
 from taskspec.backends.numba.compile import Kernel, Run, load
 from taskspec.backends.vector import Mode, NotRunningError, Options
-from taskspec.lang.types import Kind
 from taskspec.spec.spaces import action_layout, observation_layout
 from taskspec.spec.task import Task
+
 
 @lru_cache(maxsize=64)
 def compile_numba(task: Task, mode: Mode, actions: str) -> tuple[str, Program, Kernel]:

@@ -21,7 +21,7 @@ def gather(n: Any, flags: Any, lanes: Any) -> Any:
 def keep_reals(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, seen: Any, final: Any) -> None:
     """Copy rows of float32 observations of some lanes from `seen` to `final`."""
     for k in range(rows):
-        a, b = f32s(seen, k * every + first, n), f32s(final, k * every + first, n)
+        a, b = f32s(seen, k * every + first), f32s(final, k * every + first)
         for i in range(m):
             j = u64(lanes[i])
             b[j] = a[j]
@@ -30,7 +30,7 @@ def keep_reals(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, se
 @inner
 def keep_ints(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, seen: Any, final: Any) -> None:
     for k in range(rows):
-        a, b = i64s(seen, k * every + first, n), i64s(final, k * every + first, n)
+        a, b = i64s(seen, k * every + first), i64s(final, k * every + first)
         for i in range(m):
             j = u64(lanes[i])
             b[j] = a[j]
@@ -40,7 +40,7 @@ def keep_ints(m: Any, lanes: Any, rows: Any, every: Any, first: Any, n: Any, see
 def show(n: Any, reals: Any, width: Any, number: Any, size: Any, seen: Any, row: Any, every: Any, first: Any) -> None:
     """Copy rows of drawn float32 numbers into rows of observations."""
     for k in range(size):
-        a, b = f32s(reals, (number + k) * width, n), f32s(seen, (row + k) * every + first, n)
+        a, b = f32s(reals, (number + k) * width), f32s(seen, (row + k) * every + first)
         for j in range(n):
             b[j] = a[j]
 
@@ -60,6 +60,6 @@ def show_some(
     n: Any,
 ) -> None:
     for k in range(size):
-        a, b = f32s(reals, (number + k) * width, m), f32s(seen, (row + k) * every + first, n)
+        a, b = f32s(reals, (number + k) * width), f32s(seen, (row + k) * every + first)
         for i in range(m):
             b[u64(lanes[i])] = a[i]
