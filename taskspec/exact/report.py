@@ -50,6 +50,10 @@ class Report:
         return tuple(d for d in self.diagnostics if d.severity == "warning")
 
 
+_SENSELESS = {"E404", "E406"}
+"""Without a first state, or with rewards that are no numbers, nothing that is said of episodes and returns means anything."""
+
+
 def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: bool = True) -> Report:
     """Check a task: soundness always; other parameter values, sense and claims unless told otherwise.
 
@@ -67,7 +71,7 @@ def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: b
         return Report(task, in_order(found), sound.method, cases, skipped=skipped)
     results = Results(task) if task.claims else Results(task, limit=MODERATE)
     said: tuple[Verdict, ...] = ()
-    if with_sense:
+    if with_sense and not _SENSELESS & {d.code for d in sound.diagnostics}:
         found += _sense(task, results)
     if claims and not sound.diagnostics:
         said = tuple(verdicts(task, results))

@@ -9,12 +9,13 @@ from taskspec.lang import dists, sets, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.scope import FunctionDef, Scope, Value
+from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Refused, Shape
 
 if TYPE_CHECKING:
     from taskspec.lang.check import Checker
 
+NO_DRAWS = "a definition draws nothing, so name the draw under `noise`"
 SET_FUNCTIONS = ("box", "range")
 
 
@@ -28,6 +29,10 @@ def call(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> V
     binding = scope.lookup(expr.function)
     if isinstance(binding, FunctionDef):
         return _own(checker, binding, expr, scope, want)
+    if isinstance(binding, Lazy):
+        binding.resolve(
+            s.Name(expr.function, False, expr.name_place)
+        )  # a function whose body is broken goes no further
     if binding is not None:
         checker.collector.add("E303", expr.name_place, f"'{expr.function}' is a value, not a function")
         _poison(checker, expr, scope)
@@ -100,6 +105,7 @@ def _own(checker: Checker, function: FunctionDef, expr: s.Call, scope: Scope, wa
     leave = function.enter(expr)
     try:
         inner = function.scope.child(dict(zip(function.arguments, values, strict=True)))
+        inner.draws = NO_DRAWS
         return checker.value(function.body, inner, want)
     finally:
         leave()

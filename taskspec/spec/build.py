@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from taskspec.diagnostics import Collector, suggest
+from taskspec.diagnostics import Collector, SpecError, suggest
 from taskspec.lang.check import Poisoned
 from taskspec.lang.ir import Const
 from taskspec.lang.scope import FunctionDef, Scope
@@ -16,6 +17,7 @@ from taskspec.lang.uncalled import check_uncalled
 from taskspec.source import Document, Path, read_text
 from taskspec.spec.context import Context
 from taskspec.spec.declare import INSTANCE_SEED
+from taskspec.spec.figure import check_figure
 from taskspec.spec.forms import is_word
 from taskspec.spec.merge import Merged, abstracted, merge
 from taskspec.spec.names import Names, signature
@@ -77,7 +79,11 @@ def build_abstract(task: Task) -> Task | None:
     merged = abstracted(merge(task.document, task.variant))
     if merged is None:
         return None
-    found = _Build(merged, Collector()).task(task.values, task.suite)
+    try:
+        found = _Build(merged, Collector()).task(task.values, task.suite)
+    except SpecError as error:
+        note = "this is about the abstraction, which takes from the task what it does not give itself"
+        raise SpecError(replace(d, notes=(*d.notes, note)) for d in error.diagnostics) from None
     return found.absorbing() if task.ending == "absorb" else found
 
 
@@ -110,6 +116,7 @@ class _Build:
         observation, expert = sections.observation(initial, following), sections.expert()
         self._check_unused()
         sections.abstraction()
+        check_figure(context, scope("figure"))
         claims = tuple(sections.claims())
         scope("claims")
         self.collector.raise_if_errors()

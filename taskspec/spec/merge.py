@@ -19,6 +19,7 @@ FIELDED = ("parameters", "state", "action")
 """Sections whose entries have fields, which a variant overrides field by field."""
 
 _DROPPED = ("variants", "base")
+_NOT_ABSTRACT = ("abstraction", "observation", "claims", "figure")
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def abstracted(merged: Merged) -> Merged | None:
     over = merged.data.get("abstraction")
     if not over:
         return None
-    data = {key: value for key, value in merged.data.items() if key not in ("abstraction", "observation", "claims")}
+    data = {key: value for key, value in merged.data.items() if key not in _NOT_ABSTRACT}
     moved = dict(merged.moved)
     for section, value in over.items():
         if section != "map" and value is not None:

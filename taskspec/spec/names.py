@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from taskspec.lang import syntax as s
+from taskspec.lang.calls import NO_DRAWS
 from taskspec.lang.check import Poisoned
 from taskspec.lang.ir import Role, reads
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
@@ -147,7 +148,7 @@ class Names:
 
     def _without_draws(self, expr: s.Expr, scope: Scope) -> Value:
         inner = scope.child({})
-        inner.draws = "a definition draws nothing, so name the draw under `noise`"
+        inner.draws = NO_DRAWS
         return self.context.checker.value(expr, inner)
 
     # -- next values ----------------------------------------------------------------------------------------------

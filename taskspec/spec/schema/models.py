@@ -190,12 +190,27 @@ class Roles(Strict):
     learner: str = Field(description="Variant in which the learner acts.")
 
 
-class Figure(BaseModel):
-    """How to draw the task; further keys depend on the kind."""
+class Highlight(Strict):
+    """Colours by what they are for."""
 
-    model_config = ConfigDict(strict=True, extra="allow", frozen=True)
+    good: Expression | None = Field(None, description="States that are aimed at.")
+    bad: Expression | None = Field(None, description="States that are to be avoided.")
+    end: Expression | None = Field(None, description="States in which episodes end.")
+    first: Expression | None = Field(None, description="A part of the vector.")
+    second: Expression | None = Field(None, description="Another part of the vector.")
 
-    kind: str = Field(description="Kind of figure: graph, grid, curve, bars, ...")
+
+class Figure(Strict):
+    """How to draw the task; what is needed besides depends on the kind."""
+
+    kind: Literal["graph", "grid", "curve", "bars", "swaps", "vector"] = Field(description="Kind of figure.")
+    at: Expression | None = Field(None, description="Column and row on a grid, or a point beside a curve.")
+    map: str | None = Field(None, description="The constant that is a grid's map.")
+    curve: Expression | None = Field(None, description="A function of the first of `at`.")
+    values: Expression | None = Field(None, description="The vector that bars show.")
+    highlight: Highlight | None = Field(
+        None, description="Colours of states for which a condition holds, or of parts of a vector."
+    )
 
 
 class Abstraction(Strict):
