@@ -9,9 +9,11 @@ import pytest
 
 from taskspec import source
 from taskspec.diagnostics import CODES, Diagnostic, SpecError
+from taskspec.exact import check as report
 from taskspec.exact import soundness, verdicts
 from taskspec.spec.build import build
 from taskspec.spec.schema import check_shape, load
+from taskspec.spec.task import Task
 
 FOLDER = Path(__file__).parent / "errors"
 FILES = sorted(FOLDER.glob("E[1234]*.yaml"))
@@ -210,3 +212,92 @@ def test_both_sides_of_a_comparison_are_checked(reward: str, names: list[str]) -
     head = UNCALLED.replace(UNCALLED[UNCALLED.index("definitions") : UNCALLED.index("state:")], "")
     text = head.replace("reward: 0", f"reward: {reward}")
     assert [_written(text, p) for p in problems(source.read_text(text))] == names
+
+
+# -- what to do about it ----------------------------------------------------------------------------------------------
+
+GRID = """\
+taskspec: 1
+name: Grid
+parameters: {N: {type: int, default: 4, low: 2}}
+definitions:
+  "far(q)": norm1(q)
+state:
+  p: {type: int, shape: [2], low: 0, high: N - 1}
+  mood: {type: choice, values: [calm, cross]}
+action:
+  move: {type: choice, values: {up: [-1, 0], right: [0, 1]}}
+horizon: 4 * N
+initial:
+  p: (0, 0)
+  mood: calm
+dynamics:
+  p': clip(p + move, 0, N - 1)
+  mood':
+    by: [mood, move]
+    rows:
+      calm: {up: cross, else: calm}
+      cross: calm
+reward: -far(p')
+terminal: all(p' == (0, 3))
+figure: {kind: grid, at: p, highlight: {good: "all(p == N)"}}
+"""
+HINTS: list[tuple[str, str, str, str, str | None]] = [
+    ("horizon: 4 * N", "horizon: no", "E204", "no", "an episode without a limit has `horizon: none`"),
+    ("horizon: 4 * N", "horizon: Infinity", "E204", "Infinity", "an episode without a limit has `horizon: none`"),
+    ("horizon: 4 * N", "horizon: 1e3", "E204", "1e3", "write 1000"),
+    ("horizon: 4 * N", "horizon: 4N", "E301", "4N", "a product is written `4 * N`"),
+    ("horizon: 4 * N", "horizon: N × 4", "E301", "×", "write `*`"),
+    ("-far(p')", "−far(p')", "E301", "−", "write `-`"),
+    ("all(p' == (0, 3))", "on", "E302", "on", "write `true`"),
+    ("all(p' == (0, 3))", "No", "E302", "No", "write `false`"),
+    ("all(p' == (0, 3))", "mood == happy", "E313", "happy", None),
+    ("      cross: calm", "      happy: calm", "E313", "happy", None),
+    ("by: [mood, move]", "by: [mood]", "E208", "{up: cross, else: calm}", "add to `by` what these rows look at"),
+    ("high: N - 1}", "high: 10**30}", "E318", "10**30", "a real has no such limit"),
+    ("norm1(q)", "np.abs(q)", "E316", "np.abs", "write `abs(x)`"),
+    ("norm1(q)", "norm1(q) + Normal()", "E311", "Normal()", None),
+    ("p: (0, 0)", "p: (0, 99)", "E404", "(0, 99)", None),
+    ("-far(p')", "-far(p') / 0", "E406", "-far(p') / 0", None),
+    ("kind: grid", "kind: gird", "E206", "gird", "did you mean 'grid'?"),
+    ("at: p", "att: p", "E202", "att", "did you mean 'at'?"),
+    ("at: p, ", "", "E203", "figure", None),
+    ("at: p", "at: [p, 0]", "E307", "[p, 0]", None),
+    ("at: p", "at: mood", "E307", "mood", None),
+    ("good:", "god:", "E202", "god", "did you mean 'good'?"),
+    ("p == N)", "p == n)", "E302", "n", "did you mean 'N'?"),
+    ("at: p", "at: p, map: walls", "E302", "walls", None),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "code", "place", "hint"), HINTS, ids=[f"{n}" for _, n, *_ in HINTS])
+def test_messages_say_what_to_do(old: str, new: str, code: str, place: str, hint: str | None) -> None:
+    text = GRID.replace(old, new, 1)
+    document = source.read_text(text)
+    (problem,) = check_shape(document) or check(build_or_say(document))
+    assert (problem.code, _written(text, problem)) == (code, place)
+    assert hint is None or problem.hint == hint
+
+
+def build_or_say(document: source.Document) -> Task | tuple[Diagnostic, ...]:
+    try:
+        return build(document)
+    except SpecError as error:
+        return error.diagnostics
+
+
+def check(found: Task | tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
+    """What a whole check says about a task, all that is warned of included."""
+    return report(found).diagnostics if isinstance(found, Task) else found
+
+
+def test_mistakes_in_an_abstraction_are_said_to_be_there() -> None:
+    text = GRID + "abstraction:\n  state: {d: {type: int, low: 0, high: 6}}\n  map: {d: far(p)}\n"
+    found = report(build(source.read_text(text))).diagnostics
+    assert found and all("this is about the abstraction" in d.notes[-1] for d in found if d.severity == "error")
+
+
+def test_a_misspelt_result_in_a_claim_gets_a_suggestion() -> None:
+    text = GRID + "claims: [optimal_retrun < 0]\n"
+    (problem,) = report(build(source.read_text(text))).diagnostics
+    assert (problem.code, problem.hint) == ("E603", "did you mean 'optimal_return'?")

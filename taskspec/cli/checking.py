@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +77,7 @@ def _name(file: File, variant: str | None) -> str:
         return variant or file.path.stem
 
 
-def once(checked: Iterable[Checked]) -> tuple[Diagnostic, ...]:
+def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
     """Problems in order of place; what several variants inherit is told once, with a note of who shares it."""
     sharing: dict[tuple[Any, ...], list[str]] = {}
     first: dict[tuple[Any, ...], Diagnostic] = {}
@@ -90,14 +90,16 @@ def once(checked: Iterable[Checked]) -> tuple[Diagnostic, ...]:
             names = sharing.setdefault(key, [])
             if each.name not in names:
                 names.append(each.name)
-    told = [_with_note(diagnostic, sharing[key]) for key, diagnostic in first.items()]
+    names = [each.name for each in checked]
+    told = [_with_note(diagnostic, sharing[key], names[0]) for key, diagnostic in first.items()]
     return tuple(sorted(told, key=lambda d: (0, 0) if d.span is None else (d.span.line, d.span.column)))
 
 
-def _with_note(diagnostic: Diagnostic, names: list[str]) -> Diagnostic:
-    if len(names) < 2:
+def _with_note(diagnostic: Diagnostic, names: list[str], spec: str) -> Diagnostic:
+    """`spec` is the task of the spec itself, or of its first variant."""
+    if names == [spec]:
         return diagnostic
-    note = f"the same in {', '.join(names[1:])}"
+    note = f"the same in {', '.join(names[1:])}" if names[0] == spec else f"in {', '.join(names)}"
     return dataclasses.replace(diagnostic, notes=(*diagnostic.notes, note))
 
 

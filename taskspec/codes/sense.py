@@ -84,7 +84,8 @@ reward should not see. Rewards that chance decides are passed over: they can onl
         "a goal that the observation does not show",
         """
 Two states that both begin episodes look the same to the agent, noise apart, and no action is best in
-both. No policy of the observation can do well in both.
+both. No policy of a single observation can do well in both; where the task is to find out which it is, by
+looking or by remembering, that is how it should be.
 """,
     ),
 )

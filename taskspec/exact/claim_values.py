@@ -26,9 +26,9 @@ class Undecidable(Exception):
 class Unfit(Exception):
     """The expression is not one that a claim can be made of: a sentence that says why."""
 
-    def __init__(self, message: str, place: s.Expr | None = None) -> None:
+    def __init__(self, message: str, place: s.Expr | None = None, hint: str | None = None) -> None:
         super().__init__(message)
-        self.place = place
+        self.place, self.hint = place, hint
 
 
 @dataclass(frozen=True, slots=True)

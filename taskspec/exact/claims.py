@@ -87,7 +87,7 @@ def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None
     except Undecidable as error:
         return _failed(claim, case, "undecidable", str(error), error.place or claim.expr)
     except Unfit as error:
-        return _failed(claim, case, "broken", str(error), error.place or claim.expr)
+        return _failed(claim, case, "broken", str(error), error.place or claim.expr, hint=error.hint)
     except SpecError as error:
         return _failed(claim, case, "undecidable", error.diagnostics[0].message, claim.expr)
     return _settled(claim, case, truth, evaluator)
@@ -104,8 +104,14 @@ def _settled(claim: Claim, case: Mapping[str, Any], truth: Truth, evaluator: Eva
 
 
 def _failed(
-    claim: Claim, case: Mapping[str, Any], status: Status, message: str, place: s.Expr, episodes: int = 0
+    claim: Claim,
+    case: Mapping[str, Any],
+    status: Status,
+    message: str,
+    place: s.Expr,
+    episodes: int = 0,
+    hint: str | None = None,
 ) -> Verdict:
     notes = (f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}",) if case else ()
-    diagnostic = Diagnostic(_CODES[status], place.place.span, message, None, notes)
+    diagnostic = Diagnostic(_CODES[status], place.place.span, message, hint, notes)
     return Verdict(claim, case, status, message, episodes, diagnostic)

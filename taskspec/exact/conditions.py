@@ -39,7 +39,7 @@ def node_of(expr: s.Expr, task: Task) -> Node:
         raise Unfit(refused.message, expr) from None
     if value is None:
         found = collector.diagnostics
-        raise Unfit(found[0].message if found else "this cannot be understood", expr)
+        raise Unfit(found[0].message if found else "this cannot be understood", expr, found[0].hint if found else None)
     if value.node.type != BOOL or draws([value.node]):
         raise Unfit("a condition on states and actions is needed here", expr)
     return value.node

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.diagnostics import Collector
+from taskspec.diagnostics import Collector, suggest
 from taskspec.exact import claim_values as v
 from taskspec.exact.claim_values import Number, Undecidable, Unfit
 from taskspec.exact.conditions import (
@@ -132,7 +132,8 @@ class Evaluator:
             raise Unfit(refused.message, expr) from None
         if value is None:
             found = collector.diagnostics
-            raise Unfit(found[0].message if found else "this is not a number", expr)
+            hint = suggest(expr.id, [*RESULTS, *task.values]) if isinstance(expr, s.Name) else found and found[0].hint
+            raise Unfit(found[0].message if found else "this is not a number", expr, hint or None)
         if not isinstance(value.node, Const) or not value.node.type.is_scalar:
             raise Unfit("this depends on the state; a claim is about the task as a whole", expr)
         return Number.exactly(value.node.value)

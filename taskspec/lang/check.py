@@ -23,6 +23,7 @@ T = TypeVar("T")
 CONSTANTS = {"pi": math.pi, "inf": math.inf}
 MAX_EXPANDED = 50_000
 _ARITHMETIC = {"+": "add", "-": "sub", "*": "mul", "/": "div", "//": "floordiv", "%": "mod"}
+_TRUTHS = {**dict.fromkeys(("yes", "on"), "write `true`"), **dict.fromkeys(("no", "off"), "write `false`")}
 _COMPARISON = {"==": "eq", "!=": "ne", "<": "lt", "<=": "le"}
 
 
@@ -260,7 +261,10 @@ class Checker:
             return self.label(expr.id, expr, scope, want)
         if calls.is_function(expr.id):
             self.fail("E304", expr, f"'{expr.id}' is a function; call it with arguments")
-        self.fail("E302", expr, f"'{expr.id}' is not defined here", suggest(expr.id, scope.names()))
+        hint = _TRUTHS.get(expr.id.lower()) or suggest(expr.id, scope.names())
+        if hint is None and want is not None:
+            return self.label(expr.id, expr, scope, want)
+        self.fail("E302", expr, f"'{expr.id}' is not defined here", hint)
 
     # -- operators ------------------------------------------------------------------------------------------------
 

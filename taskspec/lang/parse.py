@@ -38,6 +38,13 @@ _CONFUSIONS = (
     (r"!(?!=)", "write `not x`"),
     (r"\?", "write `x if condition else y`"),
 )
+_CHARACTERS = {
+    "−": "`-`", "–": "`-`", "×": "`*`", "·": "`*`", "⋅": "`*`", "÷": "`/`", "≤": "`<=`", "≥": "`>=`", "≠": "`!=`", "∧": "`and`",
+    "∨": "`or`", "¬": "`not`", "∈": "`in`", "∞": "`inf`", "′": "`'`", "’": "`'`", "‘": "`'`", "“": "`'`", "”": "`'`",
+    "²": "`**2`", "√": "`sqrt(x)`",
+}  # fmt: skip
+"""What to write for characters of mathematics and of typography, the likeliest ones."""
+_PRODUCT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)([^\W\d]\w*)")
 _NAME, _DIGITS = re.compile(r"[A-Za-z]\w*", re.ASCII), re.compile(r"0|[1-9]\d{0,14}", re.ASCII)
 _WORDS = re.compile(r"\s*\w+(\s+\w+)+\s*")
 
@@ -183,9 +190,15 @@ def _explain(value: str, error: Exception) -> NoReturn:
             "the expression ends too early here",
         )
     message = (error.msg or "invalid syntax").split(". Perhaps")[0]
+    product = _PRODUCT.search(value) if message.endswith("literal") else None
+    if product:
+        hint = f"a product is written `{product[1]} * {product[2]}`"
+        raise _Failure(product.start(), product.end(), f"'{product[0]}' is neither a number nor a name", hint)
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
     advice = "a label of several words stands in quotes of its own" if _WORDS.fullmatch(value) else None
+    if message.startswith("invalid character") and value[start] in _CHARACTERS:
+        advice = f"write {_CHARACTERS[value[start]]}"
     raise _Failure(start, max(end, start + 1), message, advice)
 
 

@@ -22,6 +22,8 @@ Shape = tuple[int, ...]
 Scalar = bool | int | float  # and Fraction, which never leaves constants
 INT_MAX = 2**31 - 1
 """Largest integer that every backend holds; conversions from reals saturate at it."""
+INT_WIDEST = 2**63 - 1
+"""Largest integer that any value may have on its way."""
 
 
 @dataclass(frozen=True, slots=True)

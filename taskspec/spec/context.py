@@ -141,4 +141,6 @@ _TO_KIND = {Kind.INT: "`floor(x)` and `round(x)` give ints", Kind.BOOL: "compare
 
 
 def _what(value: Value) -> str:
-    return "a choice between other labels" if value.domain is not None else _NAMED[value.node.type.kind]
+    if value.domain is not None:
+        return "a choice between other labels"
+    return "a vector" if value.node.type.shape else _NAMED[value.node.type.kind]

@@ -19,7 +19,7 @@ from taskspec.lang.check import Checker, Poisoned
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Node, plain
 from taskspec.lang.scope import Scope, Value
-from taskspec.lang.types import INT, Domain, Kind, Refused, Type
+from taskspec.lang.types import INT, INT_WIDEST, Domain, Kind, Refused, Type
 from taskspec.source import Path
 from taskspec.spec.forms import Forms
 from taskspec.spec.merge import Merged
@@ -253,6 +253,8 @@ class Declarations:
             and not all(v.is_integer() or math.isinf(v) for v in flat)
         ):
             self.checker.fail("E306", expr, f"'{key}' of an int component must be an int")
+        if type_.kind is Kind.INT and any(INT_WIDEST < abs(v) < math.inf for v in flat):
+            self.checker.fail("E318", expr, "ints have 64 bits; this is too large", "a real has no such limit")
         return flat
 
     def domain(self, entry: Mapping[str, Any], path: Path, scope: Scope) -> Domain:

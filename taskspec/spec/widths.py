@@ -10,11 +10,10 @@ from collections.abc import Iterable, Sequence
 from taskspec.lang import interval
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Draw, Node, Read, children, walk
-from taskspec.lang.types import INT_MAX, Kind
+from taskspec.lang.types import INT_MAX, INT_WIDEST, Kind
 from taskspec.spec.reach import reach
 from taskspec.spec.task import Component
 
-WIDEST = 2**63 - 1
 _SATURATING = ("floor", "ceil", "round")
 
 
@@ -53,7 +52,7 @@ def widest(roots: Iterable[Node]) -> float:
                 low = max(low, -INT_MAX) if low == -interval.INF else low
                 high = min(high, INT_MAX) if high == interval.INF else high
             most = max(-low, high)
-            if WIDEST < most < interval.INF:
+            if INT_WIDEST < most < interval.INF:
                 return float(most)
         known[id(node)] = (low, high)
     return 0.0

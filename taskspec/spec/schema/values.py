@@ -17,6 +17,7 @@ from taskspec.diagnostics import suggest
 _FUNCTION = re.compile(r"([^()]*)\(([^()]*)\)")
 _PIECE_KEYS = ("if", "then", "else")
 _TABLE_KEYS = ("by", "rows")
+_ENDLESS = ("no", "none", "null", "off", "never", "inf", "infinite", "infinity", "unlimited", "~")
 SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
 
 
@@ -170,6 +171,10 @@ def _table(value: dict[str, Any]) -> Iterator[Problem]:
 def _rows(rows: dict[str, Any], depth: int) -> Iterator[Problem]:
     for key, cell in rows.items():
         is_rows = isinstance(cell, dict) and not cell.keys() & set(_TABLE_KEYS)
+        if depth == 1 and is_rows and "else" in cell:
+            message, hint = "rows are nested deeper than `by` is long", "add to `by` what these rows look at"
+            yield Problem("E208", (key,), message, hint)
+            continue
         problems = _rows(cell, depth - 1) if depth > 1 and is_rows else expression(cell)
         yield from (problem.below(key) for problem in problems)
 
@@ -179,7 +184,7 @@ def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
         yield Problem("E204", (), "expected an expression, found an empty mapping")
     for key, weight in value.items():
         if isinstance(weight, dict):
-            message = "rows are nested deeper than the table is long, or a probability is a mapping"
+            message = "rows are nested deeper than `by` is long, or a probability is a mapping"
             yield Problem("E208", (key,), message)
         elif isinstance(weight, list):
             yield wrong_kind("a probability", weight).below(key)
@@ -267,8 +272,12 @@ def labels(value: Any) -> Iterator[Problem]:
 
 def horizon(value: Any) -> Iterator[Problem]:
     """A number of steps, an expression for it, or `none`."""
-    if isinstance(value, bool | float | list | dict):
+    if isinstance(value, float) and value.is_integer():
+        yield wrong_kind("a number of steps, or `none`", value, f"write {int(value)}")
+    elif isinstance(value, bool | float | list | dict):
         yield wrong_kind("a number of steps, or `none`", value)
+    elif isinstance(value, str) and value != "none" and value.strip().lower() in _ENDLESS:
+        yield wrong_kind("a number of steps, or `none`", value, "an episode without a limit has `horizon: none`")
     elif isinstance(value, int) and value < 1:
         yield Problem("E204", (), f"an episode cannot last {value} steps")
     elif value in (None, ""):
