@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -165,7 +166,29 @@ state:
   i: {type: int, low: -2, high: 5}
   p: {type: int, shape: [5], low: 0, high: 4}
   s: {type: int, low: 0, high: 40}
-initial: {u: 0, n: "[0, 0, 0]", e: 0, k: 0, b: false, c: 0, d: "[0, 0, 0]", i: 0, p: Permutation(5), s: 0}
+  k2: {type: int}
+  ks: {type: int, shape: [3]}
+  bs: {type: bool, shape: [4]}
+  ps: {type: int, shape: [2, 3], low: 0, high: 2}
+  cs: {type: int, shape: [2], low: 0, high: 19}
+  x: {type: int, low: -3, high: 7}
+initial:
+  u: Uniform(-1, 3)
+  n: Normal(mean=1, std=2, shape=3)
+  e: Exponential(rate=2)
+  k: Poisson(rate=4)
+  b: Bernoulli(0.3)
+  c: "Categorical([1/2, 1/3, 1/6])"
+  d: "Dirichlet(alpha=[0.5, 1, 2])"
+  i: UniformInt(-2, 5)
+  p: Permutation(5)
+  s: Uniform({s for s in range(41)})
+  k2: Poisson(rate=300)
+  ks: "Poisson(rate=[0.5, 0, 200])"
+  bs: "Bernoulli([0, 0.2, 0.8, 1])"
+  ps: Permutation(3, shape=2)
+  cs: "Categorical([k / 190 for k in range(20)], shape=2)"
+  x: "Categorical({7: 1/4, -3: 3/4})"
 dynamics:
   u': Uniform(-1, 3)
   n': Normal(mean=1, std=2, shape=3)
@@ -177,6 +200,12 @@ dynamics:
   i': UniformInt(-2, 5)
   p': Permutation(5)
   s': Uniform({s for s in range(41)})
+  k2': Poisson(rate=300)
+  ks': "Poisson(rate=[0.5, 0, 200])"
+  bs': "Bernoulli([0, 0.2, 0.8, 1])"
+  ps': Permutation(3, shape=2)
+  cs': "Categorical([k / 190 for k in range(20)], shape=2)"
+  x': "Categorical({7: 1/4, -3: 3/4})"
 """
 DEPENDENT = """
 state:
@@ -211,11 +240,16 @@ def task_of(text: str) -> Task:
     return build(read(HEAD + text), None, {}, "")
 
 
-@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
-@pytest.mark.parametrize("backend", BACKENDS)
+QUICK = {("numba", "SameStep", 7), ("jax", "Disabled", 7)}
+"""Compiling takes a while: one case for each of these is enough for every day."""
+CASES = [
+    pytest.param(*case, marks=[pytest.mark.slow] if case[0] != "numpy" and case not in QUICK else [])
+    for case in product(BACKENDS, ("SameStep", "NextStep", "Disabled"), (1, 7, 64))
+]
+
+
+@pytest.mark.parametrize(("backend", "mode", "lanes"), CASES)
 @pytest.mark.parametrize("text", [CONSTANT, DEPENDENT], ids=["constant", "dependent"])
-def test_draws_agree_on_all_backends(text: str, backend: str, mode: str) -> None:
+def test_draws_agree_on_all_backends(text: str, backend: str, mode: str, lanes: int) -> None:
     pytest.importorskip(backend)
-    task = task_of(text)
-    for lanes in (1, 40):
-        Agreement(task, backend, lanes, mode).run(25)
+    Agreement(task_of(text), backend, lanes, mode).run(25)

@@ -196,6 +196,15 @@ def categorical(w: Words, first: int, size: int, limits: Array) -> Array:
     return found.astype(jnp.int32).reshape(size, -1)
 
 
+def counts(w: Words, first: int, size: int, tables: Sequence[tuple[int, Array]]) -> Array:
+    """The least outcome of a table and how many of its limits are at most the word; a table for all, or one for each."""
+    if len(tables) == 1:
+        ((least, limits),) = tables
+        return least + categorical(w, first, size, limits)
+    rows = [least + categorical(w, first + k, 1, limits) for k, (least, limits) in enumerate(tables)]
+    return jnp.concatenate(rows)
+
+
 def weighted(w: Words, first: int, size: int, weights: Array) -> Array:
     """Outcomes in proportion to weights (k, N)."""
     partial = [jnp.where(weights[0] > 0, weights[0], 0)]

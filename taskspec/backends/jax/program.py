@@ -154,7 +154,8 @@ _NAMESPACE: dict[str, Any] = {
     "nan": float("nan"),
     "inf": float("inf"),
     **{f"draw_{name}": getattr(library, name) for name in (
-        "uniform", "exponential", "normal", "bernoulli", "index", "categorical", "weighted", "poisson", "permutation", "gamma",
+        "uniform", "exponential", "normal", "bernoulli", "index", "categorical", "weighted", "poisson", "counts",
+        "permutation", "gamma",
     )},
 }  # fmt: skip
 
@@ -188,23 +189,36 @@ def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[s
     """A draw as a call of the library, with the number of its first word."""
     size, first = draw.type.size, words.first[draw.site]
     call, extra = f"draw_{draw.base}", ""
-    if draw.args and draw.base != "categorical":
-        spread = args[0] if draw.args[0].type.shape else f"xp.asarray({args[0]}).reshape(1, -1)"
-        extra = f", rt.rows({spread})"
     match draw.base, draw.args[0] if draw.args else None:
         case "categorical", Const() as p:
-            limits = [t for t in draws.thresholds(p.flat) if t < draws.NEVER]
-            name = f"C{len(constants)}"
-            constants[name] = np.array(limits, np.uint32)
-            extra = f", {name}"
+            extra = f", {_kept(constants, draws.reachable(draws.thresholds(p.flat)))}"
         case "categorical", _:
             call, extra = "draw_weighted", f", {args[0]}"
+        case "poisson", Const() as rates:
+            tables = [draws.poisson_table(float(rate)) for rate in rates.flat]
+            pairs = [f"({least}, {_kept(constants, np.array(limits, np.uint32))})" for least, limits in tables]
+            call, extra = "draw_counts", f", {_tuple(pairs)}"
         case "poisson", _:
-            extra += f", {poisson_bound(draw)!r}"
+            extra = f", {_rows(draw, args[0])}, {poisson_bound(draw)!r}"
         case "permutation", _:
             extra = f", {draw.type.shape[-1]}"
+        case _ if draw.args:
+            extra = f", {_rows(draw, args[0])}"
     shape = "".join(f"{k}, " for k in draw.type.shape)
     return f"{call}(w, {first}, {size}{extra}).reshape({shape}-1)"
+
+
+def _rows(draw: Draw, source: str) -> str:
+    """The first argument of a draw with one row for each element, or one for all."""
+    spread = source if draw.args[0].type.shape else f"xp.asarray({source}).reshape(1, -1)"
+    return f"rt.rows({spread})"
+
+
+def _kept(constants: dict[str, Any], array: Any) -> str:
+    """The name of an array that generated code refers to."""
+    name = f"C{len(constants)}"
+    constants[name] = array
+    return name
 
 
 def _names(prefix: str, components: Sequence[Component]) -> list[str]:
