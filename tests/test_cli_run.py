@@ -1,8 +1,7 @@
-"""The commands that run, score, build, print and measure tasks."""
+"""The commands that run, score, build and print tasks."""
 
 from __future__ import annotations
 
-import builtins
 import json
 import math
 from pathlib import Path
@@ -12,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import taskspec
-from taskspec.cli import bench_seals, rollouts
+from taskspec.cli import rollouts
 from taskspec.cli.app import app
 
 ROOT = Path(__file__).parent.parent
@@ -218,35 +217,3 @@ def test_docs_in_the_formats_asked_for(tmp_path: Path) -> None:
     assert Done("docs", "Branching", "-f", "word", "-o", tmp_path).status == 2
     assert Done("figure", "RiskyPath", "-o", tmp_path / "deep" / "r.svg").status == 0
     assert "<svg" in (tmp_path / "deep" / "r.svg").read_text()
-
-
-# -- bench --------------------------------------------------------------------------------------------------------
-
-
-def test_bench_runs_both_sides() -> None:
-    pytest.importorskip("seals")
-    args = ("bench", "seals", "--task", "RiskyPath", "--task", "Sort", "--rounds", 2, "--seconds", 0.001)
-    results = Done(*args, "--json").data["results"]
-    assert [r["task"] for r in results] == ["derail/RiskyPathSeals-v0", "derail/SortSeals-v0"]
-    assert all(r["ratio"] > 1 and len(r["rounds"]["seals"]) == 2 for r in results)
-    assert "RiskyPath" in Done(*args).out
-
-
-def test_bench_covers_every_task_of_the_suite() -> None:
-    seals = {entry.name for entry in taskspec.registry.shipped().values() if entry.name.endswith("Seals")}
-    assert {pair.ours for pair in bench_seals.PAIRS} == seals
-
-
-def test_bench_without_seals_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = builtins.__import__
-
-    def without(name: str, *args: Any, **options: Any) -> Any:
-        if name == "seals":
-            raise ImportError(name)
-        return real(name, *args, **options)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    done = Done("bench")
-    assert done.status == 1
-    assert "E705" in done.err
-    assert 'pip install "taskspec[bench]"' in done.err

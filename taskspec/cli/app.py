@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 import sys
 from typing import Annotated, Any
@@ -17,6 +16,7 @@ from taskspec.cli.check import check
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.explain import explain
 from taskspec.cli.new import new
+from taskspec.cli.options import flowed
 from taskspec.cli.reference import reference
 from taskspec.cli.run import run as run_command
 from taskspec.cli.schema import schema
@@ -35,7 +35,6 @@ COMMANDS = (
     ("run", run_command, USE),
     ("solve", solve, USE),
     ("score", score, USE),
-    ("bench", bench, USE),
     ("docs", docs, PRINT),
     ("figure", figure, PRINT),
     ("reference", reference, PRINT),
@@ -60,14 +59,9 @@ app = typer.Typer(
 )
 
 
-def _flowed(doc: str) -> str:
-    """A docstring with its paragraphs on one line each, for the width of whoever reads it; indented lines stay."""
-    paragraphs = inspect.cleandoc(doc).split("\n\n")
-    return "\n\n".join(p if p.startswith(" ") else " ".join(p.split("\n")) for p in paragraphs)
-
-
 for _name, _function, _panel in COMMANDS:
-    app.command(_name, rich_help_panel=_panel, help=_flowed(_function.__doc__ or ""))(_function)
+    app.command(_name, rich_help_panel=_panel, help=flowed(_function.__doc__ or ""))(_function)
+app.add_typer(bench, name="bench", rich_help_panel=USE)
 
 
 def _version(wanted: bool) -> None:

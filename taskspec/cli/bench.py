@@ -2,52 +2,128 @@
 
 from __future__ import annotations
 
-from importlib import import_module
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from taskspec.cli.options import Json
+from taskspec.cli.options import Json, Parameters, complete_targets, flowed
 
-PARTS = {
-    "seals": ("taskspec.cli.bench_seals", "scalar environments against seals 0.2.1"),
-    "exact": ("taskspec.cli.bench_exact", "exact models of large grids, beside Storm and plain loops"),
-    "vector": ("taskspec.cli.bench_vector", "vector environments on every backend, beside others"),
-}
-"""Parts by name: the module, with a function `bench(tasks, rounds, seconds, json)` that gives whether targets are met."""
+MAX_LANES = 2**24
+PROGRAMS = ("scalar", "numpy", "numba", "jax", "jax-scan")
+BACKENDS = ("auto", "numpy", "numba", "jax")
+CHARTS = (".svg", ".png", ".pdf")
 
-
-def complete_parts(incomplete: str) -> list[tuple[str, str]]:
-    return [(name, doc) for name, (_, doc) in PARTS.items() if name.startswith(incomplete)]
-
-
-Part = Annotated[
-    str,
-    typer.Argument(metavar="|".join(PARTS), help="What to measure.", autocompletion=complete_parts),
+Tasks = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[TASK|FOLDER]...",
+        help="Ids, specs, suites or folders of specs; the project's own table unless given.",
+        autocompletion=complete_targets,
+        show_default=False,
+    ),
 ]
 Only = Annotated[
     list[str] | None, typer.Option("--task", "-t", metavar="NAME", help="Only this task; may be repeated.")
 ]
+Programs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--backend", "-b", metavar="NAME", help=f"What steps a TASK: {', '.join(PROGRAMS)}; may be repeated.",
+        autocompletion=lambda: PROGRAMS, show_default=False,
+    ),
+]  # fmt: skip
+Lanes = Annotated[
+    list[int] | None,
+    typer.Option(
+        "--lanes", "-l", metavar="N", min=1, max=MAX_LANES, show_default=False,
+        help="How many environments of a TASK are stepped together; 1, 64, 1024 and 4096 by default.",
+    ),
+]  # fmt: skip
+Threads = Annotated[int, typer.Option("--num-threads", metavar="N", min=1, max=1024, help="Threads of Numba.")]
 Rounds = Annotated[int, typer.Option("--rounds", min=1, help="How often each side is measured, taking turns.")]
 Seconds = Annotated[float, typer.Option("--seconds", min=0.001, help="How long a measurement takes, about.")]
+Starts = Annotated[bool, typer.Option("--start/--no-start", help="Also measure the start of a process, and memory.")]
+Chart = Annotated[
+    Path | None,
+    typer.Option("--chart", metavar="FILE", help=f"Draw a chart: {', '.join(CHARTS)}.", dir_okay=False, show_default=False),
+]  # fmt: skip
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with status 1 when a target is missed.")]
+HELP = """Measure steps per second, ours beside others'.
+
+What is compared runs in one process and takes turns, so that a slow moment of the machine meets all of it."""
 
 
-def bench(
-    part: Part = "seals",
+def seals(
     only: Only = None,
+    lanes: Annotated[
+        int | None,
+        typer.Option(
+            "--lanes", "-l", metavar="N", min=1, max=MAX_LANES, show_default=False,
+            help="Vector environments instead: ours beside SyncVectorEnv.",
+        ),
+    ] = None,
+    backend: Annotated[
+        str, typer.Option("--backend", "-b", metavar="NAME", help=f"Ours, with --lanes: {', '.join(BACKENDS)}.")
+    ] = "auto",
     rounds: Rounds = 9,
     seconds: Seconds = 0.1,
     strict: Strict = False,
     json: Json = False,
-) -> None:
-    """Measure steps per second, ours beside others'.
-
-    Both sides run in one process and take turns, so that a slow moment of the machine meets both.
-    """
+) -> None:  # fmt: skip
+    """Environments as gym.make gives them, against the same tasks of seals 0.2.1."""
+    from taskspec.cli import bench_seals
+    from taskspec.cli.failures import misuse
     from taskspec.cli.targets import checked_choice
 
-    module, _ = PARTS[checked_choice("what to measure", part, list(PARTS))]
-    met = import_module(module).bench(only or [], rounds, seconds, json)
+    if checked_choice("--backend", backend, BACKENDS) != "auto" and lanes is None:
+        raise misuse("--backend goes with --lanes: a single environment has none")
+    _end(bench_seals.bench(only or [], lanes, backend, rounds, seconds, json), strict)
+
+
+def vector(
+    tasks: Tasks = None,
+    parameters: Parameters = None,
+    backend: Programs = None,
+    lanes: Lanes = None,
+    num_threads: Threads = 1,
+    rounds: Rounds = 7,
+    seconds: Seconds = 0.1,
+    start: Starts = True,
+    chart: Chart = None,
+    strict: Strict = False,
+    json: Json = False,
+) -> None:
+    """Vector environments on every backend, any task; the start of a process; memory.
+
+    Without a TASK: the suite on all backends that are installed, with targets and beside seals, and games beside
+    Gymnasium, gymnax and EnvPool where these are installed. Takes about three minutes.
+    """
+    from taskspec.cli import bench_vector
+
+    wanted = bench_vector.Wanted(
+        tuple(tasks or ()), tuple(parameters or ()), tuple(backend or ()), tuple(lanes or ()), num_threads, rounds,
+        seconds, start, chart, json,
+    )  # fmt: skip
+    _end(bench_vector.bench(wanted), strict)
+
+
+def exact(
+    rounds: Annotated[int, typer.Option("--rounds", min=1, help="The best of so many runs.")] = 3,
+    strict: Strict = False,
+    json: Json = False,
+) -> None:
+    """Exact models of large grids, beside Storm where it is installed, and plain loops."""
+    from taskspec.cli import bench_exact
+
+    _end(bench_exact.bench(rounds, json), strict)
+
+
+def _end(met: bool, strict: bool) -> None:
     if strict and not met:
         raise typer.Exit(1)
+
+
+bench = typer.Typer(no_args_is_help=True, help=flowed(HELP))
+for _name, _function in (("seals", seals), ("vector", vector), ("exact", exact)):
+    bench.command(_name, help=flowed(_function.__doc__ or ""))(_function)

@@ -1,66 +1,318 @@
-"""The vector environments on every backend that is installed: against their targets, and beside what others offer."""
+"""Vector environments, ours on each backend and others beside them; the start of a process; memory."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taskspec.cli.bench import CHARTS
+from taskspec.cli.failures import misuse, refuse
+from taskspec.diagnostics import TaskspecError, suggest
+from taskspec.envs import measure
 
 if TYPE_CHECKING:
-    from taskspec.envs.measure import Contestant, Rate
+    from taskspec.cli.bench_print import Progress
+    from taskspec.envs.measure import Contestant, Memory, Rate, Start
+    from taskspec.envs.measure.race import Drive
+    from taskspec.spec.task import Task
+
+LANES = (1, 64, 1024, 4096)
+REPEATS = 3
+"""Warm starts of each program."""
+MANY_LANES = 1_000_000
+"""For how many lanes of `MANY_TASK` memory is also counted."""
+MANY_TASK = "RiskyPath"
+OTHERS = ("numba", "jax", "seals", "gymnax", "envpool")
 
 
-def bench(tasks: Sequence[str], rounds: int, seconds: float, json: bool) -> bool:
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What was asked for."""
+
+    targets: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    programs: tuple[str, ...] = ()
+    lanes: tuple[int, ...] = ()
+    num_threads: int = 1
+    rounds: int = 7
+    seconds: float = 0.1
+    starts: bool = True
+    chart: Path | None = None
+    json: bool = False
+
+
+@dataclass(slots=True)
+class Found:
+    """What was measured, and what could not be: of others with a word on why, of ours with the error."""
+
+    clock: str
+    jax_device: str | None
+    suite: list[Rate] = field(default_factory=list)
+    others: list[Rate] = field(default_factory=list)
+    starts: list[Start] = field(default_factory=list)
+    memories: list[Memory] = field(default_factory=list)
+    missing: dict[str, str] = field(default_factory=dict)
+    errors: list[TaskspecError] = field(default_factory=list)
+
+    @property
+    def rates(self) -> list[Rate]:
+        return [*self.suite, *self.others]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Groups of contestants that take turns, and programs of tasks whose start is measured."""
+
+    suite: list[list[Contestant]]
+    others: list[list[Contestant]]
+    starts: list[tuple[Task, str]]
+
+
+def bench(wanted: Wanted) -> bool:
     """Measure, print, and say whether every target is met."""
-    from taskspec.envs import measure
+    from taskspec.cli.bench_print import Progress
 
-    found = [rate for group in _groups(tasks) for rate in measure.race(group, rounds, seconds)]
-    _print_json(found, rounds, seconds) if json else _print(found)
-    return all(rate.met for rate in found)
+    _check(wanted)
+    plan = _chosen(wanted) if wanted.targets else _own()
+    groups = [*plan.suite, *plan.others]
+    device = measure.jax_device({c.program for group in groups for c in group})
+    name, clock = measure.clock_for(device, wanted.num_threads)
+    found = Found(name, device)
+    if not wanted.targets:
+        found.missing = {package: "not installed" for package in OTHERS if not measure.installed(package)}
+    effort = sum(len(group) * (1 + wanted.rounds * wanted.seconds) for group in groups)
+    with Progress(effort + wanted.starts * len(plan.starts) * (1 + REPEATS), quiet=wanted.json) as progress:
+        for group in plan.suite:
+            found.suite += _raced(group, wanted, clock, found, progress)
+        for group in plan.others:
+            found.others += _raced(group, wanted, clock, found, progress)
+        if wanted.starts:
+            _start(plan, found, progress)
+    _show(wanted, found)
+    return all(rate.met for rate in found.rates)
 
 
-def _groups(tasks: Sequence[str]) -> list[list[Contestant]]:
-    """What is measured in turns: our own table a backend at a time, then others."""
-    from taskspec.envs import measure
+# -- what to measure ----------------------------------------------------------------------------------------------
+
+
+def _check(wanted: Wanted) -> None:
+    """Refuse, before anything is measured, what means nothing or could not be written."""
+    for program in wanted.programs:
+        if program not in measure.PROGRAMS:
+            hint = suggest(program, measure.PROGRAMS)
+            raise misuse(f"--backend is one of {', '.join(measure.PROGRAMS)}, not '{program}'", hint)
+    if not wanted.targets and (wanted.parameters or wanted.programs or wanted.lanes or wanted.num_threads > 1):
+        hint = "for example: taskspec bench vector derail --backend numba"
+        raise misuse("-p, --backend, --lanes and --num-threads need a TASK: the project's own table has its own", hint)
+    if wanted.chart is not None:
+        from taskspec.appendix.extras import need
+
+        if wanted.chart.suffix.lower() not in CHARTS:
+            raise misuse(f"--chart is a file that ends in {', '.join(CHARTS)}, not '{wanted.chart.name}'")
+        need("matplotlib", "figures")
+        wanted.chart.parent.mkdir(parents=True, exist_ok=True)
+
+
+def _own() -> Plan:
+    """The project's own table."""
     from taskspec.registry import load
 
-    rows = measure.table(load, tasks)
-    places = list(dict.fromkeys((c.name.split(" on ")[1], c.lanes) for c in rows))
-    groups = [[c for c in rows if (c.name.split(" on ")[1], c.lanes) == place] for place in places]
-    return groups if tasks else [*groups, _others()]
+    backends = [b for b in ("numpy", "numba", "jax") if b == "numpy" or measure.installed(b)]
+    starts = [(load(f"derail/{name}-v0"), b) for name in measure.STARTS for b in ("scalar", *backends)]
+    return Plan(measure.own(load), measure.games(load), starts)
 
 
-def _others() -> list[Contestant]:
-    from taskspec.envs import measure
-
-    found = [measure.gymnasium_cart_pole(1024)]
-    if measure.installed("seals"):
-        found.append(measure.seals_sync("seals/RiskyPath-v0"))
-    if measure.installed("envpool"):
-        found.append(measure.envpool_cart_pole(64))
-    if measure.installed("gymnax"):
-        found += [measure.gymnax(name, 4096) for name in ("CartPole-v1", "DeepSea-bsuite", "Catch-bsuite")]
-    return found
+def _chosen(wanted: Wanted) -> Plan:
+    """The tasks that were named, each on its programs, for every number of lanes."""
+    groups, starts = [], []
+    for task in _tasks(wanted):
+        programs = _programs(task, wanted.programs)
+        groups.append([c for p in programs for c in _contestants(task, p, wanted)])
+        starts += [(task, p) for p in dict.fromkeys(p.removesuffix("-scan") for p in programs)]
+    return Plan([], groups, starts)
 
 
-def _print(rates: Sequence[Rate]) -> None:
-    from rich.text import Text
+def _tasks(wanted: Wanted) -> Iterator[Task]:
+    from taskspec.cli.specs import task_in, variants_of
+    from taskspec.cli.targets import assignments, files_of
 
-    from taskspec.cli.console import columns, console
+    values = assignments(wanted.parameters)
+    for file in files_of(wanted.targets):
+        for variant in variants_of(file):
+            yield task_in(file, variant, values)
 
-    table = columns("", "program", "lanes", "million steps/s", "spread", "target", right=(2, 3, 4, 5))
-    for r in rates:
-        mark = Text("") if r.target is None else Text("✓", style="good") if r.met else Text("✗", style="bad")
-        low, high = min(r.rounds) / 1e6, max(r.rounds) / 1e6
-        target = "" if r.target is None else f"{r.target / 1e6:g}"
-        table.add_row(
-            mark, Text(r.name, style="name"), str(r.lanes), f"{r.median / 1e6:.3g}", f"{low:.3g}–{high:.3g}", target
+
+def _programs(task: Task, asked: Sequence[str]) -> list[str]:
+    """Those that were asked for, else all that are installed and suit the task.
+
+    Raises:
+        SpecError: E705 for one that is not installed.
+    """
+    from taskspec.backends import select
+
+    for program in asked:
+        if program != "scalar":
+            select.choose(task, program.removesuffix("-scan"))
+    if asked:
+        return list(dict.fromkeys(asked))
+    found = ["scalar", "numpy"]
+    if select.choose(task, "auto") == "numba":
+        found.append("numba")
+    return [*found, "jax-scan"] if measure.installed("jax") else found
+
+
+def _contestants(task: Task, program: str, wanted: Wanted) -> Iterator[Contestant]:
+    for lanes in (1,) if program == "scalar" else dict.fromkeys(wanted.lanes or LANES):
+        target = measure.target_of(task, program, lanes) if wanted.num_threads == 1 else None
+        yield measure.ours(task, program, lanes, num_threads=wanted.num_threads, target=target)
+
+
+# -- measuring ----------------------------------------------------------------------------------------------------
+
+
+def _raced(group: Sequence[Contestant], wanted: Wanted, clock: Any, found: Found, progress: Progress) -> list[Rate]:
+    """The rates of those in a group that run."""
+    ready: list[tuple[Contestant, Drive]] = []
+    for contestant in group:
+        progress.tick(contestant.task)
+        drive = _made(contestant, found)
+        if drive is not None:
+            ready.append((contestant, drive))
+    effort = len(group) * wanted.seconds
+    drives = [drive for _, drive in ready]
+    rounds = measure.race(drives, wanted.rounds, wanted.seconds, clock, lambda: progress.tick(group[0].task, effort))
+    return [measure.Rate(contestant, rates) for (contestant, _), rates in zip(ready, rounds, strict=True)]
+
+
+def _made(contestant: Contestant, found: Found) -> Drive | None:
+    """What drives a contestant; None, with a note, where it does not run."""
+    c = contestant
+    try:
+        return c.make()
+    except TaskspecError as error:
+        found.errors.append(error)
+    except MemoryError:
+        found.errors.append(
+            refuse("E713", f"there is no memory for {c.lanes:,} lanes of {c.task} on {c.program}", "fewer --lanes")
         )
+    except Exception as error:
+        if c.program in measure.PROGRAMS:
+            raise
+        found.missing[c.program] = f"{type(error).__name__}: {error}"  # the code of others: we go on without it
+    return None
+
+
+def _start(plan: Plan, found: Found, progress: Progress) -> None:
+    """Starts of processes, and memory of what was started."""
+    for task, program in plan.starts:
+        before = time.perf_counter()
+        try:
+            found.starts.append(measure.start_times(task, program, REPEATS))
+            if program != "scalar":
+                found.memories.append(measure.memory(task, program))
+                if plan.suite and task.name == MANY_TASK:
+                    found.memories.append(measure.memory(task, program, MANY_LANES))
+        except TaskspecError as error:
+            found.errors.append(error)
+        progress.tick(f"{task.name}: starting, {time.perf_counter() - before:.0f} s", 1 + REPEATS)
+
+
+# -- output -------------------------------------------------------------------------------------------------------
+
+
+def _show(wanted: Wanted, found: Found) -> None:
+    if wanted.json:
+        _print_json(wanted, found)
+    else:
+        _print(wanted, found)
+    if wanted.chart is not None and found.rates:
+        import typer
+
+        from taskspec.cli.bench_chart import draw
+
+        draw(found.rates, wanted.chart)
+        typer.echo(f"wrote {wanted.chart}", err=wanted.json)
+    if found.errors:
+        _report(found.errors)
+
+
+def _report(errors: Sequence[TaskspecError]) -> None:
+    """What went wrong, once for each; the command fails."""
+    import typer
+
+    from taskspec.cli.failures import show
+    from taskspec.diagnostics import SpecError
+
+    show(dict.fromkeys(d for error in errors if isinstance(error, SpecError) for d in error.diagnostics))
+    for error in errors:
+        if not isinstance(error, SpecError):
+            typer.echo(f"error: {error}", err=True)
+    raise typer.Exit(1)
+
+
+def _print(wanted: Wanted, found: Found) -> None:
+    from taskspec.cli import bench_print
+    from taskspec.cli.console import console
+
     out = console(wide=True)
-    out.print(table)
-    out.print(f"\nmedians of {len(rates[0].rounds)} rounds, of processor time; autoreset on", style="quiet")
+    tables = [
+        bench_print.matrix(found.suite) if found.suite else None,
+        bench_print.sections(found.others) if found.others else None,
+        bench_print.starts(found.starts, found.memories) if found.starts else None,
+    ]
+    for table in filter(None, tables):
+        out.print(table)
+        out.print()
+    notes = list(_notes(found))
+    for note in notes:
+        console().print(note, style="quiet")
+    if notes:
+        out.print()
+    threads = f", {wanted.num_threads} threads on Numba" if wanted.num_threads > 1 else ""
+    bench_print.footer(f"steps per second, with resets{threads}", wanted.rounds, found.clock)
 
 
-def _print_json(rates: Sequence[Rate], rounds: int, seconds: float) -> None:
+def _notes(found: Found) -> Iterator[str]:
+    """What the tables leave to say."""
+    from taskspec.cli.bench_print import millions
+
+    aimed = [r for r in found.rates if r.contestant.target is not None]
+    for r in aimed:
+        if not r.met:
+            c = r.contestant
+            place = f"{c.task} on {c.program}, {c.lanes} lanes"
+            yield f"missed: {place}: {millions(r.median)} of {millions(c.target or 0)} million steps/s"
+    if aimed:
+        yield f"{sum(r.met for r in aimed)} of {len(aimed)} targets met"
+    many = [f"{m.bytes / 1e6:,.0f} MB on {m.program}" for m in found.memories if m.lanes == MANY_LANES]
+    if many:
+        yield f"{MANY_LANES:,} lanes of {MANY_TASK} hold {', '.join(many)}"
+    for name, why in found.missing.items():
+        yield f"{name}: not measured ({why})"
+
+
+def _print_json(wanted: Wanted, found: Found) -> None:
+    from taskspec.cli.bench_print import ratio_of
     from taskspec.cli.console import write_json
 
-    write_json({"rounds": rounds, "seconds": seconds, "results": [rate.data() for rate in rates]})
+    results = []
+    for rate in found.rates:
+        program, ratio = ratio_of(rate, found.rates) or (None, None)
+        results.append(rate.data() | {"beside": program, "ratio": ratio})
+    write_json(
+        {
+            "machine": measure.machine(),
+            "jax_device": found.jax_device,
+            "clock": found.clock,
+            "num_threads": wanted.num_threads,
+            "rounds": wanted.rounds,
+            "seconds": wanted.seconds,
+            "results": results,
+            "starts": [start.data() for start in found.starts],
+            "memory": [memory.data() for memory in found.memories],
+            "missing": found.missing,
+        }
+    )

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 MAX_OFFERED = 100
+
+
+def flowed(doc: str) -> str:
+    """A docstring with its paragraphs on one line each, for the width of whoever reads it; indented lines stay."""
+    paragraphs = inspect.cleandoc(doc).split("\n\n")
+    return "\n\n".join(p if p.startswith(" ") else " ".join(p.split("\n")) for p in paragraphs)
 
 
 def complete_targets(incomplete: str) -> list[tuple[str, str]]:

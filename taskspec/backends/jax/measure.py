@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from typing import Any
 
 import jax
@@ -15,6 +16,17 @@ from taskspec.spec.task import Task
 
 STEPS = 128
 ACTIONS = 16
+
+
+def device() -> str:
+    """The platform that JAX runs on: cpu, gpu or tpu."""
+    return str(jax.default_backend())
+
+
+def held() -> int:
+    """Bytes of all arrays that JAX holds."""
+    arrays: Any = jax.live_arrays  # without types
+    return sum(array.nbytes for array in arrays())
 
 
 def scan(task: Task, lanes: int) -> Callable[[], int]:
@@ -35,13 +47,13 @@ def scan(task: Task, lanes: int) -> Callable[[], int]:
     return _driver(step, (state, jnp.zeros(lanes)), lanes)
 
 
-def gymnax_scan(name: str, lanes: int) -> Callable[[], int]:
-    """Drives lanes of an environment of gymnax."""
-    from importlib import import_module
-
+def gymnax_scan(
+    name: str, lanes: int, options: Mapping[str, Any] | None = None, changes: Mapping[str, Any] | None = None
+) -> Callable[[], int]:
+    """Drives lanes of an environment of gymnax, made with options, its parameters changed."""
     gymnax = import_module("gymnax")
-
-    env, params = gymnax.make(name)
+    env, params = gymnax.make(name, **(options or {}))
+    params = params.replace(**(changes or {}))
     keys = jax.random.split(jax.random.key(0), lanes)
     _, state = jax.jit(jax.vmap(env.reset, (0, None)))(keys, params)
     count = env.action_space(params).n
@@ -76,11 +88,19 @@ def _sum(seen: Any) -> Any:
 
 
 def _actions(layout: Layout, lanes: int) -> Any:
+    """Random actions (ACTIONS, *shape, lanes) in the space of a layout."""
     rng = np.random.default_rng(0)
     if layout.form == "box":
-        low, high = (np.clip(np.array(b), -1, 1).reshape(*layout.shape, 1) for b in (layout.low, layout.high))
+        low, high = (bound.reshape(*layout.shape, 1) for bound in _bounds(layout))
         return jnp.array(rng.uniform(low, high, (ACTIONS, *layout.shape, lanes)), jnp.float32)
     rows = [rng.integers(0, count, (ACTIONS, lanes)) for count in layout.counts]
     if layout.form == "discrete":
         return jnp.array(rows[0] + layout.starts[0], jnp.int32)
     return jnp.array(np.stack(rows, 1), jnp.int32)
+
+
+def _bounds(layout: Layout) -> tuple[Any, Any]:
+    """The bounds of a box; where there is none, 2 from the other one, or -1 and 1."""
+    low, high = np.array(layout.low), np.array(layout.high)
+    low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - 2, -1))
+    return low, np.where(np.isfinite(high), high, low + 2)
