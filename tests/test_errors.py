@@ -257,6 +257,10 @@ HINTS: list[tuple[str, str, str, str, str | None]] = [
     ("high: N - 1}", "high: 10**30}", "E318", "10**30", "a real has no such limit"),
     ("norm1(q)", "np.abs(q)", "E316", "np.abs", "write `abs(x)`"),
     ("norm1(q)", "norm1(q) + Normal()", "E311", "Normal()", None),
+    ("mood: calm\n", "mood: 'Uniform({calm, cross}) if Bernoulli(1/0) else calm'\n", "E402", "Bernoulli(1/0)", None),
+    ("-far(p')", "Normal(0, 1/0)", "E408", "Normal(0, 1/0)", None),
+    ("-far(p')", "Uniform(-inf, 0)", "E408", "Uniform(-inf, 0)", None),
+    ("-far(p')", "UniformInt(0, 2**31)", "E408", "UniformInt(0, 2**31)", None),
     ("p: (0, 0)", "p: (0, 99)", "E404", "(0, 99)", None),
     ("-far(p')", "-far(p') / 0", "E406", "-far(p') / 0", None),
     ("kind: grid", "kind: gird", "E206", "gird", "did you mean 'grid'?"),
@@ -301,3 +305,26 @@ def test_a_misspelt_result_in_a_claim_gets_a_suggestion() -> None:
     text = GRID + "claims: [optimal_retrun < 0]\n"
     (problem,) = report(build(source.read_text(text))).diagnostics
     assert (problem.code, problem.hint) == ("E603", "did you mean 'optimal_return'?")
+
+
+@pytest.mark.parametrize("section", ["state", "action"])
+def test_a_task_has_a_state_and_an_action(section: str) -> None:
+    lines = {"state": "state: {n: {type: bool}}", "action": "action: {a: {type: bool}}", section: f"{section}: {{}}"}
+    text = "taskspec: 1\nname: X\n" + "\n".join(lines.values()) + "\nhorizon: 5\ninitial: {}\ndynamics: {}\nreward: 1\n"
+    found = problems(source.read_text(text))
+    assert ("E210", f"`{section}:` names no component") in [(p.code, p.message) for p in found]
+
+
+def test_what_can_be_one_value_only_starts_as_it() -> None:
+    text = """\
+taskspec: 1
+name: X
+state: {s: {type: choice, values: [only]}, n: {type: int, low: 3, high: 3, shape: 2}, x: {type: real, low: 2, high: 2}}
+action: {a: {type: bool}}
+horizon: 5
+initial: {}
+dynamics: {}
+reward: a
+"""
+    env = build(source.read_text(text)).make()
+    assert env.reset(seed=0)[0].tolist() == [0, 3, 3, 2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NoReturn
 
 from taskspec.diagnostics import Collector, suggest
@@ -220,6 +221,8 @@ def _check_parameters(checker: Checker, dist: dists.Dist, nodes: dict[str, Node]
     for name, node in nodes.items():
         if not isinstance(node, Const):
             continue
+        if name not in ("p", "n") and not all(math.isfinite(v) for v in node.flat):
+            checker.fail("E408", expr, f"'{name}' of {dist.name} is not finite")
         worst = min(node.flat)
         strict = name == "alpha" or (name == "rate" and dist.name == "Exponential")
         if name in low and (worst < low[name] or (strict and worst == 0) or worst != worst):

@@ -7,12 +7,13 @@ distribution and per base; the language reference, the printers and the statisti
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.types import Kind, Refused, Shape, Type
+from taskspec.lang.types import INT_MAX, Kind, Refused, Shape, Type
 
 if TYPE_CHECKING:
     from taskspec.lang.builder import Builder
@@ -94,6 +95,8 @@ def _uniform(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 def _uniform_int(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     count = b.apply("add", b.apply("sub", a["high"], a["low"]), b.scalar(1))
+    if INT_MAX < b.bounds(count)[1] < math.inf:  # no backend holds it, and its product with a word leaves 64 bits
+        raise Refused(f"UniformInt takes one of at most {INT_MAX:,} values", "E408")
     return b.apply("add", a["low"], b.draw("index", (count,), Type(Kind.INT, shape)))
 
 

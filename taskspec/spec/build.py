@@ -197,6 +197,9 @@ class _Build:
             context.resolve(context.constants[name], context.place("constants", name))
 
     def _components(self, section: str) -> tuple[Component, ...]:
+        if not self.data[section]:
+            hint = "where there is nothing to tell apart, one value is enough: `s: {type: choice, values: [only]}`"
+            self.collector.add("E210", self.merged.key_span((section,)), f"`{section}:` names no component", hint)
         scope = self.context.constant_scope("domains are fixed")
         found = [self.context.declare.component(section, name, scope) for name in self.data[section]]
         self.collector.raise_if_errors()  # without its components no section can be checked

@@ -11,7 +11,7 @@ from taskspec.lang.check import Poisoned
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Scope, Value
-from taskspec.lang.types import BOOL, Type
+from taskspec.lang.types import BOOL, Kind, Type
 from taskspec.source import Path
 from taskspec.spec.context import Context
 from taskspec.spec.names import Names, poison
@@ -63,7 +63,10 @@ class Sections:
             elif c is not None:
                 self.names.define(scope, name, Lazy(poison))
         for c in context.state:
-            if c.name not in context.exprs["initial"]:
+            if c.name not in context.exprs["initial"] and c.low == c.high:  # there is nothing to choose
+                flat = c.low if c.type.kind is Kind.REAL else tuple(map(int, c.low))
+                found[c.name] = self.builder.const(flat if c.type.shape else flat[0], c.type)
+            elif c.name not in context.exprs["initial"]:
                 span = context.merged.key_span(("state", c.name))
                 self.collector.add("E217", span, f"'{c.name}' has no value in `initial`")
         return [found[c.name] for c in context.state if c.name in found]
