@@ -11,7 +11,10 @@ import numpy as np
 import pytest
 
 import taskspec
+from taskspec.backends.actions import BadActionError
 from taskspec.backends.interpreter import Interpreter
+from taskspec.backends.select import engine
+from taskspec.backends.vector import Options
 from taskspec.diagnostics import SpecError
 from taskspec.envs.errors import ActionError, StateError
 from taskspec.exact import soundness
@@ -190,6 +193,32 @@ def test_numbers_of_any_kind_are_real_actions(action: Any) -> None:
     env.reset(seed=0)
     reward = env.step(action)[1]
     assert (reward, type(reward)) == (1.0, float)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "numba"])
+def test_every_point_of_a_box_is_an_action(backend: str) -> None:
+    pytest.importorskip(backend)
+    action = "\n  u: {type: real, low: 0, high: 1}\n  i: {type: int, low: -2, high: 2, shape: 2}\n  b: {type: bool}"
+    action += "\n  c: {type: choice, values: [x, y, z]}\n  n: {type: int}"
+    task = written(action=action, dynamics=" {s': s}", horizon=" 1000",
+                   reward=" u + 10 * i[0] + 100 * i[1] + 1000 * b + 10000 * (c == z) + 100000 * n")  # fmt: skip
+    env, lanes = task.make(), engine(task, 3, backend, Options())
+    env.reset(seed=0)
+    lanes.seed(np.zeros(3, np.uint64))
+    lanes.reset()
+    env.action_space.seed(0)
+    for _ in range(200):
+        point = env.action_space.sample()
+        u, i, j, b, c, n = point.tolist()
+        paid = u + 10 * round(i) + 100 * round(j) + 1000 * round(b) + 10000 * (round(c) == 2) + 100000 * round(n)
+        assert env.step(point)[1] == pytest.approx(paid)
+        lanes.step(np.stack([point] * 3))
+        assert lanes.buffers.reward.tolist() == pytest.approx([paid] * 3)
+    for wrong in ([0, 2.4, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1e10]):
+        with pytest.raises(ActionError, match="E706"):
+            env.step(np.array(wrong))
+        with pytest.raises(BadActionError):
+            lanes.step(np.array([wrong] * 3))
 
 
 OPTIONS = [5, "x", [("state", {})], {"stat": {}}, {"state": 5}, {"state": [1]}, {"state": {"x": 1}}, {"state": {"s": None}},

@@ -12,7 +12,6 @@ from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Component, Task
 
 Array = np.ndarray[Any, Any]
-FLOAT_MAX = 3.4028234663852886e38
 
 
 class BadActionError(Exception):
@@ -67,8 +66,7 @@ def _multi_discrete(task: Task, layout: Layout, lanes: int) -> Reader:
 
 
 def _box(task: Task, layout: Layout, lanes: int) -> Reader:
-    low = np.maximum(np.array(layout.low), -FLOAT_MAX).reshape(-1, 1)
-    high = np.minimum(np.array(layout.high), FLOAT_MAX).reshape(-1, 1)
+    low, high = np.array(layout.limits).T[..., None]
     whole = np.array([c.type.kind is not Kind.REAL for c in task.action for _ in range(c.type.size)])
 
     def read(actions: Any) -> tuple[Array, ...]:
@@ -76,8 +74,7 @@ def _box(task: Task, layout: Layout, lanes: int) -> Reader:
         rows = array.reshape(lanes, -1).T.astype(np.float64)
         if not (np.greater_equal(rows, low).all() and np.less_equal(rows, high).all()):
             raise BadActionError
-        if whole.any() and (rows[whole] != np.trunc(rows[whole])).any():
-            raise BadActionError
+        rows[whole] = np.rint(rows[whole])  # every point of the space is an action
         return _components(task, rows)
 
     return read

@@ -10,8 +10,6 @@ from taskspec.lang.types import Kind
 from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Component, Task
 
-FLOAT_MAX = 3.4028234663852886e38
-
 
 def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
     return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
@@ -90,16 +88,11 @@ def _read_box(task: Task, layout: Layout, names: Sequence[str]) -> tuple[list[st
     flat, values = _elements(task, names)
     lines = _listed(layout.shape, flat, "as_floats", "action.dtype is float32 or action.dtype is float64")
     kinds = [c.type.kind for c in task.action for _ in range(c.type.size)]
-    for name, low, high, kind in zip(flat, layout.low, layout.high, kinds, strict=True):
-        low, high = max(low, -FLOAT_MAX), min(high, FLOAT_MAX)
+    for name, (low, high), kind in zip(flat, layout.limits, kinds, strict=True):
         lines += [
             f"if not {literal(low)} <= {name} <= {literal(high)}:",
             "    raise bad_action(action)",
         ]
-        if kind is not Kind.REAL:
-            lines += [
-                f"if {name} != int({name}):",
-                "    raise bad_action(action)",
-                f"{name} = int({name})",
-            ]
+        if kind is not Kind.REAL:  # every point of the space is an action
+            lines.append(f"{name} = round({name})")
     return lines, values

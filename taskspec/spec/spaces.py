@@ -13,8 +13,10 @@ from typing import Any, Literal
 
 import numpy as np
 
+from taskspec.lang.types import INT_MAX, Kind
 from taskspec.spec.task import Component, SpaceKind, Task
 
+FLOAT_MAX = 3.4028234663852886e38
 Form = Literal["discrete", "multi_discrete", "box", "one_hot", "dict"]
 
 
@@ -34,6 +36,12 @@ class Layout:
     @property
     def size(self) -> int:
         return math.prod(self.shape)
+
+    @property
+    def limits(self) -> tuple[tuple[float, float], ...]:
+        """Least and largest value of each element of a box that is an action: finite, and ints that 32 bits hold."""
+        most = [FLOAT_MAX if c.type.kind is Kind.REAL else INT_MAX for c in self.components for _ in range(c.type.size)]
+        return tuple((max(a, -m), min(b, m)) for a, b, m in zip(self.low, self.high, most, strict=True))
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -136,6 +144,7 @@ def unpack(layout: Layout, action: Any) -> list[tuple[Any, ...]]:
         items = [item + start for item, start in zip(items, layout.starts, strict=True)]
     flats, offset = [], 0
     for c in layout.components:
-        flats.append(tuple(items[offset : offset + c.type.size]))
+        flat = items[offset : offset + c.type.size]
+        flats.append(tuple(flat if c.type.kind is Kind.REAL else map(round, flat)))
         offset += c.type.size
     return flats
