@@ -20,7 +20,7 @@ from taskspec.spec.task import Task
 
 SPECS = Path(__file__).parent / "specs"
 MODES = ("NextStep", "SameStep", "Disabled")
-LANES = (1, 3, 64)
+LANES = (1, 2, 7, 64)
 
 
 def every_task() -> list[tuple[str, str | None]]:
@@ -47,6 +47,13 @@ def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes
     Agreement(load(task), "numpy", lanes, mode).run(60 if lanes < 10 else 25)
 
 
+@pytest.mark.parametrize("task", TASKS, ids=name_of)
+def test_numpy_walks_them_in_several_blocks(task: tuple[str, str | None], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("taskspec.backends.numpy.BLOCK", 9)
+    for mode in MODES:
+        Agreement(load(task), "numpy", 20, mode).run(15)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("backend", ["numba", "jax"])
@@ -71,8 +78,17 @@ QUICK = [
 @pytest.mark.parametrize("task", QUICK)
 def test_compiled_backends_on_some_tasks(task: str, backend: str, mode: str) -> None:
     pytest.importorskip(backend)
-    for lanes in LANES:
-        Agreement(taskspec.load(task), backend, lanes, mode).run(30)
+    Agreement(taskspec.load(task), backend, 7, mode).run(30)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("backend", ["numba", "jax"])
+@pytest.mark.parametrize("task", QUICK)
+def test_compiled_backends_with_many_lanes(task: str, backend: str, mode: str) -> None:
+    """More than a block of Numba's holds."""
+    pytest.importorskip(backend)
+    Agreement(taskspec.load(task), backend, 1200, mode).run(25)
 
 
 @pytest.mark.parametrize("options", [{"ending": "absorb"}, {"observe_time": True}])
