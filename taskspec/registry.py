@@ -102,6 +102,8 @@ def load(id_or_path: str | os.PathLike[str], variant: str | None = None, /, **pa
     """
     if not isinstance(id_or_path, str | os.PathLike):
         raise SpecError([Diagnostic("E701", None, f"a task is named by its id or a path, not by {id_or_path!r}")])
+    if variant is not None and not isinstance(variant, str):
+        raise SpecError([Diagnostic("E211", None, f"a variant is named by a text, not by {variant!r}")])
     if isinstance(id_or_path, os.PathLike) or is_path(id_or_path):
         return _load_file(Path(id_or_path), variant, parameters)
     entry = find(id_or_path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import re
 import time
 from typing import Any
@@ -303,6 +305,27 @@ def test_wrong_resets_of_vector_environments_are_refused(call: dict[str, Any]) -
     lanes.reset(seed=0)
     with pytest.raises(SpecError, match="E713"):
         lanes.reset(**call)
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_lanes_are_not_copied(copied: Any) -> None:
+    vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
+    lanes = vector.VectorEnvironment(written(), 2, backend="numpy")
+    with pytest.raises(TypeError, match="make another, and reset it with the same seed"):
+        copied(lanes)
+
+
+@pytest.mark.parametrize("state", ["x", None, 5, [1]])
+def test_a_state_is_a_mapping(state: Any) -> None:
+    env: Any = written().make()
+    env.reset(seed=0)
+    with pytest.raises(StateError, match="E709"):
+        env.state = state
+
+
+def test_a_variant_is_named_by_a_text() -> None:
+    with pytest.raises(SpecError, match="E211"):
+        taskspec.load("RiskyPath", 3)  # type: ignore[arg-type]
 
 
 # -- observations outside their space ---------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NoReturn
 
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 
@@ -26,6 +26,11 @@ def one_of(name: str, value: Any, options: Iterable[str]) -> None:
     if value not in known:
         listed = ", ".join(map(repr, known))
         raise invalid(f"{name} must be one of {listed}, not {value!r}", suggest(str(value), known))
+
+
+def uncopied(env: object) -> NoReturn:
+    """Refuse to copy or pickle lanes: generated code is bound to their arrays, so a copy would step the original."""
+    raise TypeError(f"{type(env).__name__} is not copied or pickled; make another, and reset it with the same seed")
 
 
 def positive(name: str, value: Any) -> int:

@@ -18,7 +18,7 @@ from taskspec.backends.actions import BadActionError
 from taskspec.backends.vector import NotRunningError as EngineNotRunning
 from taskspec.backends.vector import Options
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import positive, seed_of
+from taskspec.envs.options import positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.spec.task import Task
 
@@ -86,6 +86,9 @@ class Sb3VecEnv(VecEnv):
 
     def close(self) -> None:
         """Nothing to close."""
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        uncopied(self)
 
     def get_images(self) -> Sequence[Any]:
         return [None] * self.num_envs

@@ -36,6 +36,8 @@ def flat_state(task: Task, override: Mapping[str, Any], values: tuple[Any, ...])
         StateError: for a component that does not exist or a value outside its domain.
     """
     names = [c.name for c in task.state]
+    if not isinstance(override, Mapping):
+        raise StateError(f"E709: a state gives values by component, as in {{{names[0]!r}: ...}}, not {override!r}")
     for name in override:
         if name not in names:
             hint = suggest(str(name), names) or f"its components are {', '.join(names)}"

@@ -23,7 +23,7 @@ from taskspec.backends.vector import Mode, Options
 from taskspec.backends.vector import NotRunningError as EngineNotRunning
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import ENDINGS, invalid, one_of, positive, seed_of
+from taskspec.envs.options import ENDINGS, invalid, one_of, positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.envs.state import plain_state
 from taskspec.spec.task import Task
@@ -150,6 +150,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             return (self._seen, *self._results, infos)
         reward, terminated, truncated = self._results
         return self._observation(), reward.copy(), terminated.copy(), truncated.copy(), infos
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        uncopied(self)
 
     def close_extras(self, **kwargs: Any) -> None:
         """Nothing to close."""
