@@ -88,7 +88,7 @@ def vector(
     lanes: Lanes = None,
     num_threads: Threads = 1,
     rounds: Rounds = 7,
-    seconds: Seconds = 0.1,
+    seconds: Seconds = 0.05,
     start: Starts = True,
     chart: Chart = None,
     strict: Strict = False,

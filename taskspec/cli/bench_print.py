@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from itertools import groupby
 from types import TracebackType
 from typing import Any
@@ -137,12 +137,12 @@ def starts(found: Sequence[Start], memories: Sequence[Memory]) -> Any:
     return table
 
 
-def footer(what: str, rounds: int, clock: str) -> None:
-    """What the numbers above are, and where they come from."""
+def footer(what: str, rounds: int, clock: str, packages: Container[str]) -> None:
+    """What the numbers above are, and where they come from: the machine, and the versions of packages."""
     from taskspec.cli.console import console
 
     found = machine()
-    versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items() if name != "taskspec")
+    versions = ", ".join(f"{name} {version}" for name, version in found["versions"].items() if name in packages)
     count = "one round" if rounds == 1 else f"medians of {rounds} rounds"
     text = f"{what}: {count} of {CLOCKS[clock]}; {found['processor']}, {found['cores']} cores; {versions}"
     console().print(text, style="quiet")

@@ -92,8 +92,10 @@ def _print(results: Sequence[Result], lanes: int | None) -> None:
     out = console(wide=True)
     out.print(table)
     out.print()
+    packages = ["python", "numpy", "gymnasium", "seals", *([] if lanes is None else ["numba"])]
     what = "" if lanes is None else f", {lanes} lanes, theirs in SyncVectorEnv"
-    footer(f"steps per second, resets included{what}", len(results[0].ours), "processor")
+    shown = f"steps per second, resets included{what}"
+    footer(shown, len(results[0].ours), "processor", packages)
 
 
 def _print_json(results: Sequence[Result], lanes: int | None, backend: str, rounds: int, seconds: float) -> None:

@@ -272,7 +272,13 @@ def _print(wanted: Wanted, found: Found) -> None:
     if notes:
         out.print()
     threads = f", {wanted.num_threads} threads on Numba" if wanted.num_threads > 1 else ""
-    bench_print.footer(f"steps per second, with resets{threads}", wanted.rounds, found.clock)
+    bench_print.footer(f"steps per second, with resets{threads}", wanted.rounds, found.clock, _packages(wanted, found))
+
+
+def _packages(wanted: Wanted, found: Found) -> set[str]:
+    """Those that the numbers rest on."""
+    backends = {r.contestant.program.removesuffix("-scan") for r in found.rates}
+    return {"python", "numpy", "gymnasium", *backends, *(() if wanted.targets else OTHERS)}
 
 
 def _notes(found: Found) -> Iterator[str]:
