@@ -7,7 +7,7 @@ many lanes at once.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from taskspec.lang import batch
 from taskspec.lang.ir import Node
 
 Array = np.ndarray[Any, Any]
-WORDS = 49_152
+WORDS = 65_536
 """Random words worked out in one go, at most, unless a single step takes more."""
 STEPS = 64
 
@@ -37,9 +37,17 @@ class Ahead:
         self._depth = max(1, min(STEPS, WORDS // max(1, count * lanes)))
         self._lanes = np.arange(lanes)
         self._items: list[Array] = []  # (*shape, depth, lanes) each
+        self._rows: Iterator[tuple[Array, ...]] = iter(())  # the same, row after row
         self._base = np.zeros(lanes, np.uint32)
         self._at = self._depth  # the next row, while all lanes are at the same one
         self._together = True
+        self._uncounted = 0
+
+    def settle(self) -> None:
+        """Count the steps taken: `Buffers.steps` is right after this, until the next step."""
+        if self._uncounted:
+            self._buffers.steps += np.uint32(self._uncounted)
+            self._uncounted = 0
 
     def restart(self, everywhere: bool) -> None:
         """Forget what was fetched, since some lanes were seeded anew: all of them, or only some."""
@@ -52,16 +60,19 @@ class Ahead:
             if self._at < self._depth and len(self._items):
                 self._at = 0  # rows are found by each lane's own count
 
-    def take(self) -> list[Array]:
-        """The items of the present step, (*shape, lanes) each: hoisted values, then words."""
+    def take(self) -> Sequence[Array]:
+        """The items of the present step, (*shape, lanes) each, hoisted values and then words; the step is counted."""
+        if not self._together or self._at >= self._depth:
+            self.settle()
+        self._uncounted += 1
         if not self._hoisted.names and not self._words:
-            return []
-        if self._together:
-            if self._at >= self._depth:
-                self._fetch()
-            row, self._at = self._at, self._at + 1
-            return [item[..., row, :] for item in self._items]
-        return self._own_rows()
+            return ()
+        if not self._together:
+            return self._own_rows()
+        if self._at >= self._depth:
+            self._fetch()
+        self._at += 1
+        return next(self._rows)
 
     def _own_rows(self) -> list[Array]:
         rows = (self._buffers.steps - self._base).astype(np.int64)
@@ -81,6 +92,7 @@ class Ahead:
         named = [words[k].astype(np.int64) for k in self._words.values()]
         shaped = [v.reshape(*v.shape[:-1], depth, lanes) for v in values]
         self._items = [*shaped, *(w.reshape(depth, lanes) for w in named)]
+        self._rows = zip(*(np.moveaxis(item, -2, 0) for item in self._items), strict=True)
 
 
 class Ready:

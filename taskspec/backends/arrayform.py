@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
 from taskspec.lang.ops import OPS, Op
 from taskspec.lang.types import Kind, Type
@@ -40,6 +42,7 @@ UFUNCS: dict[str, str] = {
 }
 """Array templates that are one ufunc, which can write into an array that is given."""
 _CASTS = frozenset({"to_int", "to_real"})
+_NUMBERS = {bool: np.bool_, int: np.int64, float: np.float64}
 _DTYPE = {Kind.BOOL: "bool_", Kind.INT: "int64", Kind.REAL: "float64"}
 _VIEWS = frozenset({"slice", "element", "reshape", "fill"})
 
@@ -71,6 +74,17 @@ class Scratch:
         ]
 
 
+@dataclass(frozen=True)
+class Sink:
+    """An array of the program that is to hold the value of a node.
+
+    It is written as soon as the value is known, if nothing reads what it holds, the nodes of these ids, after that.
+    """
+
+    name: str
+    held: frozenset[int] = frozenset()
+
+
 @dataclass
 class ArrayForm:
     """Emits statements for nodes.
@@ -84,8 +98,10 @@ class ArrayForm:
     drawn: Drawn
     constants: dict[str, Any] = field(default_factory=dict)
     scratch: Scratch | None = None
+    sinks: Mapping[int, Sink] = field(default_factory=dict)  # by id of a node
     lines: list[str] = field(default_factory=list)
     fresh: int = 0
+    _place: int = 0
     _values: dict[int, str] = field(default_factory=dict)
     _buffers: dict[int, str] = field(default_factory=dict)  # by id of the node that owns it
     _owner: dict[int, int] = field(default_factory=dict)  # of a view: the node whose array it shows
@@ -96,9 +112,9 @@ class ArrayForm:
         roots = tuple(roots)
         order = list(walk(roots))
         self._find_last_uses(order, roots)
-        for place, node in enumerate(order):
+        for self._place, node in enumerate(order):
             self._values[id(node)] = self._node(node)
-            self._release(node, place)
+            self._release(node, self._place)
         return [self._values[id(root)] for root in roots]
 
     # -- how long values live -------------------------------------------------------------------------------------
@@ -164,13 +180,26 @@ class ArrayForm:
         ufunc = UFUNCS.get(template)
         if ufunc is None or self.scratch is None or all(isinstance(a, Const) for a in node.args):
             return self._assign(template.format(*args))
+        args = [self._operand(a) for a in node.args]
         out = self._buffer(node)
         keyword = "out=" if ufunc in ("minimum", "maximum") else ""  # these two insist
         self.lines.append(f"{ufunc}({', '.join(args)}, {keyword}{out})")
         return out
 
-    def _buffer(self, node: Node) -> str:
+    def _operand(self, node: Node) -> str:
+        """The value of a node; a number as an array, since NumPy would make one of it in every call."""
+        if not isinstance(node, Const) or not node.type.is_scalar:
+            return self._values[id(node)]
+        array = _Number(plain(node.value))
+        name = next((known for known, value in self.constants.items() if value == array), None)
+        return name or self.constant(array)
+
+    def _buffer(self, node: Node, in_place: bool = True) -> str:
+        """Where to write a value; `in_place` says that it may be an array which is read in the same call."""
         assert self.scratch is not None
+        sink = self.sinks.get(id(node))
+        if sink is not None and all(self._last.get(held, -1) < self._place + in_place for held in sink.held):
+            return sink.name
         name = self.scratch.take(node.type)
         self._buffers[id(node)] = name
         return name
@@ -242,7 +271,7 @@ class ArrayForm:
         axis = len(node.args[0].type.shape) - 1
         if self.scratch is None:
             return self._assign(f"rt.look_up({table}, {args[1]}, {axis})")
-        out = self._buffer(node)
+        out = self._buffer(node, in_place=False)
         self.lines.append(f'{table}.take({args[1]}, {axis}, {out}, "clip")')
         return out
 
@@ -252,6 +281,19 @@ class _Table:
     """Marks a constant that is wanted for look-ups: without an axis for the lanes, indexed along its last axis."""
 
     node: Node
+
+
+@dataclass(frozen=True)
+class _Number:
+    """Marks a constant that is wanted as an array of no dimensions; 1 and 1.0 are two."""
+
+    value: bool | int | float
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Number) and repr(self.value) == repr(other.value)
+
+    def __hash__(self) -> int:
+        return hash(repr(self.value))
 
 
 def _is_alias(node: Apply) -> bool:
@@ -268,6 +310,8 @@ def arrays(constants: Mapping[str, Any], make: Callable[[Const], Any]) -> dict[s
         if isinstance(value, _Table):
             assert isinstance(value.node, Const)
             made[name] = make(value.node)[..., 0].T.copy()
+        elif isinstance(value, _Number):
+            made[name] = np.array(value.value, _NUMBERS[type(value.value)])
         else:
             made[name] = make(value) if isinstance(value, Const) else value
     return made

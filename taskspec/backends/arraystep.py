@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from taskspec.backends.arrayform import ArrayForm, Scratch, scalar
+from taskspec.backends.arrayform import ArrayForm, Scratch, Sink, scalar
 from taskspec.backends.buffers import Array, Values
 from taskspec.backends.hoist import Hoisted
 from taskspec.draws.layout import poisson_bound
@@ -13,6 +14,14 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
 from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Component, Task
+
+
+@dataclass(frozen=True)
+class Again:
+    """The values with which every episode begins, (*shape, 1): of the state, and of the raw arrays of observations."""
+
+    state: tuple[Array, ...]
+    seen: tuple[Array, ...]
 
 
 def observed(seen: Values) -> list[Array]:
@@ -28,21 +37,29 @@ def observed(seen: Values) -> list[Array]:
     return out
 
 
-def generate(task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: Layout) -> tuple[str, dict[str, Any]]:
-    """Source of the module, and the constants it refers to, as nodes."""
+def generate(
+    task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: Layout, again: Again | None
+) -> tuple[str, dict[str, Any]]:
+    """Source of the module, and the constants it refers to, as nodes; with `again`, lanes that end begin anew."""
     states, actions = _names("s", task.state), _names("a", task.action)
     outputs = [f"o{i}" for i in range(1 if observation.form == "one_hot" else len(observation.components))]
     form = _form(task, states, actions, hoisted)
+    form.sinks = _sinks(task, observation, roots, states, outputs)
     values = form.emit(roots)
     n = len(task.state)
+    shown = again is not None and _shows_state(task, observation, roots, again)
     lines = [
         *form.lines,
-        *_observation(form, observation, outputs, roots[n + 2 :], values[n + 2 :]),
-        f"copyto(reward, {values[n]})",
+        *([] if shown else _observation(form, observation, outputs, roots[n + 2 :], values[n + 2 :])),
+        *_copy("reward", values[n]),
         *_state(form, task, states, roots[:n], values[:n]),
         *_ending(task, roots[n + 1], values[n + 1]),
+        *(_begin(states, again, shown) if again is not None else []),
+        *([f"copyto(seen0, {states[0]})"] if shown else []),
+        "return count",
     ]
     arguments = ["n", *states, "t", *outputs, "reward", "terminated", "truncated", "ended"]
+    arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(observation_parts(observation)))]
     taken = [*actions, *hoisted.names, *hoisted.word_numbers]
     assert form.scratch is not None
     quiet = ['@np.errstate(all="ignore")'] if _may_warn(roots, observation) else []
@@ -108,6 +125,26 @@ def _drawn(draw: Draw, args: Sequence[str], words: Sequence[str]) -> str:
 # -- what a step leaves behind ------------------------------------------------------------------------------------
 
 
+def _sinks(
+    task: Task, layout: Layout, roots: Sequence[Node], states: Sequence[str], outputs: Sequence[str]
+) -> dict[int, Sink]:
+    """Results that may be written where they belong, without a copy. Of several for one value the first is."""
+    n = len(task.state)
+    found: dict[int, Sink] = {}
+    for c, name, root in zip(task.state, states, roots, strict=False):
+        held = frozenset(id(r) for r in walk(roots) if isinstance(r, Read) and (r.role, r.name) == (Role.STATE, c.name))
+        found.setdefault(id(root), Sink(name, held))
+    if roots[n].type.kind is Kind.REAL:
+        found.setdefault(id(roots[n]), Sink("reward"))
+    if layout.form == "discrete" and not layout.components[0].low[0] and roots[n + 2].type.kind is Kind.INT:
+        found.setdefault(id(roots[n + 2]), Sink(outputs[0]))
+    return found
+
+
+def _copy(target: str, value: str) -> list[str]:
+    return [] if value == target else [f"copyto({target}, {value})"]
+
+
 def _observation(
     form: ArrayForm, layout: Layout, outputs: Sequence[str], nodes: Sequence[Node], values: Sequence[str]
 ) -> list[str]:
@@ -117,7 +154,7 @@ def _observation(
     for c, out, value in zip(layout.components, outputs, values, strict=True):
         low = [int(v) for v in c.low] if layout.form == "multi_discrete" else [0]
         if not any(low):
-            lines.append(f"copyto({out}, {value})")
+            lines += _copy(out, value)
         elif c.type.is_scalar:
             lines.append(f"subtract({value}, {scalar(low[0])}, {out})")
         else:
@@ -151,7 +188,7 @@ def _state(
         if form.owner(root) in shown:
             source = f"n_{name}"
             copies.append(f"{source} = {value}.copy()")
-        lines.append(f"copyto({name}, {source})")
+        lines += _copy(name, source)
     return [*copies, *lines]
 
 
@@ -162,9 +199,41 @@ def never(terminal: Node) -> bool:
 
 def _ending(task: Task, terminal: Node, value: str) -> list[str]:
     """The time, the flags, and the number of episodes that ended."""
-    lines = ["add(t, 1, t)"]
+    lines = ["add(t, ONE, t)"]
     if task.horizon is not None:
-        lines.append(f"greater_equal(t, {task.horizon}, truncated)")
+        lines.append("greater_equal(t, HORIZON, truncated)")
     if not never(terminal):
         lines += [f"copyto(terminated, {value})", "logical_or(terminated, truncated, ended)"]
-    return [*lines, "return int(count_nonzero(ended))"]
+    return [*lines, "count = int(count_nonzero(ended))"]
+
+
+def observation_parts(layout: Layout) -> tuple[Array, ...]:
+    """The raw arrays of observations, of one lane."""
+    return Values.empty(layout, 1).parts
+
+
+def _shows_state(task: Task, layout: Layout, roots: Sequence[Node], again: Again) -> bool:
+    """Whether what is observed is the first state component as it is, so that it can be copied after all else."""
+    n = len(task.state)
+    if not n or layout.form != "discrete" or layout.components[0].low[0] or roots[0] is not roots[n + 2]:
+        return False
+    return task.state[0].type.kind is Kind.INT and bool((again.state[0] == again.seen[0]).all())
+
+
+def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
+    """What `_Block._finish` does, where all episodes begin alike: most of its time would go to calls."""
+    if shown:
+        lines = [f"copyto(final0, {states[0]})", *_put(states, again.state)]
+    else:
+        seen = [f"seen{i}" for i in range(len(again.seen))]
+        lines = [f"copyto(final{i}, {name})" for i, name in enumerate(seen)]
+        lines += _put([*states, *seen], [*again.state, *again.seen])
+    return ["if count:", *_indent([*lines, "putmask(t, ended, ZERO)"])]
+
+
+def _put(names: Sequence[str], values: Sequence[Array]) -> list[str]:
+    """Statements that write the first values, (*shape, 1), where episodes have ended; `putmask` is the quicker one."""
+    return [
+        f"putmask({name}, ended, FIRST[{k}])" if value.ndim == 1 else f"copyto({name}, FIRST[{k}], where=ended)"
+        for k, (name, value) in enumerate(zip(names, values, strict=True))
+    ]

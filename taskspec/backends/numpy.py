@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from taskspec.backends.actions import reader
-from taskspec.backends.ahead import Ahead, Ready
+from taskspec.backends.ahead import Ahead, Ready, evaluated
 from taskspec.backends.arrayform import UFUNCS, arrays
-from taskspec.backends.arraystep import generate, never, observed
+from taskspec.backends.arraystep import Again, generate, never, observed
 from taskspec.backends.buffers import Array, Buffers, Values
 from taskspec.backends.hoist import Hoisted, hoist
 from taskspec.backends.runtimes import RUNTIME
 from taskspec.backends.tabulate import tabulate
-from taskspec.backends.vector import NotRunningError, Options
+from taskspec.backends.vector import Mode, NotRunningError, Options
 from taskspec.draws import finite, variates
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.lang import batch
@@ -37,7 +37,8 @@ BLOCK = 16_384
 class Module:
     """The generated step of a task, and what its phases are made of.
 
-    `bind(n, *arrays)` gives the step function of n lanes over their arrays; see `source`.
+    `bind(n, *arrays)` gives the step function of n lanes over their arrays; see `source`. Where `begins` is set it also
+    begins the episodes that follow those which have ended.
     """
 
     task: Task
@@ -47,26 +48,43 @@ class Module:
     action: Layout
     hoisted: Hoisted
     start: tuple[Node, ...]
+    begins: bool
 
 
 @lru_cache(maxsize=64)
-def compile_numpy(task: Task) -> Module:
+def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     """Generate and compile the array form of a task."""
     b, observation = task.builder, observation_layout(task)
     roots = (*task.next, task.reward, task.terminal, *task.next_observation)
     hoisted = hoist(b, roots, WordLayout.of(roots))
     table = tabulate(b, hoisted.roots)
-    source, constants = generate(task, table, hoisted, observation)
-    namespace = {**_NAMESPACE, **arrays(constants, batch.array)}
-    file = f"<taskspec {task.id} {task.content_hash[:12]} numpy>"
+    start = (*task.initial, *task.first_observation)
+    again = _again(start, len(task.state), observation) if mode == "same_step" else None
+    source, constants = generate(task, table, hoisted, observation, again)
+    namespace = {**_NAMESPACE, "HORIZON": np.array(task.horizon or 0), **arrays(constants, batch.array)}
+    if again is not None:
+        namespace["FIRST"] = (*again.state, *again.seen)
+    file = f"<taskspec {task.id} {task.content_hash[:12]} numpy {mode}>"
     exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
-    start = (*task.initial, *task.first_observation)
-    return Module(task, source, namespace["lanes"], observation, action_layout(task), hoisted, start)
+    return Module(task, source, namespace["lanes"], observation, action_layout(task), hoisted, start, again is not None)
+
+
+def _again(start: tuple[Node, ...], states: int, observation: Layout) -> Again | None:
+    """How episodes begin, if all do alike."""
+    layout = WordLayout.of(start)
+    if layout.count:
+        return None
+    values = evaluated(start, layout, np.zeros((0, 1), np.uint32))
+    seen = Values.empty(observation, 1)
+    write(seen, values[states:], np.arange(1))
+    return Again(tuple(values[:states]), seen.parts)
 
 
 _NAMESPACE: dict[str, Any] = {
-    **{name: getattr(np, name) for name in (*UFUNCS.values(), "copyto", "count_nonzero", "greater_equal")},
+    **{name: getattr(np, name) for name in (*UFUNCS.values(), "copyto", "count_nonzero", "greater_equal", "putmask")},
+    "ONE": np.array(1),
+    "ZERO": np.array(0),
     "np": np,
     "xp": np,
     "rt": RUNTIME,
@@ -84,7 +102,7 @@ class NumpyEngine:
     """Many environments of a task, stepped by NumPy (see `taskspec.backends.vector.Engine`)."""
 
     def __init__(self, task: Task, lanes: int, options: Options) -> None:
-        module = compile_numpy(task)
+        module = compile_numpy(task, options.mode)
         self.observation, self.action, self.source = module.observation, module.action, module.source
         self.buffers = Buffers.of(task, module.observation, lanes)
         if never(task.terminal):  # what is truncated has ended, and nothing else has
@@ -97,6 +115,8 @@ class NumpyEngine:
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
         buffers, chosen = self.buffers, slice(None) if lanes is None else lanes
+        for block in self._blocks:
+            block.settle()
         buffers.seeds[chosen] = seeds
         buffers.steps[chosen] = 0
         buffers.episodes[chosen] = 0
@@ -109,10 +129,13 @@ class NumpyEngine:
 
     def step(self, actions: Any) -> int:
         parts = self._read(actions)
+        if len(self._blocks) == 1:
+            (block,) = self._blocks
+            if not block.ready:
+                raise NotRunningError
+            return block.step(parts)
         if not all(block.ready for block in self._blocks):
             raise NotRunningError
-        if len(self._blocks) == 1:
-            return self._blocks[0].step(parts)
         return sum(block.step([p[..., block.place] for p in parts]) for block in self._blocks)
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
@@ -135,8 +158,6 @@ class _Block:
         self._buffers, self._module = buffers, module
         self._ahead, self._start = Ahead(module.hoisted, buffers), Ready(module.start, buffers)
         self._state_size = len(module.task.state)
-        self._first = Values.empty(module.observation, 1)
-        write(self._first, [v[..., :1] for v in self._start.values[self._state_size :]], np.arange(1))
         rows = observed(buffers.seen)
         self._step = module.bind(
             self.lanes,
@@ -147,6 +168,8 @@ class _Block:
             buffers.terminated,
             buffers.truncated,
             buffers.ended,
+            *buffers.seen.parts,
+            *buffers.final.parts,
         )
         self._mode = options.mode
         self._begun = False
@@ -156,6 +179,10 @@ class _Block:
     def ready(self) -> bool:
         """Whether a step may be taken."""
         return self._begun and (self._mode != "disabled" or not self._over)
+
+    def settle(self) -> None:
+        """Bring the counts of steps up to date."""
+        self._ahead.settle()
 
     def forget(self, lanes: Array | None) -> None:
         """Some lanes were seeded anew."""
@@ -186,50 +213,31 @@ class _Block:
         if late is not None:
             self._ahead.part_ways()
         ended = self._over = self._step(*actions, *self._ahead.take())
-        b.steps += _ONE
         if self._mode == "same_step":
-            if ended:
+            if ended and not self._module.begins:
                 self._finish()
+            self._over = 0
             return ended
         return ended if late is None else self._skip(late)
 
     def _finish(self) -> None:
         """Keep the last observations of the episodes that have ended, and begin the next ones."""
-        b, self._over = self._buffers, 0
+        b = self._buffers
         for final, seen in zip(b.final.parts, b.seen.parts, strict=True):
             np.copyto(final, seen)
-        if self._start.fixed:
-            self._begin_fixed(b.ended)
-        else:
-            self._begin(b.ended.nonzero()[0])
-
-    def _begin_fixed(self, where: Array) -> None:
-        """`_begin` where all episodes begin alike."""
-        b, values = self._buffers, self._start.values
-        for held, new in zip(b.state, values, strict=False):
-            _put(held, where, new)
-        for seen, start in zip(b.seen.parts, self._first.parts, strict=True):
-            _put(seen, where, start)
-        np.putmask(b.time, where, 0)  # and no draw depends on the number of the episode
+        self._begin(b.ended.nonzero()[0])
 
     def _skip(self, late: Array) -> int:
         """Lanes whose episodes ended in the step before begin the next one now, and take no step."""
         b = self._buffers
+        self._ahead.settle()
         b.steps[late] -= _ONE
         b.reward[late] = 0.0
         self.reset(late)
         return self._over
 
 
-_ONE = np.uint32(1)
-
-
-def _put(held: Array, where: Array, value: Array) -> None:
-    """The same value (*shape, 1) for every lane where a condition holds; putmask takes half as long as copyto."""
-    if held.ndim == 1:
-        np.putmask(held, where, value)
-    else:
-        np.copyto(held, value, where=where)
+_ONE = np.array(1, np.uint32)
 
 
 def write(values: Values, flats: Sequence[Array], lanes: Array) -> None:

@@ -32,8 +32,8 @@ ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 
 # Up to here packed integers beat NumPy, whose hundred-odd calls cost the same for 1 block and 100.
 PACKED_BLOCKS = 192
-# Blocks at once: three arrays of 64 KiB, which a second-level cache holds.
-CHUNK = 16384
+# Blocks at once: three arrays of 128 KiB, which a second-level cache holds, nearly.
+CHUNK = 32768
 
 _CONSTANTS = [np.array(i, np.uint32) for i in range(33)]
 _scratch = threading.local()
@@ -186,7 +186,7 @@ def lanes_ahead(seeds: NDArray[np.uint64], n: NDArray[np.uint32], depth: int, co
     steps = np.tile(n[0] + np.arange(depth, dtype=np.uint32), slots)[:, None]
     slot = np.repeat(np.arange(slots, dtype=np.uint32) + np.uint32(STEP), depth)[:, None]
     halves = np.empty((2, slots * depth, lanes), np.uint32)
-    _fill(_schedule(k0, k1), steps, slot, halves[0], halves[1])
+    _fill(_schedule(k0, k1), steps, slot, halves[0], halves[1][: depth * (count >> 1)])
     paired = halves.reshape(2, slots, depth * lanes).swapaxes(0, 1)
     return paired.reshape(2 * slots, depth * lanes)[:count]
 
@@ -221,22 +221,23 @@ def _schedule(k0: Words, k1: Words) -> Schedule:
 
 
 def _fill(schedule: Schedule, c0: Words, c1: Words, y0: Words, y1: Words) -> None:
-    """Fill ``y0`` (rows, columns) and ``y1`` (no larger) with the two halves of every block.
+    """Fill ``y0`` (rows, columns) and ``y1`` (fewer rows where the last second halves are not wanted).
 
     Keys are scalars or (columns,); counters are (rows, 1) or (columns,). Work goes in chunks that
     stay in cache.
     """
     for place in _chunks(*y0.shape):
         keys = [(_part(p, place), _part(q, place)) for p, q in schedule]
-        x0, x1 = _rounds(keys, _part(c0, place), _part(c1, place), y0[place].shape)
-        np.add(x0, keys[5][0], y0[place])
         second = y1[place]
-        np.add(x1, keys[5][1], x1)
-        second[...] = x1[: second.shape[0], : second.shape[1]]
+        x0, x1 = _rounds(keys, _part(c0, place), _part(c1, place), y0[place].shape, both=second.size > 0)
+        np.add(x0, keys[5][0], y0[place])
+        if second.size:
+            np.add(x1, keys[5][1], x1)
+            second[...] = x1[: second.shape[0], : second.shape[1]]
 
 
-def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...]) -> tuple[Words, Words]:
-    """All but the last addition of the key, in place in this thread's scratch arrays."""
+def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...], both: bool) -> tuple[Words, Words]:
+    """All but the last addition of the key, in place in this thread's scratch arrays; of the first half, or of both."""
     add, left, right = np.add, np.left_shift, np.right_shift
     xor, merge = np.bitwise_xor, np.bitwise_or
     x0, x1, shifted = _buffers(shape)
@@ -245,6 +246,8 @@ def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...]) -> tup
     for i in range(5):
         for r in ROTATIONS[i & 1]:
             add(x0, x1, x0)
+            if not both and (i, r) == (4, ROTATIONS[0][-1]):
+                break
             left(x1, _CONSTANTS[r], shifted)
             right(x1, _CONSTANTS[32 - r], x1)
             merge(x1, shifted, x1)
