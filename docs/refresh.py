@@ -1,0 +1,42 @@
+"""Measure again what pages show: run the commands of blocks marked `<!-- skip: numbers of one machine -->`, put in their output.
+
+python docs/refresh.py README.md docs/benchmarks.md
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from functools import lru_cache
+from pathlib import Path
+
+BLOCK = re.compile(
+    r"(?<=^<!-- skip: numbers of one machine -->\n```console\n\$ )taskspec (.*)\n[^`]*(?=```)", re.MULTILINE
+)
+
+
+def main(pages: list[str]) -> None:
+    for page in map(Path, pages):
+        page.write_text(measured(page), encoding="utf-8")
+
+
+def measured(page: Path) -> str:
+    """The text of a page with new outputs."""
+    text = page.read_text(encoding="utf-8")
+    return BLOCK.sub(lambda m: f"taskspec {m[1]}\n{printed(m[1], page.parent)}\n", text)
+
+
+@lru_cache
+def printed(arguments: str, folder: Path) -> str:
+    """What `taskspec` prints, in the folder of the page."""
+    environment = {**os.environ, "NO_COLOR": "1", "COLUMNS": "90", "PYTHONIOENCODING": "utf-8"}
+    command = [sys.executable, "-m", "taskspec", *shlex.split(arguments)]
+    done = subprocess.run(command, cwd=folder, env=environment, stdout=subprocess.PIPE, encoding="utf-8", check=True)
+    return "\n".join(line.rstrip() for line in done.stdout.strip("\n").split("\n"))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
