@@ -41,17 +41,18 @@ class Values:
 
     def view(self) -> Any:
         """The values with the lanes first, sharing memory: what Gymnasium's batched space holds."""
-        if self.layout.form == "dict":
-            pairs = zip(self.layout.components, self.parts, strict=True)
-            return {c.name: np.moveaxis(part, -1, 0) for c, part in pairs}
-        (raw,) = self.parts
-        if raw.ndim == 1:
-            return raw
-        shaped = raw.reshape(*self.layout.shape, raw.shape[-1])
-        return np.moveaxis(shaped, -1, 0)
+        return self._shown(self.parts)
 
-    def copy(self) -> Values:
-        return Values(self.layout, tuple(part.copy() for part in self.parts))
+    def fresh(self) -> Any:
+        """The same in memory of its own."""
+        return self._shown([part.copy() for part in self.parts])
+
+    def _shown(self, parts: Sequence[Array]) -> Any:
+        if self.layout.form == "dict":
+            pairs = zip(self.layout.components, parts, strict=True)
+            return {c.name: _lanes_first(part) for c, part in pairs}
+        (raw,) = parts
+        return _lanes_first(raw if len(self.layout.shape) < 2 else raw.reshape(*self.layout.shape, -1))
 
     def part(self, lanes: slice) -> Values:
         """A range of the lanes, sharing memory."""
@@ -61,6 +62,11 @@ class Values:
         """All elements as rows, sharing memory: one row for every element (not for dicts)."""
         (raw,) = self.parts
         return raw.reshape(-1, raw.shape[-1])
+
+
+def _lanes_first(array: Array) -> Array:
+    """An array (*shape, lanes) as (lanes, *shape). `moveaxis` would take longer than the rest of a step of few lanes."""
+    return array.T if array.ndim <= 2 else array.transpose(-1, *range(array.ndim - 1))
 
 
 def _entry(c: Component, lanes: int) -> Array:

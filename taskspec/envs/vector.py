@@ -158,13 +158,13 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """Nothing to close."""
 
     def _observation(self) -> Any:
-        return self._seen if self._reuse else self._engine.buffers.seen.copy().view()
+        return self._seen if self._reuse else self._engine.buffers.seen.fresh()
 
     def _final(self) -> dict[str, Any]:
         """Last observations of the episodes that ended in this step. Rows of other lanes mean nothing."""
         b = self._engine.buffers
         ended = b.ended if self._reuse else b.ended.copy()
-        rows = self._last if self._reuse and self._last is not None else b.final.copy().view()
+        rows = self._last if self._reuse and self._last is not None else b.final.fresh()
         if isinstance(rows, dict):
             rows = _rows(rows, ended)
         return {"final_obs": rows, "_final_obs": ended, "final_info": {}, "_final_info": ended}
