@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -17,14 +17,19 @@ from taskspec.backends.numpy import _NAMESPACE as NUMPY
 from taskspec.envs.conformance import Agreement
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
+from taskspec.lang.dists import CATEGORICAL, DISTS, Dist
+from taskspec.lang.evaluate import evaluate
+from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.ops import TABLE, Op
+from taskspec.lang.structure import STRUCTURES
 from taskspec.lang.types import Kind, Type
 from taskspec.source import read
 from taskspec.spec.build import build
 from taskspec.spec.task import Task
 
 BACKENDS = ("numpy", "numba", "jax")
+SLOWLY = ("numpy", *(pytest.param(backend, marks=pytest.mark.slow) for backend in ("numba", "jax")))
 DTYPES = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 EXACT = {"sin", "cos", "tan", "tanh", "exp", "log", "atan2", "pow"}
 Values = dict[tuple[Role, str], np.ndarray]
@@ -142,6 +147,56 @@ def _promoted(value: Any, kind: Kind) -> Any:
     return tuple(map(convert, value)) if isinstance(value, tuple) else convert(value)
 
 
+# -- functions and structure --------------------------------------------------------------------------------------
+
+
+def agrees(backend: str, sample: Sequence[Any], make: Callable[[Builder, list[Node]], Node]) -> None:
+    """What `make` builds of arguments means on a backend what it means to the interpreter."""
+    types = [_type_of(v) for v in sample]
+    flats = [tuple(np.ravel(np.array(v, object))) for v in sample]
+    b = Builder()
+    root = make(b, [b.read(Role.STATE, f"n{i}", t) for i, t in enumerate(types)])
+    keys = [(Role.STATE, f"n{i}") for i in range(len(sample))]
+    (expected,) = evaluate([root], dict(zip(keys, flats, strict=True)))
+    columns = [np.array(f, DTYPES[t.kind]).reshape(*t.shape, 1) for f, t in zip(flats, types, strict=True)]
+    reads = {key: np.repeat(c, 3, axis=-1) for key, c in zip(keys, columns, strict=True)}
+    found = np.broadcast_to(EVALUATE[backend](b, root, reads), (*root.type.shape, 3)).reshape(root.type.size, 3)
+    tolerance = 2e-6 if backend == "jax" else 1e-14
+    for lane in found.T:
+        np.testing.assert_allclose(lane.astype(float), np.array(expected, float), rtol=tolerance, atol=tolerance)
+
+
+def _type_of(value: Any) -> Type:
+    array = np.array(value, object)
+    return Type(kind_of(tuple(array.flat)), array.shape)
+
+
+@pytest.mark.parametrize("backend", SLOWLY)
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_structures_mean_what_the_interpreter_says(name: str, backend: str) -> None:
+    for sample, static in STRUCTURES[name].samples:
+        agrees(backend, sample, lambda b, nodes, static=static: b.structure(name, nodes, static))  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("backend", SLOWLY)
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_functions_mean_what_the_interpreter_says(name: str, backend: str) -> None:
+    function = FUNCTIONS[name]
+    for sample in function.samples:
+
+        def make(b: Builder, nodes: list[Node], sample: Sequence[Any] = sample) -> Node:
+            return function.build(
+                b, [constant(b, sample[i]) if i in function.static else n for i, n in enumerate(nodes)]
+            )
+
+        agrees(backend, sample, make)
+
+
+def constant(b: Builder, value: Any) -> Node:
+    type_ = _type_of(value)
+    return b.const(tuple(np.array(value, object).flat) if type_.shape else value, type_)
+
+
 # -- draws --------------------------------------------------------------------------------------------------------
 
 HEAD = """
@@ -253,3 +308,46 @@ CASES = [
 def test_draws_agree_on_all_backends(text: str, backend: str, mode: str, lanes: int) -> None:
     pytest.importorskip(backend)
     Agreement(task_of(text), backend, lanes, mode).run(25)
+
+
+def every_sample(fixed: bool) -> str:
+    """A state whose elements are drawn from the samples of the table of distributions, in all shapes.
+
+    Arguments are constants, or state that does not change.
+    """
+    types, initial, dynamics = {}, {}, {}
+    for dist in (*DISTS.values(), CATEGORICAL):
+        for i, sample in enumerate(dist.samples):
+            written = {k: str(list(v) if isinstance(v, tuple) else v) for k, v in sample.items()}
+            for a in dist.arguments:
+                if a.name in sample and not fixed and not a.static:
+                    name, values = f"{dist.name.lower()}_{i}_{a.name}", np.ravel(sample[a.name])
+                    types[name] = declared(_type_of(sample[a.name]), f", low: {min(values)}, high: {max(values)}")
+                    initial[name], dynamics[name] = written[a.name], name
+                    written[a.name] = name
+            for shape in ((), (3,), (2, 2)) if dist.shaped else ((),):
+                name = f"{dist.name.lower()}_{i}_of_{len(shape)}"
+                call = ", ".join(f"{k}={v}" for k, v in written.items()) + (f", shape={shape}" if shape else "")
+                types[name] = declared(drawn_type(dist, sample, shape))
+                initial[name] = dynamics[name] = f"{dist.name}({call})"
+    lines = ["state:", *(f"  {name}: {type_}" for name, type_ in types.items())]
+    lines += ["initial:", *(f"  {name}: {text!r}" for name, text in initial.items())]
+    return "\n".join([*lines, "dynamics:", *(f"  {name}': {text!r}" for name, text in dynamics.items())])
+
+
+def declared(type_: Type, more: str = "") -> str:
+    return f"{{type: {type_.kind.name.lower()}" + (f", shape: {list(type_.shape)}" if type_.shape else "") + more + "}"
+
+
+def drawn_type(dist: Dist, sample: Mapping[str, Any], shape: tuple[int, ...]) -> Type:
+    b = Builder()
+    defaults = {a.name: b.scalar(a.default) for a in dist.arguments if a.default is not None}
+    given = {k: b.cast(constant(b, v), Kind.REAL) if k == "p" else constant(b, v) for k, v in sample.items()}
+    return dist.build(b, defaults | given, shape).type
+
+
+@pytest.mark.parametrize("backend", SLOWLY)
+@pytest.mark.parametrize("fixed", [True, False], ids=["constant", "read"])
+def test_samples_of_distributions_agree(fixed: bool, backend: str) -> None:
+    pytest.importorskip(backend)
+    Agreement(task_of(every_sample(fixed)), backend, 7, "SameStep").run(25)
