@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 import taskspec
+from taskspec.appendix import scene
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.interpreter import Interpreter
 from taskspec.backends.select import engine
 from taskspec.backends.vector import Options
 from taskspec.diagnostics import SpecError
 from taskspec.envs.errors import ActionError, StateError
-from taskspec.exact import soundness
+from taskspec.exact import check, scores, soundness
 from taskspec.source import read_text
 from taskspec.spec.build import build
 from taskspec.spec.task import Task
@@ -141,6 +142,27 @@ def test_cost_is_refused_before_it_is_spent(case: str) -> None:
         written(**COSTLY[case])
     assert time.perf_counter() - start < 4  # a second, and room for a busy machine
     assert {d.code for d in caught.value.diagnostics} <= {"E314", "E114", "E102", "E408", "E214"}
+
+
+LONG = {
+    "finite": {"initial": " {s: 'UniformInt(0, 9)'}", "horizon": " 2147483646"},
+    "real": {"state": "\n  s: {type: real, low: 0, high: 9}", "dynamics": " {s': 9 - s}", "horizon": " 1000000"},
+    "endless": {"state": "\n  s: {type: real, low: 0, high: 9}", "dynamics": " {s': 9 - s}", "horizon": " none"},
+    "noisy": {"state": "\n  s: {type: bool, shape: [4, 4]}", "initial": " {s: 'Bernoulli(1/2, shape=[4, 4])'}",
+              "dynamics": " {s': 'Bernoulli(1/2, shape=[4, 4])'}", "reward": " s[0, 0]"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", LONG)
+def test_returns_and_figures_that_cost_too_much_are_unknown(case: str) -> None:
+    start = time.perf_counter()
+    task = written(**LONG[case])
+    found = scores(task, episodes=20)
+    assert found.why_not_exact is not None
+    assert (found.random is None) == (case != "noisy")
+    assert (scene(task) is None) == (case != "finite")
+    assert not check(task).errors
+    assert time.perf_counter() - start < 15  # a few seconds, and room for a busy machine
 
 
 @pytest.mark.parametrize("name", ["table", "weights"])

@@ -19,6 +19,10 @@ Array = np.ndarray[Any, Any]
 MAX_ENTRIES = 50_000_000
 """Non-zeros that a model may have: 12 bytes each, so 600 MB."""
 WHOLE = 4_000_000
+SWEEP = 200
+"""How often all non-zeros of the largest model may be gone through: a sweep for each step of an episode."""
+OVERHEAD = 20_000
+"""What a sweep costs whatever the size of the model, as non-zeros."""
 
 
 def extract(task: Task, reachable: bool | None = None, limit: int = MAX_ENTRIES) -> Model:
@@ -45,6 +49,8 @@ def extract(task: Task, reachable: bool | None = None, limit: int = MAX_ENTRIES)
         refuse(
             f"the exact model would have up to {size:,.0f} entries; the limit is {limit:,}", "choose smaller parameters"
         )
+    if (task.horizon or 1) * (size / times + OVERHEAD) > SWEEP * limit:
+        refuse(f"an episode of {task.horizon:,} steps is too long to plan", "choose a smaller horizon, or `none`")
     start = np.zeros(len(codes))
     first, weight = steps.starts()
     start[np.searchsorted(codes, first)] = weight

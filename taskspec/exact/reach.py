@@ -34,15 +34,20 @@ def visits(steps: Steps, limit: int | None = None) -> Visits:
     level = np.unique(steps.starts()[0])
     acting, entered = level[:0], level
     t = 0
+    _check_few(entered, limit)
     while len(level) and (horizon is None or t < horizon):
         acting = np.union1d(acting, level)
         going, ended = _successors(steps, level, t)
         entered = np.union1d(entered, np.union1d(going, ended))
-        if limit is not None and len(entered) > limit:
-            refuse(f"more than {limit:,} states can be reached", "choose smaller parameters")
+        _check_few(entered, limit)
         level = going if steps.uses_time else np.setdiff1d(going, acting, assume_unique=True)
         t += 1
     return Visits(acting, entered)
+
+
+def _check_few(entered: Array, limit: int | None) -> None:
+    if limit is not None and len(entered) > limit:
+        refuse(f"more than {limit:,} states can be reached", "choose smaller parameters")
 
 
 def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:

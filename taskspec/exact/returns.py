@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from statistics import NormalDist
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from taskspec.exact.failure import refuse
 from taskspec.exact.model import Model
 from taskspec.exact.plans import Plan, expert_plan, uniform_plan
 from taskspec.exact.rollout import Choose, Rollout, at_random, by_expert
+from taskspec.lang.ir import Const
 from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
@@ -85,7 +86,9 @@ class Results:
     def why_not(self) -> str | None:
         """Why there is no exact model, or why some value on it does not exist, in words; None when all is well."""
         found = self._extracted
-        return self.unsettled if isinstance(found, Model) else found.diagnostics[0].message
+        if isinstance(found, Model):
+            return self.unsettled
+        return " and ".join(filter(None, (found.diagnostics[0].message, self.unsettled)))
 
     # -- returns ----------------------------------------------------------------------------------
 
@@ -103,7 +106,7 @@ class Results:
         if self.model is not None:
             return self._solved(solve.random_return)
         ends = [v for c in self.task.action for v in (*c.low, *c.high)]
-        return self.simulated(at_random(self.task)) if all(map(math.isfinite, ends)) else None
+        return self._estimated(at_random(self.task)) if all(map(math.isfinite, ends)) else None
 
     @cached_property
     def expert(self) -> Return | None:
@@ -111,12 +114,20 @@ class Results:
         plan = self.expert_plan
         if plan is not None and self.model is not None:
             return self._solved(lambda model: solve.policy_return(model, plan))
-        return self.simulated(by_expert(self.task)) if isinstance(self.task.expert, tuple) else None
+        return self._estimated(by_expert(self.task)) if isinstance(self.task.expert, tuple) else None
 
     def _solved(self, how: Callable[[Model], float]) -> Return | None:
         """A return on the model; None where there is none, or where it is infinite for want of a horizon."""
         try:
             return None if self.model is None else Return(how(self.model))
+        except SpecError as error:
+            self.unsettled = error.diagnostics[0].message
+            return None
+
+    def _estimated(self, choose: Choose) -> Return | None:
+        """A return from episodes; None where these do not end."""
+        try:
+            return self.simulated(choose)
         except SpecError as error:
             self.unsettled = error.diagnostics[0].message
             return None
@@ -145,6 +156,9 @@ def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0
     Raises:
         SpecError: (E712) when episodes without a horizon do not end.
     """
+    endless = isinstance(task.terminal, Const) and not task.terminal.value
+    if endless and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
+        _refuse_endless(task)
     parts = []
     lanes = max(1, min(episodes, WORDS // max(1, Rollout(task, 1).words)))
     for first in range(0, episodes, lanes):
@@ -164,9 +178,14 @@ def _simulate(task: Task, choose: Choose, lanes: int, seed: int) -> Array:
         factor, t = factor * task.discount, t + 1
         if t >= LONGEST or factor < 1e-12:
             if task.discount == 1:
-                refuse(f"episodes are still running after {LONGEST:,} steps", "give the task a horizon")
+                _refuse_endless(task)
             break
     return total
+
+
+def _refuse_endless(task: Task) -> NoReturn:
+    hint = "give the task a horizon, or a discount below 1" if task.horizon is None else "choose a smaller horizon"
+    refuse(f"episodes are still running after {LONGEST:,} steps", hint)
 
 
 Normalise = Callable[[float], float]

@@ -13,6 +13,8 @@ from taskspec.spec.task import Task
 
 MAX_STATES = 300
 MAX_TRANSITIONS = 4000
+MAX_CONSIDERED = 200_000
+"""Outcomes that are looked at in one go: many more than a graph could show, and few enough to take a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,8 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
     seen: dict[int, None] = dict.fromkeys(start.tolist())
     level, transitions, depth = list(seen), [], 0
     while level and (steps.task.horizon is None or depth < steps.task.horizon):
+        if len(seen) > MAX_STATES or len(level) * steps.actions.size * steps.branching > MAX_CONSIDERED:
+            return None
         new: dict[int, None] = {}
         for t in _from(steps, level):
             transitions.append(t)
@@ -69,10 +73,10 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
                 new[t.target] = None
         ends = [t.target for t in transitions if t.ends]
         seen |= new | dict.fromkeys(e for e in ends if e not in seen)
-        if len(seen) > MAX_STATES or len(transitions) > MAX_TRANSITIONS:
+        if len(transitions) > MAX_TRANSITIONS:
             return None
         level, depth = list(new), depth + 1
-    return tuple(seen), tuple(transitions)
+    return (tuple(seen), tuple(transitions)) if len(seen) <= MAX_STATES else None
 
 
 def _from(steps: Steps, level: list[int]) -> Iterator[Transition]:
