@@ -99,6 +99,17 @@ def test_a_bound_for_each_element_is_a_set_for_each() -> None:
     assert words(section.lines[0].content) == "S = {0, … , rows − 1} × {0, … , columns − 1}"
 
 
+def test_pages_do_not_take_each_others_files(tmp_path: Path) -> None:
+    text = "taskspec: 1\nname: NAME\nstate: {s: {type: bool}}\naction: {a: {type: bool}}\nhorizon: 3\ninitial: {s: false}\n"
+    names = ["Ä", "Ö", "Index", "deepSea", "DeepSea"]
+    built = [build(read_text(text.replace("NAME", n) + "dynamics: {s': a}\nreward: s\n", "<test>")) for n in names]
+    files = {path.name: path.read_text(encoding="utf-8") for path in write(built, ["html"], tmp_path)}
+    for name, anchor in zip(names, ["task", "task-2", "index-2", "deep-sea", "deep-sea-2"], strict=True):
+        assert name in files[f"{anchor}.html"]
+        assert f'href="{anchor}.html"' in files["index.html"]
+    assert len(files) == len(names) + 1
+
+
 def test_sections_are_in_the_order_of_the_paper() -> None:
     keys = [s.key for s in page(registry.load("derail/Branching-v0")).sections]
     assert keys == ["parameters", "state", "observations", "actions", "horizon", "dynamics", "rewards", "initial", "expert",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from taskspec.appendix import render
 from taskspec.appendix.bibliography import Reference, beside
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.figures import scene, svg
-from taskspec.appendix.page import page
+from taskspec.appendix.page import Page, page
 from taskspec.appendix.render.suite import Suite
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.spec.task import Task
@@ -24,6 +26,9 @@ _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
     "svg": lambda suite, links: {},
 }
 FORMATS = (*_WRITERS, "pdf")
+
+_TAKEN = ("index", "appendix", "document", "preamble")
+"""Names of the files around the pages."""
 
 
 def write(
@@ -79,11 +84,25 @@ def gather_pages(
     references: Mapping[str, Reference] | None = None,
 ) -> Suite:
     """Pages and figures of tasks, ready to be rendered."""
-    pages = [page(task, (facts or {}).get(task.id), columns) for task in tasks]
+    pages = _apart(page(task, (facts or {}).get(task.id), columns) for task in tasks)
     scenes = {p.anchor: found for p in pages if (found := scene(p.task)) is not None}
     known = beside(task.document.origin.name for task in tasks) if references is None else references
     names = dict.fromkeys(task.suite for task in tasks if task.suite)
-    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", tuple(pages), scenes, known)
+    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, known)
+
+
+def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
+    """The pages with anchors of their own: several names may make the same one, or that of the files around them."""
+    taken, found = set(_TAKEN), []
+    for each in pages:
+        anchor = each.anchor
+        for i in count(2):
+            if anchor not in taken:
+                break
+            anchor = f"{each.anchor}-{i}"
+        taken.add(anchor)
+        found.append(replace(each, anchor=anchor))
+    return tuple(found)
 
 
 def _save(files: Mapping[str, str], folder: Path) -> list[Path]:

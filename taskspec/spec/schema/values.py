@@ -260,12 +260,15 @@ def labels(value: Any) -> Iterator[Problem]:
         for label, meaning in value.items():
             yield from (problem.below(label) for problem in expression(meaning))
     elif isinstance(value, list) and value:
+        seen: set[str] = set()
         for i, label in enumerate(value):
             if not isinstance(label, str) or not label:
                 hint = "use words, or a mapping from words to numbers: {low: 0, high: 1}"
                 yield wrong_kind("a label", label, hint).below(i)
-            elif label in value[:i]:
+            elif label in seen:
                 yield Problem("E214", (i,), f"the label `{label}` stands twice")
+            else:
+                seen.add(label)
     else:
         yield wrong_kind("the labels of the choice", value, "for example [left, right]")
 
