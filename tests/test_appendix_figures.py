@@ -19,6 +19,8 @@ from taskspec.appendix.figures.svg import svg
 from taskspec.appendix.figures.values import first_state
 from taskspec.diagnostics import SpecError
 from taskspec.printers.plain import plain
+from taskspec.source import read_text
+from taskspec.spec.build import build
 from taskspec.spec.task import Task
 
 ROOT = Path(__file__).parent.parent
@@ -211,3 +213,20 @@ def test_tikz_stands_alone(tmp_path: Path) -> None:
     command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "all.tex"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
+
+
+def test_cells_of_ints_show_ints() -> None:
+    spec = """\
+taskspec: 1
+name: X
+state: {x: {type: int, shape: [3], low: -9, high: 9}}
+action: {a: {type: bool}}
+horizon: 3
+initial: {x: "(2, 0, -1)"}
+dynamics: {x': "reverse(x)"}
+reward: x[0]
+figure: {kind: bars, values: x}
+"""
+    found = scene(build(read_text(spec)))
+    assert found is not None
+    assert labels(found) == ["2", "0", "−1"]

@@ -271,6 +271,13 @@ HINTS: list[tuple[str, str, str, str, str | None]] = [
     ("good:", "god:", "E202", "god", "did you mean 'good'?"),
     ("p == N)", "p == n)", "E302", "n", "did you mean 'N'?"),
     ("at: p", "at: p, map: walls", "E302", "walls", None),
+    (
+        "figure: {kind: grid",
+        "constants: {m: [[0, 1]]}\nfigure: {map: m, kind: grid",
+        "E204",
+        "m",
+        "m: {grid: [...], legend: {...}}",
+    ),
 ]
 
 

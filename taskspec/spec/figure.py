@@ -50,3 +50,6 @@ def _check_map(context: Context, name: str | None) -> None:
     if name is not None and name not in constants:
         span = context.merged.span(("figure", "map"))
         context.collector.add("E302", span, f"there is no constant '{name}'", suggest(name, constants))
+    elif name is not None and not (isinstance(constants[name], dict) and "grid" in constants[name]):
+        message, hint = f"the constant '{name}' is no grid of letters", f"{name}: {{grid: [...], legend: {{...}}}}"
+        context.collector.add("E204", context.merged.span(("figure", "map")), message, hint)

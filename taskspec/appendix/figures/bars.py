@@ -79,11 +79,12 @@ def _bars(values: Array, colors: list[Role]) -> Iterator[Item]:
 def _cells(rows: list[Array], colors: list[Role]) -> Iterator[Item]:
     """Rows of cells, shaded by value, with arrows for elements that moved."""
     low, high = float(rows[0].min()), float(rows[0].max())
+    digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2
     for r, row in enumerate(rows):
         for i, value in enumerate(row.tolist()):
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
             yield Box((i * 1.0, r * 1.5), 1.0, 0.8, colors[i], "paper", shade=shade)
-            yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(f"{value:.2f}".replace("-", "−")), 0.28)
+            yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(f"{value:.{digits}f}".replace("-", "−")), 0.28)
         if r + 1 < len(rows):
             for i, value in enumerate(row.tolist()):
                 j = _where(rows[r + 1], value)
