@@ -18,6 +18,8 @@ SCRATCH = 1 << 16
 BLOCK = 1024
 CHECKED_STEP, STEP, CHECK, RESET = range(4)
 """What `run` is to do: check the actions and step; step, without the interpreter's lock; check the actions; reset."""
+GAP = 16
+"""Numbers between the rows of an array, see `Buffers.of`."""
 WHAT = 3
 """The number of the field that says so."""
 BAD = -1
@@ -32,7 +34,7 @@ class Memory:
     fields: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        # Numbers: the range of lanes, how many there are in all, what is to be done.
+        # Numbers: the range of lanes, how far apart rows are, what is to be done.
         self.fields = ["start", "stop", "every", "what"]
         self.fields += ["k0", "k1", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
         self.fields += ["chosen", "lanes", "words", "reals"]
@@ -80,7 +82,7 @@ class Program:
         self.start = compared(b, start)
         most = max(self.step_words.count, self.reset_words.count, 1)
         self.block = max(64, min(BLOCK, SCRATCH // (8 * most) // 64 * 64))
-        self.rows = most + 2
+        self.rows, self.width = most + 2, self.block + GAP
         self.states = self._component_rows("s", self.task.state)
         self.seen, self.final = _seen_rows("seen", self.observation), _seen_rows("final", self.observation)
         for i in range(len(self.task.state)):

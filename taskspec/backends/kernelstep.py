@@ -53,7 +53,7 @@ def _views(p: Program, rows: Sequence[Row]) -> list[str]:
     lines = [f"{name} = {kind}({p.memory.at(name)}, first)" for name, kind in _COUNTERS.items()]
     for row in rows:
         scratch = row.array in ("words", "reals")
-        source = row.source(p.memory, "i64(0)", str(p.block)) if scratch else row.source(p.memory)
+        source = row.source(p.memory, "i64(0)", str(p.width)) if scratch else row.source(p.memory)
         lines.append(f"{row.name} = {source}")
     return list(dict.fromkeys(lines))
 
@@ -112,7 +112,7 @@ def _step(p: Program, rows: Sequence[Row], shown: Shown) -> list[str]:
     arguments = ["n", "part", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
     body += [f"count = advance({', '.join([*arguments, *(r.name for r in rows)])})"]
     for row, (number, size) in shown.items():
-        place = f"i64({p.block}), i64({number}), i64({size}), {p.memory.at('seen0')}, i64({row})"
+        place = f"i64({p.width}), i64({number}), i64({size}), {p.memory.at('seen0')}, i64({row})"
         body.append(f"show(n, {p.memory.at('reals')}, {place}, every, first)")
     if p.mode == "same_step" and not p.inline_reset:
         body += ["if count > 0:", *indent(["late = gather(n, ended, lanes)", *_keep(p)])]
@@ -147,7 +147,7 @@ def _begin_again(p: Program, rows: Sequence[Row], shown: Shown) -> list[str]:
     lines = _fill(p, p.reset_words, "reset_words(late, lanes", "k0, k1, episodes", "late")
     lines.append(f"begin({', '.join(['late', 'lanes', 'time', 'episodes', *(r.name for r in rows)])})")
     for row, (number, size) in shown.items():
-        place = f"i64({p.block}), i64({number}), i64({size}), {p.memory.at('seen0')}, i64({row})"
+        place = f"i64({p.width}), i64({number}), i64({size}), {p.memory.at('seen0')}, i64({row})"
         lines.append(f"show_some(late, lanes, {p.memory.at('reals')}, {place}, every, first, n)")
     return lines
 
@@ -157,9 +157,9 @@ def _fill(p: Program, words: WordLayout, call: str, keys: str, n: str) -> list[s
     if not words.count:
         return []
     w, r = p.memory.at("words"), p.memory.at("reals")
-    lines = [f"{call}, {w}, i64({p.block}), i64({(words.count + 1) // 2}), {keys})"]
+    lines = [f"{call}, {w}, i64({p.width}), i64({(words.count + 1) // 2}), {keys})"]
     for draw in words.draws:
         if draw.base in ("normal", "exponential"):
             place = f"i64({words.first[draw.site]}), i64({draw.type.size})"
-            lines.append(f"{draw.base}s({n}, {w}, {r}, i64({p.block}), {place})")
+            lines.append(f"{draw.base}s({n}, {w}, {r}, i64({p.width}), {place})")
     return lines

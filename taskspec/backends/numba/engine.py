@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.buffers import Array, Buffers
-from taskspec.backends.kernelmemory import BAD, CHECK, CHECKED_STEP, RESET, STEP, WHAT, Program
+from taskspec.backends.kernelmemory import BAD, CHECK, CHECKED_STEP, GAP, RESET, STEP, WHAT, Program
 from taskspec.backends.kernelstep import generate
 from taskspec.backends.numba.compile import Kernel, Run, load
 from taskspec.backends.vector import Mode, NotRunningError, Options
@@ -35,7 +35,7 @@ class NumbaEngine:
         self._kinds = "fiub" if box else "iub"
         self.source, program, self._kernel = compile_numba(task, options.mode, "f" if box else "i")
         self.observation, self.action = program.observation, program.action
-        self.buffers = Buffers.of(task, program.observation, lanes)
+        self.buffers = Buffers.of(task, program.observation, lanes, GAP)
         self._shape: tuple[int, ...] = (lanes, *self.action.shape) if self.action.form != "discrete" else (lanes,)
         self._program = program
         self._keys = np.zeros((2, lanes), np.uint32)
@@ -53,8 +53,8 @@ class NumbaEngine:
         p = self._program
         return {
             "lanes": np.zeros(p.block + 1, np.int64),
-            "words": np.zeros((p.rows, p.block), np.uint32),
-            "reals": np.zeros((p.rows, p.block), np.float32),
+            "words": np.zeros((p.rows, p.width), np.uint32),
+            "reals": np.zeros((p.rows, p.width), np.float32),
         }
 
     def _addresses(self, scratch: dict[str, Array], start: int, stop: int) -> Array:
@@ -69,7 +69,7 @@ class NumbaEngine:
         arrays |= {f"seen{i}": array for i, array in enumerate(b.seen.parts)}
         arrays |= {f"final{i}": array for i, array in enumerate(b.final.parts)}
         places = [arrays[name].ctypes.data for name in self._program.memory.fields[4:]]
-        return np.array([start, stop, len(b.seeds), CHECKED_STEP, *places], np.uint64)
+        return np.array([start, stop, len(b.seeds) + GAP, CHECKED_STEP, *places], np.uint64)
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
         b, chosen = self.buffers, slice(None) if lanes is None else lanes
