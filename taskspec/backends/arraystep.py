@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from taskspec.backends.arrayform import ArrayForm, Scratch, Sink, scalar
 from taskspec.backends.buffers import Array, Values
 from taskspec.backends.hoist import Hoisted
@@ -50,7 +52,7 @@ def generate(
     shown = again is not None and _shows_state(task, observation, roots, again)
     lines = [
         *form.lines,
-        *([] if shown else _observation(form, observation, outputs, roots[n + 2 :], values[n + 2 :])),
+        *([] if shown else _observation(form, observation, outputs, values[n + 2 :])),
         *_copy("reward", values[n]),
         *_state(form, task, states, roots[:n], values[:n]),
         *_ending(task, roots[n + 1], values[n + 1]),
@@ -145,11 +147,9 @@ def _copy(target: str, value: str) -> list[str]:
     return [] if value == target else [f"copyto({target}, {value})"]
 
 
-def _observation(
-    form: ArrayForm, layout: Layout, outputs: Sequence[str], nodes: Sequence[Node], values: Sequence[str]
-) -> list[str]:
+def _observation(form: ArrayForm, layout: Layout, outputs: Sequence[str], values: Sequence[str]) -> list[str]:
     if layout.form == "one_hot":
-        return _one_hot(form, layout, nodes, values)
+        return _one_hot(form, layout, values)
     lines = []
     for c, out, value in zip(layout.components, outputs, values, strict=True):
         low = [int(v) for v in c.low] if layout.form == "multi_discrete" else [0]
@@ -162,15 +162,13 @@ def _observation(
     return lines
 
 
-def _one_hot(form: ArrayForm, layout: Layout, nodes: Sequence[Node], values: Sequence[str]) -> list[str]:
-    lines, offset = ["o0.fill(0.0)"], 0
-    for c, value, node in zip(layout.components, values, nodes, strict=True):
+def _one_hot(form: ArrayForm, layout: Layout, values: Sequence[str]) -> list[str]:
+    lines, offset = [], 0
+    for c, value in zip(layout.components, values, strict=True):
         elements = [value] if c.type.is_scalar else [f"rt.rows({value})[{k}]" for k in range(c.type.size)]
         for element, count, low in zip(elements, c.counts, c.low, strict=True):
-            whole = (
-                f"{element}.astype(np.int64)" if c.type.kind is Kind.BOOL and not isinstance(node, Const) else element
-            )
-            lines.append(f"o0[{whole} + {offset - int(low)}, rt.xp.arange(n)] = 1.0")
+            places = form.constant(np.arange(int(low), int(low) + count)[:, None])
+            lines.append(f"equal({element}, {places}, o0[{offset}:{offset + count}])")
             offset += count
     return lines
 

@@ -251,8 +251,6 @@ def write(values: Values, flats: Sequence[Array], lanes: Array) -> None:
         values.parts[0][lanes] = flats[0]
         return
     rows, offset = values.flat(), 0
-    if layout.form == "one_hot":
-        rows[:, lanes] = 0.0
     for c, flat in zip(layout.components, flats, strict=True):
         elements = flat.reshape(c.type.size, -1)
         if layout.form == "box":
@@ -261,7 +259,7 @@ def write(values: Values, flats: Sequence[Array], lanes: Array) -> None:
             continue
         for element, count, low in zip(elements, c.counts, c.low, strict=True):
             if layout.form == "one_hot":
-                rows[offset + element - int(low), lanes] = 1.0
+                rows[offset : offset + count, lanes] = element == np.arange(int(low), int(low) + count)[:, None]
                 offset += count
             else:
                 rows[offset, lanes] = element - int(low)

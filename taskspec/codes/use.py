@@ -161,4 +161,18 @@ taskspec.exact.scores(task).save("scores.json")
 ```
 """,
     ),
+    Code(
+        "E715",
+        "int-too-wide-for-jax",
+        "an int that may not fit in the 32 bits that JAX has",
+        """
+Without its 64-bit mode JAX computes with ints of 32 bits, and what passes 2147483647 becomes negative.
+A task in which that may happen is refused there; the other backends have 64 bits.
+
+```python
+taskspec.make_vec("Hash", num_envs=8, backend="jax")      # wrong where s' is (s * 31 + a) % 1000000007
+taskspec.make_vec("Hash", num_envs=8, backend="numba")    # right
+```
+""",
+    ),
 )

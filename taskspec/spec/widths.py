@@ -5,7 +5,7 @@ Python's ints are endless and those of array backends are not; without this, the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from taskspec.lang import interval
 from taskspec.lang.builder import Builder
@@ -42,17 +42,22 @@ def _stopped(builder: Builder, node: Node) -> Node:
     return builder.apply("min2", builder.apply("max2", node, least), most)
 
 
-def widest(roots: Iterable[Node]) -> float:
-    """The largest magnitude that some int below the roots may have, where it is beyond 64 bits; else 0."""
+def widest(
+    roots: Iterable[Node], limit: int = INT_WIDEST, reads: Mapping[int, interval.Interval] | None = None
+) -> float:
+    """The largest magnitude that some int below the roots may have, where it is beyond a limit; else 0.
+
+    `reads` says more of some reads, by id, than their declarations do.
+    """
     known: dict[int, interval.Interval] = {}
     for node in walk(roots):
-        low, high = interval.step(node, [known[id(c)] for c in children(node)])
+        low, high = (reads or {}).get(id(node)) or interval.step(node, [known[id(c)] for c in children(node)])
         if node.type.kind is Kind.INT:
             if isinstance(node, Read | Draw) or (isinstance(node, Apply) and node.op in _SATURATING):
                 low = max(low, -INT_MAX) if low == -interval.INF else low
                 high = min(high, INT_MAX) if high == interval.INF else high
             most = max(-low, high)
-            if INT_WIDEST < most < interval.INF:
+            if limit < most < interval.INF:
                 return float(most)
         known[id(node)] = (low, high)
     return 0.0

@@ -54,6 +54,8 @@ def acted(layout: Layout, action: Array) -> tuple[Array, ...]:
     parts, offset = [], 0
     for c in layout.components:
         rows = flat[offset : offset + c.type.size]
+        if layout.form == "box" and c.type.kind is not Kind.REAL:
+            rows = jnp.rint(rows)
         dtype = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}[c.type.kind]
         parts.append(rows.astype(dtype).reshape(*c.type.shape, rows.shape[-1]))
         offset += c.type.size

@@ -16,14 +16,19 @@ from taskspec.backends.arrayform import ArrayForm, arrays
 from taskspec.backends.hoist import compared, word_names
 from taskspec.backends.jax import library
 from taskspec.backends.tabulate import folded
+from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.draws.layout import poisson_bound
 from taskspec.lang.ir import Const, Draw, Node, Role, plain, walk
 from taskspec.lang.types import INT_MAX, Kind
+from taskspec.spec.reach import over, reach
 from taskspec.spec.spaces import Layout, action_layout, observation_layout
 from taskspec.spec.task import Component, Task
+from taskspec.spec.widths import widest
 
 Array = Any
+PASSING = 1 << 16
+"""How far a count that stops at the largest int of 32 bits may pass it before it is stopped."""
 
 
 class State(NamedTuple):
@@ -118,9 +123,14 @@ DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL:
 
 @lru_cache(maxsize=64)
 def compile_jax(task: Task) -> JaxProgram:
-    """Generate the array form of a task over `jax.numpy`."""
+    """Generate the array form of a task over `jax.numpy`.
+
+    Raises:
+        SpecError: E715, the task has ints that may leave 32 bits.
+    """
     step = (*task.next, task.reward, task.terminal, *task.next_observation)
     start = (*task.initial, *task.first_observation)
+    _check_ints(task, (*step, *start))
     step_words, start_words = WordLayout.of(step), WordLayout.of(start)
     n = len(task.state)
     constants: dict[str, Any] = {}
@@ -146,6 +156,14 @@ def compile_jax(task: Task) -> JaxProgram:
         start_words.count,
         step_words.count,
     )
+
+
+def _check_ints(task: Task, roots: Sequence[Node]) -> None:
+    reached = over(roots, reach(task.state, task.initial, task.next, task.horizon))
+    most = widest(roots, INT_MAX + PASSING, reached)
+    if most:
+        message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
+        raise SpecError([Diagnostic("E715", None, message, 'use the backend "numba" or "numpy"')])
 
 
 _NAMESPACE: dict[str, Any] = {
