@@ -82,11 +82,11 @@ title: Mixed
 summary: Whole and real actions together.
 state:
   k: {type: int, low: -9, high: 9}
-  b: bool
+  b: {type: bool}
   x: {type: real, low: -9, high: 9}
 action:
   i: {type: int, low: -2, high: 2}
-  c: bool
+  c: {type: bool}
   r: {type: real, low: -1, high: 1}
 horizon: 20
 initial: {k: 0, b: false, x: 0}
