@@ -100,7 +100,7 @@ MISTAKES = [
     ("state: {s: {type: choice, values: [a, 2]}}\n", "E204", "3:39", "the number 2", "words"),
     ("reward: {a: [1, 2]}\n", "E204", "3:13", "a probability, found a list", ""),
     ("state: 3\n", "E201", "3:8", "named entries", ""),
-    ("state: {s: int}\n", "E201", "3:12", "named entries", ""),
+    ("state: {s: int}\n", "E201", "3:12", "named entries", "write {type: int}"),
     ("noise: {lambda: 1}\n", "E205", "3:9", "a word of the language", ""),
     ("noise: {max speed: 1}\n", "E205", "3:9", "not a name", "`max_speed`"),
     ("noise: {2x: 1}\n", "E205", "3:9", "not a name", ""),

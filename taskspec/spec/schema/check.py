@@ -129,7 +129,8 @@ def _not_an_option(value: object, expected: str) -> Problem:
 def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
     value = error["input"]
     if error_type in _MAPPINGS:
-        problem = values.wrong_kind("named entries (`name: ...`)", value)
+        hint = f"write {{type: {value}}}" if value in ("bool", "int", "real") else None
+        problem = values.wrong_kind("named entries (`name: ...`)", value, hint)
         return problem if value is None else problem._replace(code="E201")
     if error_type == "greater_than_equal":
         return Problem("E204", (), f"{value} is too small: at least {error['ctx']['ge']}")
