@@ -268,7 +268,7 @@ def _attempt(x: Array, word: Array, d: Array, scale: Array, rounded: Rounding) -
 
 
 class JaxRuntime(Runtime):
-    """Short vectors are indexed by chains of selects."""
+    """Short vectors are indexed, and their elements replaced, by chains of selects."""
 
     def __init__(self) -> None:
         super().__init__(jnp, jnp.int32, jnp.float32)
@@ -285,6 +285,12 @@ class JaxRuntime(Runtime):
         if x.ndim != 2 or i.ndim != 1 or x.shape[0] > CHAIN:
             return super().index(x, i)
         return _chain(list(x), i)
+
+    def put(self, x: Array, i: Array, value: Array) -> Array:
+        """Row by row, so that XLA sees what each row is made of; else it works out all of them for every use of one."""
+        if x.ndim != 2 or x.shape[0] > CHAIN:
+            return super().put(x, i, value)
+        return jnp.stack([jnp.where(i == k, value, row) for k, row in enumerate(x)])
 
     def swap(self, x: Array, i: Array, j: Array) -> Array:
         at_i, at_j = self.index(x, i), self.index(x, j)
