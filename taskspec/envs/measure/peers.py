@@ -106,9 +106,7 @@ def _vector(make: Callable[[], Any], lanes: int | None = None) -> Callable[[], D
             space.seed(0)
             batch = space.sample if lanes is None else lambda: np.array([space.sample() for _ in range(lanes)])
             actions = [batch() for _ in range(ACTIONS)]
-            if lanes is not None:
-                env.num_envs = lanes
-        return _quietly(stepped(env, actions))
+        return _quietly(stepped(env, actions, lanes))
 
     return prepare
 

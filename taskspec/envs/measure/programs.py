@@ -90,9 +90,9 @@ def vector(task: Task, backend: str, lanes: int, num_threads: int = 1) -> Drive:
     return stepped(env, actions)
 
 
-def stepped(env: Any, actions: Sequence[Any]) -> Drive:
-    """Steps of any vector environment that has been reset."""
-    step, count = env.step, int(env.num_envs) * len(actions)
+def stepped(env: Any, actions: Sequence[Any], lanes: int | None = None) -> Drive:
+    """Steps of any vector environment that has been reset; `lanes`, for those that do not say themselves."""
+    step, count = env.step, (lanes or int(env.num_envs)) * len(actions)
 
     def drive() -> int:
         for action in actions:
