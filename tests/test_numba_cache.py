@@ -33,11 +33,11 @@ print(json.dumps({"same": seen == one, "numba": "numba" in sys.modules}))
 """
 
 
-def run(cache: Path, threads: int = 1) -> dict[str, bool]:
-    """What the program says in a process of its own."""
+def run(cache: Path, threads: int = 1, program: str = PROGRAM) -> dict[str, bool]:
+    """What a program says in a process of its own."""
     environment = {**os.environ, "TASKSPEC_CACHE": str(cache)}
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(threads)], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-c", program, str(threads)], env=environment, capture_output=True, text=True, check=False
     )
     assert not done.returncode, done.stderr
     found: dict[str, bool] = json.loads(done.stdout)
@@ -58,3 +58,38 @@ def test_a_second_process_loads_what_the_first_one_compiled_without_numba(tmp_pa
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path) -> None:
     (tmp_path / "numba").write_text("not a folder")
     assert run(tmp_path) == {"same": True, "numba": True}
+
+
+FORGETFUL = """
+import gc, json
+import numpy as np
+import taskspec
+from taskspec.backends.numba import compile, engine
+
+def forget():
+    compile.load.cache_clear()
+    engine.compile_numba.cache_clear()
+    gc.collect()
+
+def ended(env, action):
+    env.reset(seed=0)
+    return [bool(env.step(action)[3].all()) for _ in range(20)].index(True)
+
+kept, found = [], []
+for length in (5, 6, 5, 7):
+    kept.append(taskspec.make_vec("derail/Branching-v0", num_envs=4, backend="numba", L=length))
+    forget()
+    del kept[:-2]
+    gc.collect()
+    found.append([ended(env, np.ones(4, np.int64)) for env in kept])
+reals = taskspec.make_vec("derail/Parabola-v0", num_envs=4, backend="numba")
+for dtype in (np.float64, np.float32, np.float64):
+    found.append([ended(reals, np.zeros((4, 1), dtype))])
+    forget()
+alone = [[4], [4, 5], [5, 4], [4, 6], [19], [19], [19]]
+print(json.dumps({"same": found == alone}))
+"""
+
+
+def test_kernels_live_as_long_as_the_environments_that_run_them(tmp_path: Path) -> None:
+    assert run(tmp_path, program=FORGETFUL) == {"same": True}

@@ -97,9 +97,8 @@ def _write(path: Path, code: bytes) -> None:
 # -- in memory ----------------------------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=1)
 def target_machine() -> llvm.TargetMachine:
-    """This machine, as a target of code that is loaded at run time."""
+    """This machine, as a target of code that is loaded at run time. An engine that is made with it becomes its owner."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     triple = llvm.get_process_triple()

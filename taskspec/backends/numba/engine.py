@@ -33,7 +33,8 @@ class NumbaEngine:
         box = action_layout(task).form == "box"
         self._dtype = np.dtype(np.float32 if box else np.int64)
         self._kinds = "fiub" if box else "iub"
-        self.source, program, self._kernel = compile_numba(task, options.mode, "f" if box else "i")
+        self.source, program, kernel = compile_numba(task, options.mode, "f" if box else "i")
+        self._kernels = [kernel]  # their functions do not keep them
         self.observation, self.action = program.observation, program.action
         self.buffers = Buffers.of(task, program.observation, lanes, GAP)
         self._shape: tuple[int, ...] = (lanes, *self.action.shape) if self.action.form != "discrete" else (lanes,)
@@ -45,7 +46,7 @@ class NumbaEngine:
         self._scratch = [self._new_scratch() for _ in ranges]
         pairs = zip(self._scratch, ranges, strict=True)
         self._memory = [self._addresses(scratch, *place) for scratch, place in pairs]
-        self._runs = [self._kernel.bound(memory) for memory in self._memory]
+        self._runs = [kernel.bound(memory) for memory in self._memory]
         self._lanes, self._begun, self._over = lanes, False, 0
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
@@ -129,8 +130,9 @@ class NumbaEngine:
     @cached_property
     def _other(self) -> list[Run]:
         """The kernel for actions in float64."""
-        self._kernel_of_doubles = compile_numba(self._task, self._mode, "d")[2]
-        return [self._kernel_of_doubles.bound(memory) for memory in self._memory]
+        kernel = compile_numba(self._task, self._mode, "d")[2]
+        self._kernels.append(kernel)
+        return [kernel.bound(memory) for memory in self._memory]
 
     def _step_threads(self, runs: list[Run], actions: Array) -> int:
         assert self._pool is not None
