@@ -32,6 +32,11 @@ KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
     "graph": graph, "grid": grid, "curve": curve, "bars": bars, "swaps": bars, "vector": bars,
 }  # fmt: skip
 
+HINT = (
+    "transition graphs are drawn of finite tasks with few states, whose arrows cross little; "
+    f"`figure: {{kind: ...}}` in a spec asks for another figure: {', '.join(k for k in KINDS if k != 'graph')}"
+)
+
 
 def scene(task: Task, over: Overlay | None = None) -> Scene | None:
     """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can."""
@@ -50,7 +55,7 @@ def figure(task: Task, path: Path | str, overlays: Iterable[str] = ()) -> Path:
     path = Path(path)
     found = scene(task, overlay(task, overlays))
     if found is None:
-        raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn"),))
+        raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn", HINT),))
     match path.suffix:
         case ".svg":
             path.write_text(svg(found) + "\n", encoding="utf-8")

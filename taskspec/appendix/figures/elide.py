@@ -103,7 +103,8 @@ def _elided(machine: Machine, layers: list[list[Vertex]], arcs: list[Arc]) -> Dr
         return _cut(kept, arcs) if sum(map(len, kept)) <= 2 * MANY else None
     depth = len(layers) - 1
     middle = [*[v for v in layers[2] if not goes_on(v)], ("dots", 2)]
-    before = [v for v in layers[depth - 1] if goes_on(v)]
+    to_last = {a.source for a in arcs if a.target in layers[depth]}
+    before = [v for v in layers[depth - 1] if v in to_last]
     kept = [_narrow(layers[0], goes_on), _narrow(layers[1], goes_on), _narrow(middle, lambda v: v == ("dots", 2)),
             _narrow(before, goes_on), _narrow(layers[depth], goes_on)]  # fmt: skip
     if len(before) > WIDE or not before or len(layers[1]) > 3 * WIDE:
@@ -123,7 +124,12 @@ def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool]) -> list[Vert
     return [others[0], ("dots", layer[0]), others[-1], *main]
 
 
-def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = None) -> Drawing:
+def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = None) -> Drawing | None:
+    """The drawing of some vertices; None when one of them would seem to lead nowhere, which it does not."""
     shown = {v for layer in kept for v in layer}
     inside = [a for a in arcs if a.source in shown and a.target in shown and a.source != a.target]
-    return Drawing(tuple(map(tuple, kept)), (*inside, *(links or ())), elided=True)
+    inside += links or ()
+    leading = {a.source for a in arcs if a.source in shown and a.source != a.target}
+    if not leading <= {a.source for a in inside}:
+        return None
+    return Drawing(tuple(map(tuple, kept)), tuple(inside), elided=True)

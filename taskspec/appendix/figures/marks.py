@@ -8,13 +8,13 @@ from fractions import Fraction
 from taskspec.appendix.figures.scene import Box, Circle, Item, Line, Point, Role, bezier
 from taskspec.printers import tree as m
 
-RADIUS = 0.31
+RADIUS, ROUND = 0.31, 0.2
 
 
 def shape(x: float, y: float, half: float, radius: float, fill: Role, shade: float) -> Item:
     if half <= radius + 0.02:
         return Circle((x, y), radius, fill, shade=shade)
-    return Box((x - half, y - radius), 2 * half, 2 * radius, fill, round=0.2, shade=shade)
+    return Box((x - half, y - radius), 2 * half, 2 * radius, fill, round=ROUND, shade=shade)
 
 
 def number(value: object) -> m.Math:
@@ -39,10 +39,20 @@ def chance(p: float) -> m.Math:
     return m.Num(f"{p:.3g}")
 
 
-def edge(centre: Point, towards: Point, radius: float) -> Point:
+def outline(centre: Point, towards: Point, half: float, radius: float) -> Point:
+    """Where the way from the centre of a `shape` to a point outside leaves it."""
     dx, dy = towards[0] - centre[0], towards[1] - centre[1]
     length = math.hypot(dx, dy) or 1.0
-    return centre[0] + dx / length * radius, centre[1] + dy / length * radius
+    ux, uy = dx / length, dy / length
+    if half <= radius + 0.02:
+        return centre[0] + ux * radius, centre[1] + uy * radius
+    inside, outside = 0.0, half + radius
+    for _ in range(40):
+        t = (inside + outside) / 2
+        qx, qy = abs(ux) * t - (half - ROUND), abs(uy) * t - (radius - ROUND)
+        beyond = math.hypot(max(qx, 0.0), max(qy, 0.0)) + min(max(qx, qy), 0.0) > ROUND
+        inside, outside = (inside, t) if beyond else (t, outside)
+    return centre[0] + ux * inside, centre[1] + uy * inside
 
 
 def near(a: Point, b: Point, p: Point) -> bool:
