@@ -12,7 +12,7 @@ import pytest
 
 from taskspec import registry
 from taskspec.appendix import Overlay, figure, overlay, render_frame, scene
-from taskspec.appendix.figures.elide import drawing
+from taskspec.appendix.figures.elide import drawings
 from taskspec.appendix.figures.machine import explore
 from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Scene
 from taskspec.appendix.figures.svg import svg
@@ -78,6 +78,12 @@ def test_a_knot_is_not_drawn() -> None:
     assert scene(registry.load(str(ROOT / "tests" / "specs" / "queue.yaml"))) is None
 
 
+def test_what_else_could_be_drawn_is_said(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="cross") as caught:
+        figure(registry.load(str(ROOT / "tests" / "specs" / "tiger.yaml")), tmp_path / "tiger.svg")
+    assert "bars" in str(caught.value)
+
+
 def test_small_branching_is_drawn_whole() -> None:
     assert "…" not in labels(drawn("Branching", L=2))
 
@@ -87,8 +93,7 @@ def test_every_arrow_of_a_drawing_joins_vertices_of_it() -> None:
         machine = explore(task("Branching", **parameters))
         if machine is None:
             continue
-        found = drawing(machine)
-        assert found is not None
+        (found,) = drawings(machine)
         assert {v for a in found.arcs for v in (a.source, a.target)} <= set(found.vertices)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass
 
 from taskspec.appendix.figures.machine import Machine, Transition
@@ -10,6 +10,8 @@ from taskspec.appendix.figures.machine import Machine, Transition
 Vertex = Hashable
 DOTS = "dots"
 LONG, WIDE, MANY = 5, 6, 16
+FIRSTS = 2
+"""So many states of several in which episodes start are tried as the first column."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +41,24 @@ class Drawing:
         return [v for layer in self.layers for v in layer]
 
 
-def drawing(machine: Machine) -> Drawing | None:
-    """What to draw of a machine; None when even its outline is too large."""
+def drawings(machine: Machine) -> Iterator[Drawing]:
+    """What may be drawn of a machine, the usual first; nothing when even its outline is too large.
+
+    The first column holds all states in which episodes start, or one of them from which the others are reached.
+    """
     arcs = _arcs(machine)
-    layers = _layers(machine, arcs)
-    count = sum(map(len, layers))
-    if count <= MANY and max(map(len, layers)) <= WIDE:
-        return Drawing(tuple(map(tuple, layers)), tuple(arcs))
-    return _elided(machine, layers, arcs)
+    usual = _layers(machine.start, arcs)
+    ones = [_layers([v], arcs) for v in list(machine.start)[:FIRSTS]] if len(machine.start) > 1 else []
+    for layers in (usual, *ones):
+        if _is_small(layers) and set(machine.start) <= {v for layer in layers for v in layer}:
+            yield Drawing(tuple(map(tuple, layers)), tuple(arcs))
+    elided = None if _is_small(usual) else _elided(usual, arcs)
+    if elided is not None:
+        yield elided
+
+
+def _is_small(layers: list[list[Vertex]]) -> bool:
+    return sum(map(len, layers)) <= MANY and max(map(len, layers)) <= WIDE
 
 
 def _arcs(machine: Machine) -> list[Arc]:
@@ -76,13 +88,13 @@ def _state(vertex: Vertex) -> int:
     return vertex if isinstance(vertex, int) else int(vertex[1])  # type: ignore[index]
 
 
-def _layers(machine: Machine, arcs: list[Arc]) -> list[list[Vertex]]:
+def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
     """Vertices by their distance from the start, in the order in which they are found."""
     outgoing: dict[Vertex, list[Vertex]] = {}
     for arc in arcs:
         outgoing.setdefault(arc.source, []).append(arc.target)
-    layers: list[list[Vertex]] = [list(machine.start)]
-    seen: set[Vertex] = set(machine.start)
+    layers: list[list[Vertex]] = [list(start)]
+    seen: set[Vertex] = set(layers[0])
     while True:
         new = dict.fromkeys(t for v in layers[-1] for t in outgoing.get(v, ()) if t not in seen)
         if not new:
@@ -91,7 +103,7 @@ def _layers(machine: Machine, arcs: list[Arc]) -> list[list[Vertex]]:
         layers.append(list(new))
 
 
-def _elided(machine: Machine, layers: list[list[Vertex]], arcs: list[Arc]) -> Drawing | None:
+def _elided(layers: list[list[Vertex]], arcs: list[Arc]) -> Drawing | None:
     """The first two layers and the last two, each cut to a few, with dots for what is left out."""
     leaves_on = {a.source for a in arcs if a.target != a.source}
 

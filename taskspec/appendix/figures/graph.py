@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 from taskspec.appendix.figures.captions import Captions
-from taskspec.appendix.figures.elide import DOTS, Arc, Drawing, Vertex, drawing
+from taskspec.appendix.figures.elide import DOTS, Arc, Drawing, Vertex, drawings
 from taskspec.appendix.figures.machine import Machine, explore
 from taskspec.appendix.figures.marks import RADIUS, shape
 from taskspec.appendix.figures.order import DX, DY, ordered
 from taskspec.appendix.figures.overlay import Overlay
 from taskspec.appendix.figures.place import ARROW, STATE, along, at_loop, beside, placed
-from taskspec.appendix.figures.route import Routed, Spot, loops, routed, ways
+from taskspec.appendix.figures.route import Spot, loops, routed, stubs, ways
 from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, fitted, text_width
 from taskspec.appendix.figures.values import reads_of
 from taskspec.printers import tree as m
@@ -31,11 +31,8 @@ def graph(task: Task, overlay: Overlay) -> Scene | None:
     machine = explore(task)
     if machine is not None and all(t.source == t.target for t in machine.transitions):
         return None  # nothing leads anywhere
-    found = drawing(machine) if machine is not None else None
-    if machine is None or found is None or len(found.arcs) > MOST_ARROWS:
-        return None
-    plan = plan_of(machine, found, overlay)
-    return None if plan is None else _Graph(machine, plan, overlay).scene()
+    plan = None if machine is None else plan_of(machine, overlay)
+    return None if machine is None or plan is None else _Graph(machine, plan, overlay).scene()
 
 
 @dataclass(frozen=True)
@@ -45,37 +42,44 @@ class Plan:
     drawing: Drawing
     spots: Mapping[Vertex, Spot]
     arcs: tuple[Arc, ...]
-    routed: Routed
-    labels: Mapping[Arc | Vertex, tuple[Label, ...]]
-    overlaps: int  # of labels with one another, with vertices and arrow heads
+    lines: tuple[Line, ...]  # by arc
+    starts: tuple[Line, ...]
+    told: tuple[Label | None, ...]  # by arc
+    words: Mapping[Vertex, tuple[Label, ...]]
+    crossings: int
+    faults: int  # what must not be: arrows over vertices or along one another, and labels over anything but lines
     covered: int  # pairs of a label and an arrow, not its own, that it lies over
     shows_loops: bool
 
     @property
-    def faults(self) -> int:
-        """What must not be: arrows over vertices or along one another, and labels over anything but lines."""
-        return self.routed.over + self.overlaps
-
-    @property
     def cost(self) -> int:
-        return self.routed.crossings + self.covered
+        return self.crossings + self.covered
 
 
-def plan_of(machine: Machine, found: Drawing, overlay: Overlay) -> Plan | None:
-    """The best plan without a fault, from a narrow one to a wide one; None when all have faults or cross too often."""
+def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
+    """The best plan without a fault; None when all have faults, cross too often or are too large."""
     says = Captions(machine)
-    vertices = [v for v in found.vertices if isinstance(v, int)]
-    request = _Request(
-        found,
-        machine.ending.intersection(vertices),
-        tuple(v for v in machine.start if v in vertices),
-        says.good.intersection(vertices),
-        not found.elided and len(machine.states) <= LOOPS_UP_TO,
-        tuple((v, text_width(says.labels[v], STATE)) for v in vertices),
-        tuple(says.arrow(arc) for arc in found.arcs),
-        tuple((v, tuple(says.state(v, overlay))) for v in vertices),
-    )
-    return _planned(request)
+    best: Plan | None = None
+    for found in drawings(machine):
+        if len(found.arcs) > MOST_ARROWS:
+            continue
+        vertices = [v for v in found.vertices if isinstance(v, int)]
+        request = _Request(
+            found,
+            machine.ending.intersection(vertices),
+            tuple(v for v in machine.start if v in vertices),
+            says.good.intersection(vertices),
+            not found.elided and len(machine.states) <= LOOPS_UP_TO,
+            tuple((v, text_width(says.labels[v], STATE)) for v in vertices),
+            tuple(says.arrow(arc) for arc in found.arcs),
+            tuple((v, tuple(says.state(v, overlay))) for v in vertices),
+        )
+        plan = _planned(request)
+        if plan is not None and (best is None or plan.cost < best.cost):
+            best = plan
+        if best is not None and best.cost == 0:
+            break
+    return best
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,7 @@ def _planned(request: _Request) -> Plan | None:
     best: Plan | None = None
     for stretch in STRETCHES:
         plan = _Layout(request, stretch).plan()
-        if plan.routed.crossings > MOST_CROSSINGS:  # more room changes little here
+        if plan.crossings > MOST_CROSSINGS:  # more room changes little here
             break
         if plan.faults == 0 and (best is None or plan.cost < best.cost):
             best = plan
@@ -132,36 +136,30 @@ class _Layout:
             options.append(
                 loops(a) if a is b else ways(a, b, (arc.target, arc.source) in pairs, others, arrow, self.stretch)
             )
-        stubs = [stub(spots[v]) for v in self.request.start]
-        way = routed(options, [(rank[a.source], rank[a.target]) for a, _ in shown], stubs, list(spots.values()))
+        ends = [(rank[arc.source], rank[arc.target]) for arc, _ in shown]
+        for v in self.request.start:
+            options.append(stubs(spots[v]))
+            ends.append((rank[v], rank[v]))
+        way = routed(options, ends, list(spots.values()))
         looped = {a.source for a, _ in shown if a.source == a.target}
         labels: list[list[Label]] = []
         own: list[int] = []
-        of: list[Arc | Vertex] = []
-        for i, ((arc, text), line) in enumerate(zip(shown, way.lines, strict=True)):
+        for i, ((arc, text), line) in enumerate(zip(shown, way.lines, strict=False)):
             if text is not None:
                 labels.append(at_loop(line, text, spots[arc.source]) if arc.source == arc.target else along(line, text))
                 own.append(i)
-                of.append(arc)
-        for v, words in self.request.words:
-            for row, word in enumerate(words):
-                labels.append(beside(spots[v], word, row, v in looped))
-                own.append(-1)
-                of.append(v)
-        told = placed(labels, own, [*way.lines, *stubs], list(spots.values()))
-        by: dict[Arc | Vertex, tuple[Label, ...]] = {}
-        for what, label in zip(of, told.labels, strict=True):
-            by[what] = (*by.get(what, ()), label)
+        of = [(v, row, word) for v, words in self.request.words for row, word in enumerate(words)]
+        labels += [beside(spots[v], word, row, v in looped) for v, row, word in of]
+        done = placed(labels, own, way.lines, list(spots.values()))
+        told = dict(zip(own, done.labels, strict=False))
+        words: dict[Vertex, tuple[Label, ...]] = {}
+        for (v, _, _), label in zip(of, done.labels[len(own) :], strict=True):
+            words[v] = (*words.get(v, ()), label)
         return Plan(
-            self.drawing,
-            spots,
-            tuple(a for a, _ in shown),
-            way,
-            by,
-            told.overlaps,
-            told.covered,
-            self.request.shows_loops,
-        )
+            self.drawing, spots, tuple(arc for arc, _ in shown), way.lines[: len(shown)], way.lines[len(shown) :],
+            tuple(told.get(i) for i in range(len(shown))), words,
+            way.crossings, way.over + done.overlaps, done.covered, self.request.shows_loops,
+        )  # fmt: skip
 
     @cached_property
     def spots(self) -> Mapping[Vertex, Spot]:
@@ -209,12 +207,6 @@ def _size(v: Vertex, widths: Mapping[Vertex, float]) -> tuple[float, float]:
     return (0.12, 0.12) if _is_chance(v) else (0.26, 0.26)
 
 
-def stub(v: Spot) -> Line:
-    """The arrow that leads to a state in which episodes start."""
-    x, y = v.at
-    return Line(((x - v.half - 0.55, y), (x - v.half, y)), arrow=True, color="muted")
-
-
 @dataclass(frozen=True)
 class _Graph:
     machine: Machine
@@ -230,10 +222,9 @@ class _Graph:
         return Captions(self.machine)
 
     def scene(self) -> Scene:
-        starts = [stub(self.plan.spots[v]) for v in self.machine.start if v in self.plan.spots]
         nodes = [x for v in self.plan.spots for x in self.vertex(v)]
         notes = tuple(self.says.notes(self.plan.shows_loops))
-        return fitted([*self.arrows(), *starts, *nodes], self.alt, notes)
+        return fitted([*self.arrows(), *self.plan.starts, *nodes], self.alt, notes)
 
     @property
     def alt(self) -> str:
@@ -242,9 +233,10 @@ class _Graph:
         return f"Transition graph of {self.task.name}: {count} states{some}, {self.machine.n_actions} actions"
 
     def arrows(self) -> Iterator[Item]:
-        for arc, line in zip(self.plan.arcs, self.plan.routed.lines, strict=True):
+        for arc, line, label in zip(self.plan.arcs, self.plan.lines, self.plan.told, strict=True):
             yield replace(line, width=0.065) if self._chosen(arc) else line
-            yield from self.plan.labels.get(arc, ())
+            if label is not None:
+                yield label
 
     def _chosen(self, arc: Arc) -> bool:
         return isinstance(arc.source, int) and any(self.overlay.chosen(arc.source, a) for a in arc.actions)
@@ -268,7 +260,7 @@ class _Graph:
         if isinstance(v, int):
             yield from self._body(v, spot)
             yield Label((x, y), self.says.labels[v], STATE)
-            yield from self.plan.labels.get(v, ())
+            yield from self.plan.words.get(v, ())
         elif isinstance(v, tuple) and v[0] == DOTS:
             yield Label((x, y), m.Words("⋮") if v[1] != 2 else m.Sym("…"), 0.42)
         else:

@@ -10,12 +10,14 @@ from typing import Literal
 import numpy as np
 
 from taskspec.appendix.figures.marks import RADIUS, beside_line
-from taskspec.appendix.figures.route import LOOP_OUT, Spot, descend, sampled
+from taskspec.appendix.figures.route import LOOP_OUT, Spot, descend, flattened, sampled
 from taskspec.appendix.figures.scene import Label, Line, Point, bezier, head, text_width
 from taskspec.printers import tree as m
 
 ARROW, STATE = 0.25, 0.28
 """Heights of letters beside arrows and states."""
+BROAD = 1.15
+"""How much wider labels may be in the broadest of the fonts that figures are shown in."""
 APART = 0.06
 """Less room than this between labels, in centimetres, makes one of two."""
 OVERLAP, COVER, FAR = 20.0, 1.0, 0.02
@@ -43,27 +45,24 @@ def placed(
 
     Args:
         options: places by label, the usual one first.
-        own: the index in `lines` of the arrow that a label belongs to, or -1.
+        own: the indices in `lines` of the arrows that the first labels belong to.
         lines: the arrows.
         spots: the vertices.
     """
     if not options:
         return Placed((), 0, 0)
-    flat = [label for found in options for label in found]
-    groups, first = [], 0
-    for found in options:
-        groups.append(range(first, first + len(found)))
-        first += len(found)
+    flat, groups = flattened(options)
     of = np.array([i for i, g in enumerate(groups) for _ in g])
     boxes = np.array([box(label) for label in flat])
     centre, half = (boxes[:, 2:] + boxes[:, :2]) / 2, (boxes[:, 2:] - boxes[:, :2]) / 2
-    gap = np.abs(centre[:, None] - centre[None]) - half[:, None] - half[None]
+    broad = half * (BROAD, 1.0)
+    gap = np.abs(centre[:, None] - centre[None]) - broad[:, None] - broad[None]
     pair = (gap < APART).all(2) & (of[:, None] != of[None])
     shapes = np.array(_shapes(lines, spots))
     gap = np.maximum(np.abs(centre[:, None] - shapes[None, :, :2]) - half[:, None] - shapes[None, :, 2:4], 0.0)
     hard = (np.hypot(gap[..., 0], gap[..., 1]) < shapes[:, 4]).sum(1)
     covered = _covered(centre, half, lines)
-    mine = np.array([own[i] for i in of])
+    mine = np.array([own[i] if i < len(own) else -1 for i in of])
     with_own = mine >= 0
     covered[with_own, mine[with_own]] = False
     alone = OVERLAP * hard + COVER * covered.sum(1) + FAR * np.concatenate([np.arange(len(g)) for g in groups])
@@ -74,7 +73,7 @@ def placed(
 
 def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, float, float, float, float]]:
     """Vertices and arrow heads as a rectangle (its centre, half its sides) and how far the shape reaches beyond it."""
-    found = [(*s.at, max(s.half - s.radius, 0.0), 0.0, s.radius + s.rim) for s in spots]
+    found = [(*s.at, *s.core) for s in spots]
     for line in lines:
         if line.arrow:
             (x, y), (ax, ay), (bx, by) = head(line)

@@ -5,17 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import TypeVar
 
 import numpy as np
 
-from taskspec.appendix.figures.marks import near, outline
+from taskspec.appendix.figures.marks import ROUND, near, outline
 from taskspec.appendix.figures.scene import Line, Point, bezier
 
+T = TypeVar("T")
 BENDS = (0.0, 0.32, -0.32, 0.75, -0.75, 1.2, -1.2)
 PIECES = 10
 """Straight pieces by which curves are compared."""
 TOUCH = 0.09
 """Arrows nearer than this, in centimetres, cannot be told apart."""
+MARGIN = 0.06
+"""Room between an arrow and a vertex that it passes, in centimetres."""
+CHUNK = 2000
+"""Pairs of ways compared at once, which bounds the memory."""
 OVER, BEND = 5.0, 0.03
 """What passing over a vertex and another way than the first cost, in crossings."""
 
@@ -29,6 +36,13 @@ class Spot:
     radius: float
     rim: float = 0.0
     last: bool = field(default=False)
+
+    @property
+    def core(self) -> tuple[float, float, float]:
+        """Half the sides of the rectangle inside the shape, and how far the shape reaches beyond it everywhere."""
+        if self.half <= self.radius + 0.02:
+            return 0.0, 0.0, self.radius + self.rim
+        return self.half - ROUND, self.radius - ROUND, ROUND + self.rim
 
     def touched(self, towards: Point, gap: float = 0.0) -> Point:
         """Where an arrow to or from a point meets the outline."""
@@ -86,33 +100,42 @@ def loops(v: Spot) -> list[Line]:
     return [Line(points, arrow=True, curved=True) for points in order]
 
 
-def routed(options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], fixed: Sequence[Line],
-           spots: Sequence[Spot]) -> Routed:  # fmt: skip
+def stubs(v: Spot) -> list[Line]:
+    """Short arrows to a state in which episodes start: from the left, or from elsewhere."""
+    (x, y), out = v.at, 0.55
+    left = ((x - v.half - out, y), (x - v.half, y))
+    above, below = (((x, y + s * (v.radius + out)), (x, y + s * v.radius)) for s in (-1, 1))
+    right = ((x + v.half + out, y), (x + v.half, y))
+    return [Line(points, arrow=True, color="muted") for points in (left, above, below, right)]
+
+
+def routed(options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> Routed:
     """One way for every arrow.
 
     Args:
         options: ways by arrow, the usual one first.
         ends: the indices in `spots` of each arrow's ends.
-        fixed: lines that are there anyway.
         spots: the vertices.
     """
-    flat = [line for found in options for line in found] + list(fixed)
-    groups, first = [], 0
-    for found in options:
-        groups.append(range(first, first + len(found)))
-        first += len(found)
-    paths = np.array([sampled(line) for line in flat]).reshape(len(flat), PIECES + 1, 2)
-    crossings, along = _meetings(paths)
-    owner = np.array([i for i, g in enumerate(groups) for _ in g] + [-1] * len(fixed), dtype=np.int64)
-    over = _over(paths[:first], [ends[i] for i in owner[:first]], spots)
-    preference = np.concatenate([BEND * np.arange(len(g)) for g in groups] or [np.zeros(0)])
-    pair = (crossings + OVER * along).astype(float)
-    alone = OVER * over + preference + pair[:first, first:].sum(1)
-    chosen = descend(groups, alone, pair[:first, :first])
-    kept = [*chosen, *range(first, len(flat))]
-    inside = np.ix_(kept, kept)
-    total = np.triu(crossings[inside], 1).sum()
-    return Routed(tuple(flat[i] for i in chosen), int(total), int(over[chosen].sum() + np.triu(along[inside], 1).sum()))
+    flat, groups = flattened(options)
+    if not flat:
+        return Routed((), 0, 0)
+    paths = np.array([sampled(line) for line in flat])
+    of = np.array([i for i, g in enumerate(groups) for _ in g])
+    crossings, along = _meetings(paths, of)
+    over = _over(paths, [ends[i] for i in of], spots)
+    preference = np.concatenate([BEND * np.arange(len(g)) for g in groups])
+    chosen = descend(groups, OVER * over + preference, crossings + OVER * along)
+    inside = np.ix_(chosen, chosen)
+    crossed, close = (int(np.triu(found[inside], 1).sum()) for found in (crossings, along))
+    return Routed(tuple(flat[i] for i in chosen), crossed, int(over[chosen].sum()) + close)
+
+
+def flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range]]:
+    """All options in one list, and where those of each group are."""
+    flat = [x for found in options for x in found]
+    ends = list(accumulate(map(len, options)))
+    return flat, [range(end - len(found), end) for end, found in zip(ends, options, strict=True)]
 
 
 def descend(groups: Sequence[range], alone: np.ndarray, pair: np.ndarray) -> list[int]:
@@ -142,40 +165,52 @@ def sampled(line: Line) -> list[Point]:
     return [(x0 + (x1 - x0) * i / PIECES, y0 + (y1 - y0) * i / PIECES) for i in range(PIECES + 1)]
 
 
-def _meetings(paths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of every two paths (n, points, 2): how often they cross, and whether they run along one another."""
+def _meetings(paths: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of every two paths (n, points, 2) of different groups: how often they cross, and whether they run along one another."""
     n = len(paths)
+    low, high = paths.min(1) - TOUCH, paths.max(1) + TOUCH
+    apart = (low[:, None] > high[None]) | (low[None] > high[:, None])
+    first, second = np.nonzero(np.triu(~apart.any(2) & (of[:, None] != of[None])))
     crossings, along = np.zeros((n, n), dtype=np.int64), np.zeros((n, n), dtype=bool)
-    a, d = paths[:, :-1], np.diff(paths, axis=1)
-    size = np.maximum((d * d).sum(2), 1e-12)
-    middle = paths[:, 3 : PIECES - 2]
-    for i in range(n):  # row by row, which bounds the memory
-        p, e = a[i][:, None, None], d[i][:, None, None]
-        to = a[None] - p  # (pieces of i, paths, pieces, 2)
-        turn = e[..., 0] * d[None, ..., 1] - e[..., 1] * d[None, ..., 0]
-        turn = np.where(np.abs(turn) < 1e-12, np.inf, turn)
-        s = (to[..., 0] * d[None, ..., 1] - to[..., 1] * d[None, ..., 0]) / turn
-        t = (to[..., 0] * e[..., 1] - to[..., 1] * e[..., 0]) / turn
-        meet = (s > 0) & (s <= 1) & (t > 0) & (t <= 1) & np.isfinite(turn)
-        crossings[i] = meet.sum((0, 2))
-        q = middle[i][:, None, None] - a[None]
-        u = np.clip((q * d[None]).sum(3) / size, 0, 1)
-        off = q - u[..., None] * d[None]
-        along[i] = ((off**2).sum(3).min(2) < TOUCH**2).sum(0) >= 2
-    np.fill_diagonal(crossings, 0)
-    np.fill_diagonal(along, val=False)
-    return np.maximum(crossings, crossings.T), along | along.T
+    for k in range(0, len(first), CHUNK):
+        i, j = first[k : k + CHUNK], second[k : k + CHUNK]
+        crossings[i, j] = _crossed(paths[i], paths[j])
+        along[i, j] = _close(paths[i], paths[j])
+    return crossings + crossings.T, along | along.T
+
+
+def _crossed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """How often the pieces of paths (pairs, points, 2) cross."""
+    p, d, q, e = a[:, :-1, None], np.diff(a, axis=1)[:, :, None], b[:, None, :-1], np.diff(b, axis=1)[:, None]
+    x, y = q[..., 0] - p[..., 0], q[..., 1] - p[..., 1]
+    turn = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
+    turn = np.where(np.abs(turn) < 1e-12, np.nan, turn)  # parallel pieces do not cross
+    s, t = (x * e[..., 1] - y * e[..., 0]) / turn, (x * d[..., 1] - y * d[..., 0]) / turn
+    return np.asarray(((s > 0) & (s <= 1) & (t > 0) & (t <= 1)).sum((1, 2)))
+
+
+def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Whether the middle of one of two paths (pairs, points, 2) runs along the other."""
+    found = np.zeros(len(a), dtype=bool)
+    for one, other in ((a, b), (b, a)):
+        p, d = other[:, None, :-1], np.diff(other, axis=1)[:, None]
+        to = one[:, 3 : PIECES - 2, None] - p
+        x, y, dx, dy = to[..., 0], to[..., 1], d[..., 0], d[..., 1]
+        u = np.clip((x * dx + y * dy) / np.maximum(dx * dx + dy * dy, 1e-12), 0, 1)
+        off = (x - u * dx) ** 2 + (y - u * dy) ** 2
+        found |= (off.min(2) < TOUCH**2).sum(1) >= 2
+    return found
 
 
 def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> np.ndarray:
     """How many vertices each path (n, points, 2) passes over, besides its ends."""
     at = np.array([s.at for s in spots])
-    core = np.array([(max(s.half - s.radius, 0.0), s.radius + s.rim + 0.06) for s in spots])
+    core = np.array([s.core for s in spots])
     parts = np.arange(4)[:, None, None, None] / 4
     fine = paths[None, :, :-1] * (1 - parts) + paths[None, :, 1:] * parts
     off = np.abs(np.moveaxis(fine, 0, 1).reshape(len(paths), -1, 1, 2) - at)
-    dx = np.maximum(off[..., 0] - core[:, 0], 0.0)
-    hit = (np.hypot(dx, off[..., 1]) < core[:, 1]).any(1)
+    off = np.maximum(off - core[:, :2], 0.0)
+    hit = (np.hypot(off[..., 0], off[..., 1]) < core[:, 2] + MARGIN).any(1)
     for i, own in enumerate(ends):
         hit[i, list(own)] = False
     return np.asarray(hit.sum(1))
