@@ -15,7 +15,6 @@ from taskspec.envs import picture
 from taskspec.spec.task import Task
 
 Frame = np.ndarray[Any, np.dtype[np.uint8]]
-PACKAGES = ("matplotlib", "networkx")
 
 
 def require() -> None:
@@ -25,8 +24,7 @@ def require() -> None:
         SpecError: E705, with what to install.
     """
     extras = importlib.import_module("taskspec.appendix.extras")
-    for package in PACKAGES:
-        extras.need(package, "figures")
+    extras.need("matplotlib", "figures")
 
 
 def frame(task: Task, state: dict[str, Any], time: int) -> Frame:
