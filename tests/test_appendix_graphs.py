@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import random
 import time
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from xml.etree import ElementTree
 
 import pytest
 
 from taskspec.appendix import Overlay
 from taskspec.appendix.figures import raster
+from taskspec.appendix.figures.elide import drawings
 from taskspec.appendix.figures.graph import MOST_CROSSINGS, _planned, graph
+from taskspec.appendix.figures.machine import explore
+from taskspec.appendix.figures.order import ordered
 from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, bezier, text_width
 from taskspec.appendix.figures.svg import svg
 from taskspec.appendix.figures.tikz import tikz
@@ -140,6 +143,22 @@ def test_most_small_machines_are_drawn() -> None:
 @pytest.mark.parametrize("n", [8, 20, 60])
 def test_large_machines_take_no_longer(n: int) -> None:
     assert timed(machine(n, 4, 2, True, 2, 0))[1] < 3 * SECONDS
+
+
+@pytest.mark.parametrize("n", [4, 8, 10, 14])
+@pytest.mark.parametrize("starts", [1, 2])
+def test_drawings_are_graphs(n: int, starts: int) -> None:
+    """Vertices differ, arrows join vertices, and what leads on in the task leads on in the drawing."""
+    for n_actions, k, seed in product((1, 2, 4), (1, 2), range(4)):
+        found = explore(machine(n, n_actions, k, False, starts, seed))
+        assert found is not None
+        leading = {t.source for t in found.transitions if t.source != t.target}
+        for drawing in drawings(found):
+            vertices = drawing.vertices
+            assert len(set(vertices)) == len(vertices)
+            assert {v for a in drawing.arcs for v in (a.source, a.target)} <= set(vertices)
+            assert leading & set(vertices) <= {a.source for a in drawing.arcs}
+            assert sorted(map(str, ordered(drawing).vertices)) == sorted(map(str, vertices))
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -29,7 +29,8 @@ class Arc:
 class Drawing:
     """Vertices by layer (distance from the start) and the arrows between them.
 
-    A vertex is the code of a state, `("chance", state, action)`, or `("dots", layer)`.
+    A vertex is the code of a state, `("chance", state, action)`, `("dots", 2)` for layers left out, or
+    `("dots", "column", vertex)` for vertices of one layer.
     """
 
     layers: tuple[tuple[Vertex, ...], ...]
@@ -133,7 +134,7 @@ def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool]) -> list[Vert
     others = [v for v in layer if v not in main]
     if len(others) <= 2:
         return layer
-    return [others[0], ("dots", layer[0]), others[-1], *main]
+    return [others[0], ("dots", "column", layer[0]), others[-1], *main]
 
 
 def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = None) -> Drawing | None:
