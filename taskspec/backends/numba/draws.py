@@ -170,11 +170,10 @@ def weighted(word: Any, weights: Any) -> Any:
     for w in weights:
         total = total + select(f32(w) > f32(0), f32(w), f32(0))
     target, partial, outcome = uniform32(word) * total, f32(0), i64(0)
-    for k in range(len(weights) - 1):
-        w = f32(weights[k])
-        partial = partial + select(w > f32(0), w, f32(0))
+    for w in weights:  # an index might be out of range, for all that Numba knows, and raise an exception
+        partial = partial + select(f32(w) > f32(0), f32(w), f32(0))
         outcome += select(partial <= target, 1, 0)
-    return outcome
+    return min(outcome, i64(len(weights) - 1))
 
 
 @inner
