@@ -22,7 +22,7 @@ from taskspec.spec.task import Task
 LOOPS_UP_TO = 6
 MOST_ARROWS, MOST_CROSSINGS = 40, 6
 """More arrows or more crossings of them than these make a knot, not a figure."""
-STRETCHES = (1.0, 1.25, 1.6)
+STRETCHES = (1.0, 1.4)
 RIM = 0.07
 
 
@@ -106,7 +106,7 @@ def _planned(request: _Request) -> Plan | None:
             break
         if plan.faults == 0 and (best is None or plan.cost < best.cost):
             best = plan
-        if best is not None and best.covered == 0:
+        if best is not None and best.cost == 0:
             break
     return best
 

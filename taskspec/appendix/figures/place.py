@@ -18,6 +18,8 @@ ARROW, STATE = 0.25, 0.28
 """Heights of letters beside arrows and states."""
 BROAD = 1.15
 """How much wider labels may be in the broadest of the fonts that figures are shown in."""
+PAPER, MUCH = 0.05, 0.35
+"""How far the paper behind a label reaches beyond its letters, and which part of its own arrow it may hide."""
 APART = 0.06
 """Less room than this between labels, in centimetres, makes one of two."""
 OVERLAP, COVER, FAR = 20.0, 1.0, 0.02
@@ -61,14 +63,21 @@ def placed(
     shapes = np.array(_shapes(lines, spots))
     gap = np.maximum(np.abs(centre[:, None] - shapes[None, :, :2]) - half[:, None] - shapes[None, :, 2:4], 0.0)
     hard = (np.hypot(gap[..., 0], gap[..., 1]) < shapes[:, 4]).sum(1)
-    covered = _covered(centre, half, lines)
-    mine = np.array([own[i] if i < len(own) else -1 for i in of])
-    with_own = mine >= 0
-    covered[with_own, mine[with_own]] = False
-    alone = OVERLAP * hard + COVER * covered.sum(1) + FAR * np.concatenate([np.arange(len(g)) for g in groups])
-    chosen = descend(groups, alone, OVERLAP * pair)
-    overlaps = int(hard[chosen].sum() + np.triu(pair[np.ix_(chosen, chosen)], 1).sum())
-    return Placed(tuple(flat[i] for i in chosen), overlaps, int(covered[chosen].sum()))
+    arrow = np.array([own[i] if i < len(own) else -1 for i in of])
+    others = np.arange(len(lines)) != arrow[:, None]
+
+    def result(chosen: list[int], covered: np.ndarray) -> Placed:
+        overlaps = int(hard[chosen].sum() + np.triu(pair[np.ix_(chosen, chosen)], 1).sum())
+        return Placed(tuple(flat[i] for i in chosen), overlaps, int(covered[chosen].sum()))
+
+    usual = result([g.start for g in groups], ((_hidden(centre, half, lines) > 0) & others).sum(1))
+    if usual.overlaps == usual.covered == 0:
+        return usual
+    hidden = _hidden(centre, half + np.array([0.0, PAPER]), lines)
+    covered = ((hidden > 0) & others).sum(1)
+    alone = OVERLAP * hard + COVER * (covered + ((hidden > MUCH) & ~others).any(1))
+    alone += FAR * np.concatenate([np.arange(len(g)) for g in groups])
+    return result(descend(groups, alone, OVERLAP * pair), covered)
 
 
 def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, float, float, float, float]]:
@@ -81,14 +90,14 @@ def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, f
     return found
 
 
-def _covered(centre: np.ndarray, half: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
-    """Which labels (rows) lie over which lines (columns), by points along them."""
+def _hidden(centre: np.ndarray, half: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
+    """Which part of each line (columns) labels (rows) lie over, by points along it."""
     if not lines:
-        return np.zeros((len(centre), 0), dtype=bool)
+        return np.zeros((len(centre), 0))
     coarse = np.array([sampled(line) for line in lines])
     paths = np.concatenate([coarse, (coarse[:, 1:] + coarse[:, :-1]) / 2], axis=1)
     off = np.abs(centre[:, None, None] - paths[None]) - half[:, None, None]
-    return np.asarray((off < 0).all(3).any(2))
+    return np.asarray((off < 0).all(3).mean(2))
 
 
 def along(line: Line, text: m.Math) -> list[Label]:
