@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import accumulate
 from typing import TypeVar
 
@@ -35,7 +35,7 @@ class Spot:
     half: float
     radius: float
     rim: float = 0.0
-    last: bool = field(default=False)
+    last: bool = False  # in the last column
 
     @property
     def core(self) -> tuple[float, float, float]:
