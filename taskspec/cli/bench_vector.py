@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -76,6 +77,8 @@ def bench(wanted: Wanted) -> bool:
     from taskspec.cli.bench_print import Progress
 
     _check(wanted)
+    if wanted.num_threads == 1:  # XLA would share every short loop among threads, which takes it many times as long
+        os.environ.setdefault("PJRT_NPROC", "1")
     plan = _chosen(wanted) if wanted.targets else _own()
     groups = [*plan.suite, *plan.others]
     device = measure.jax_device({c.program for group in groups for c in group})
