@@ -76,19 +76,10 @@ QUICK = [
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("backend", ["numba", "jax"])
 @pytest.mark.parametrize("task", QUICK)
-def test_compiled_backends_on_some_tasks(task: str, backend: str, mode: str) -> None:
+@pytest.mark.parametrize("lanes", [7, pytest.param(1200, marks=pytest.mark.slow, id="more-than-a-block")])
+def test_compiled_backends_on_some_tasks(lanes: int, task: str, backend: str, mode: str) -> None:
     pytest.importorskip(backend)
-    Agreement(taskspec.load(task), backend, 7, mode).run(30)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("backend", ["numba", "jax"])
-@pytest.mark.parametrize("task", QUICK)
-def test_compiled_backends_with_many_lanes(task: str, backend: str, mode: str) -> None:
-    """More than a block of Numba's holds."""
-    pytest.importorskip(backend)
-    Agreement(taskspec.load(task), backend, 1200, mode).run(25)
+    Agreement(taskspec.load(task), backend, lanes, mode).run(25)
 
 
 @pytest.mark.parametrize("options", [{"ending": "absorb"}, {"observe_time": True}])

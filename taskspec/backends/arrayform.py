@@ -42,7 +42,6 @@ UFUNCS: dict[str, str] = {
 }
 """Array templates that are one ufunc, which can write into an array that is given."""
 _CASTS = frozenset({"to_int", "to_real"})
-_NUMBERS = {bool: np.bool_, int: np.int64, float: np.float64}
 _DTYPE = {Kind.BOOL: "bool_", Kind.INT: "int64", Kind.REAL: "float64"}
 _VIEWS = frozenset({"slice", "element", "reshape", "fill"})
 
@@ -102,6 +101,7 @@ class ArrayForm:
     lines: list[str] = field(default_factory=list)
     fresh: int = 0
     _place: int = 0
+    _numbers: dict[tuple[Kind, str], str] = field(default_factory=dict)
     _values: dict[int, str] = field(default_factory=dict)
     _buffers: dict[int, str] = field(default_factory=dict)  # by id of the node that owns it
     _owner: dict[int, int] = field(default_factory=dict)  # of a view: the node whose array it shows
@@ -190,9 +190,11 @@ class ArrayForm:
         """The value of a node; a number as an array, since NumPy would make one of it in every call."""
         if not isinstance(node, Const) or not node.type.is_scalar:
             return self._values[id(node)]
-        array = _Number(plain(node.value))
-        name = next((known for known, value in self.constants.items() if value == array), None)
-        return name or self.constant(array)
+        value, kind = plain(node.value), node.type.kind
+        key = (kind, repr(value))  # tells -0.0 from 0.0
+        if key not in self._numbers:
+            self._numbers[key] = self.constant(np.array(value, getattr(np, _DTYPE[kind])))
+        return self._numbers[key]
 
     def _buffer(self, node: Node, in_place: bool = True) -> str:
         """Where to write a value; `in_place` says that it may be an array which is read in the same call."""
@@ -283,19 +285,6 @@ class _Table:
     node: Node
 
 
-@dataclass(frozen=True)
-class _Number:
-    """Marks a constant that is wanted as an array of no dimensions; 1 and 1.0 are two."""
-
-    value: bool | int | float
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Number) and repr(self.value) == repr(other.value)
-
-    def __hash__(self) -> int:
-        return hash(repr(self.value))
-
-
 def _is_alias(node: Apply) -> bool:
     """Whether the value may share memory with the argument: casts to the same kind, sums of one element."""
     if node.op in _CASTS:
@@ -310,8 +299,6 @@ def arrays(constants: Mapping[str, Any], make: Callable[[Const], Any]) -> dict[s
         if isinstance(value, _Table):
             assert isinstance(value.node, Const)
             made[name] = make(value.node)[..., 0].T.copy()
-        elif isinstance(value, _Number):
-            made[name] = np.array(value.value, _NUMBERS[type(value.value)])
         else:
             made[name] = make(value) if isinstance(value, Const) else value
     return made

@@ -61,7 +61,7 @@ def generate(
         "return count",
     ]
     arguments = ["n", *states, "t", *outputs, "reward", "terminated", "truncated", "ended"]
-    arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(observation_parts(observation)))]
+    arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(Values.empty(observation, 1).parts))]
     taken = [*actions, *hoisted.names, *hoisted.word_numbers]
     assert form.scratch is not None
     quiet = ['@np.errstate(all="ignore")'] if _may_warn(roots, observation) else []
@@ -203,11 +203,6 @@ def _ending(task: Task, terminal: Node, value: str) -> list[str]:
     if not never(terminal):
         lines += [f"copyto(terminated, {value})", "logical_or(terminated, truncated, ended)"]
     return [*lines, "count = int(count_nonzero(ended))"]
-
-
-def observation_parts(layout: Layout) -> tuple[Array, ...]:
-    """The raw arrays of observations, of one lane."""
-    return Values.empty(layout, 1).parts
 
 
 def _shows_state(task: Task, layout: Layout, roots: Sequence[Node], again: Again) -> bool:

@@ -17,13 +17,13 @@ SCRATCH = 1 << 16
 """Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
 BLOCK = 1024
 CHECKED_STEP, STEP, CHECK, RESET = range(4)
-"""What `run` is to do: check the actions and step; step, without the interpreter's lock; check the actions; reset."""
+"""What `kernel` is to do: check the actions and step; step, without the interpreter's lock; check the actions; reset."""
 GAP = 16
 """Numbers between the rows of an array, see `Buffers.of`."""
 WHAT = 3
 """The number of the field that says so."""
 BAD = -1
-"""What `run` gives where an action is not in the action space; nothing has changed then."""
+"""What `kernel` gives where an action is not in the action space; nothing has changed then."""
 _ARRAYS = {Kind.BOOL: "flags", Kind.INT: "i64s", Kind.REAL: "f64s"}
 
 
