@@ -1,4 +1,4 @@
-"""`taskspec bench`: how rates are taken, what is measured, what is printed, written and drawn, and what is refused."""
+"""`taskspec bench`: what the command prints, writes and draws, and what it refuses."""
 
 from __future__ import annotations
 
@@ -10,29 +10,22 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import gymnasium
 import numpy as np
 import pytest
 from rich.console import Console
 from rich.theme import Theme
 from typer.testing import CliRunner
 
-import taskspec
 from taskspec.backends import select
-from taskspec.cli import bench as bench_options
 from taskspec.cli import bench_chart, bench_print, bench_vector
 from taskspec.cli.app import app
 from taskspec.cli.console import STYLES
-from taskspec.diagnostics import TaskspecError
 from taskspec.envs import measure
-from taskspec.envs.measure import Contestant, Rate, peers, tables
-from taskspec.envs.measure.programs import scalar
-from taskspec.envs.vector import VectorEnvironment
+from taskspec.envs.measure import Contestant, Rate, tables
 
 ROOT = Path(__file__).parent.parent
 SPECS = ROOT / "tests" / "specs"
 QUICK = ("--rounds", "2", "--seconds", "0.001")
-NEEDS = {"scalar": (), "numpy": (), "numba": ("numba",), "jax": ("jax",), "jax-scan": ("jax",)}
 
 
 class Done:
@@ -50,11 +43,6 @@ class Done:
         return json.loads(self.out)
 
 
-def needed(program: str) -> None:
-    for package in NEEDS[program]:
-        pytest.importorskip(package)
-
-
 def contestant(
     task: str, program: str, lanes: int, target: float | None = None, rival: str | None = None
 ) -> Contestant:
@@ -62,162 +50,6 @@ def contestant(
         raise AssertionError("nothing is measured here")
 
     return Contestant(task, program, lanes, make, target, rival)
-
-
-# -- rates --------------------------------------------------------------------------------------------------------
-
-
-class Machine:
-    """A clock that only drives move, and drives that take as long as they are said to."""
-
-    def __init__(self) -> None:
-        self.now, self.order = 0.0, ""
-
-    def drive(self, name: str, steps: int, seconds: float) -> Callable[[], int]:
-        def drive() -> int:
-            self.now += seconds
-            self.order += name
-            return steps
-
-        return drive
-
-
-@pytest.mark.parametrize("rounds", [1, 4])
-def test_rates_are_steps_over_the_time_of_a_clock_and_sides_take_turns(rounds: int) -> None:
-    machine, ticks = Machine(), []
-    drives = [machine.drive("a", 10, 0.25), machine.drive("b", 6, 0.5)]
-    found = measure.race(drives, rounds, 1.0, lambda: machine.now, lambda: ticks.append(1))
-    assert found == [(40.0,) * rounds, (12.0,) * rounds]
-    assert machine.order.endswith("aaaabb" * rounds)
-    assert len(ticks) == rounds
-
-
-@pytest.mark.parametrize("seconds", [1e-4, 1e-3, 0.05, 3.0])
-def test_a_measurement_takes_about_as_long_as_it_should_however_fast_the_drive_is(seconds: float) -> None:
-    machine = Machine()
-    drive = machine.drive("", 1, seconds)
-    measure.race([drive], 0, 1.0, lambda: machine.now)
-    calibration = machine.now
-    measure.race([drive], 1, 1.0, lambda: machine.now)
-    assert machine.now - 2 * calibration == pytest.approx(max(1.0, seconds), rel=0.05)
-
-
-def test_spread_is_half_the_distance_of_the_quartiles_over_the_median() -> None:
-    values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
-    low, high = np.quantile(values, [0.25, 0.75], method="weibull")
-    assert measure.spread(values) == pytest.approx((high - low) / 2 / 4)
-    assert measure.spread([3.0]) is None
-
-
-@pytest.mark.parametrize("program", NEEDS)
-@pytest.mark.parametrize("task", ["Parabola", "Branching", SPECS / "lights_out.yaml", SPECS / "lqr.yaml"], ids=str)
-def test_every_program_steps_lanes(program: str, task: Any) -> None:
-    needed(program)
-    lanes = 1 if program == "scalar" else 5
-    drive = measure.ours(taskspec.load(task), program, lanes).make()
-    steps = drive()
-    assert steps > 0 and steps % lanes == 0
-    assert drive() == steps
-
-
-def test_a_scalar_drive_takes_the_steps_that_it_counts() -> None:
-    taken = []
-
-    class Counted(gymnasium.Wrapper[Any, Any, Any, Any]):
-        def step(self, action: Any) -> Any:
-            taken.append(action)
-            return super().step(action)
-
-    steps = scalar(Counted(taskspec.make("RiskyPath")))()
-    assert steps == len(taken)
-
-
-def test_clocks_count_the_time_of_the_processor_unless_several_things_work_at_once() -> None:
-    assert [measure.clock_for(*x)[0] for x in ((None, 1), ("cpu", 1), ("cpu", 2), ("gpu", 1))] == [
-        "processor", "processor", "wall", "wall",
-    ]  # fmt: skip
-    assert measure.jax_device(["numpy", "gymnax"]) is None
-
-
-# -- what there is to measure -------------------------------------------------------------------------------------
-
-
-def test_names_of_programs_are_those_of_the_help() -> None:
-    assert tuple(measure.PROGRAMS) == bench_options.PROGRAMS == tuple(NEEDS)
-    assert set(measure.PROGRAMS) < set(bench_chart.MARKS)
-
-
-def test_pairs_cover_every_task_of_the_suite() -> None:
-    twins = {entry.name for entry in taskspec.registry.shipped().values() if entry.name.endswith("Seals")}
-    assert {pair.ours for pair in measure.PAIRS} == twins
-
-
-def test_games_are_the_specs_that_the_tests_compare_with_their_sources() -> None:
-    for path in tables.GAMES.iterdir():
-        assert path.read_text(encoding="utf-8") == (SPECS / path.name).read_text(encoding="utf-8")
-
-
-def test_the_own_table_has_a_group_for_each_task_and_its_targets() -> None:
-    groups = measure.own(taskspec.load)
-    assert [{c.task for c in group} for group in groups] == [{name} for name in tables.SUITE]
-    aimed = {(c.task, c.program, c.lanes): c.target for group in groups for c in group if c.target}
-    assert aimed[("RiskyPath", "numpy", 1024)] == 40e6
-    assert not any(task == "LargestSum" for task, _, _ in aimed)
-    assert measure.target_of(taskspec.load("Branching"), "numpy", 1024) == 40e6
-    assert measure.target_of(taskspec.load("Branching", L=20), "numpy", 1024) is None
-    assert measure.target_of(taskspec.load("Branching"), "numpy", 1023) is None
-
-
-def test_whoever_has_the_same_task_is_compared_with_a_program_that_runs_beside_it() -> None:
-    for group in measure.games(taskspec.load):
-        ours = {(c.program, c.lanes) for c in group if c.rival is None}
-        assert all((c.rival, c.lanes) in ours or ("numpy", c.lanes) in ours for c in group if c.rival)
-
-
-PEERS = {
-    "gymnasium": lambda: peers.gymnasium_cart_pole(3),
-    "envpool": lambda: peers.envpool_cart_pole(3),
-    "seals": lambda: peers.seals_sync("seals/Parabola-v0", "Parabola", 3),
-    "gymnax": lambda: peers.gymnax("UmbrellaChain-bsuite", "Umbrella", 3, {"n_distractor": 4}, {"chain_length": 9}),
-}
-
-
-@pytest.mark.parametrize("package", PEERS)
-def test_others_step_as_many_lanes(package: str) -> None:
-    pytest.importorskip(package)
-    found = PEERS[package]()
-    assert found.lanes == 3
-    steps = found.make()()
-    assert steps > 0 and steps % 3 == 0
-
-
-# -- starting, and memory -----------------------------------------------------------------------------------------
-
-
-def test_starts_and_memory_of_a_task_with_parameters() -> None:
-    found = Done("vector", "Branching", "-p", "L=3", "-b", "numpy", "-l", 2, *QUICK, "--json").data
-    (start,), (memory,) = found["starts"], found["memory"]
-    assert start["task"] == memory["task"] == "derail/Branching-v0 L=3"
-    assert start["warm"] == statistics.median(start["rounds"]) and len(start["rounds"]) == bench_vector.REPEATS
-    assert 0 < min(start["rounds"]) <= start["warm"] and start["cold"] > 0
-    assert memory["bytes_per_lane"] == memory["bytes"] / memory["lanes"] > 0
-
-
-def test_a_process_that_takes_no_step_is_reported() -> None:
-    with pytest.raises(TaskspecError, match="E713"):
-        measure.start_times(taskspec.load("RiskyPath"), "abacus", 1)
-
-
-@pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
-@pytest.mark.parametrize("name", ["RiskyPath", "NoisyObs"])
-def test_memory_is_that_of_the_arrays_and_of_what_goes_with_them(name: str, backend: str) -> None:
-    needed(backend)
-    task = taskspec.load(name)
-    lanes = 20_000
-    arrays = VectorEnvironment(task, lanes, backend=backend, autoreset_mode="SameStep").nbytes
-    found = measure.memory(task, backend, lanes)
-    assert arrays < found.bytes < 5 * arrays
-    assert measure.memory(task, backend, 2 * lanes).per_lane == pytest.approx(found.per_lane, rel=0.5)
 
 
 # -- the command --------------------------------------------------------------------------------------------------
@@ -282,8 +114,18 @@ def test_threads_are_measured_by_time_as_it_passes() -> None:
 def test_a_task_is_measured_on_all_that_suits_it_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench_vector, "LANES", (2,))
     found = Done("vector", "Branching", "--no-start", *QUICK, "--json").data
-    installed = [p for p, packages in NEEDS.items() if measure.installed(*packages) and p != "jax"]
+    optional = {"numba": "numba", "jax-scan": "jax"}
+    installed = ["scalar", "numpy", *(p for p, package in optional.items() if measure.installed(package))]
     assert [r["program"] for r in found["results"]] == installed
+
+
+def test_starts_and_memory_of_a_task_with_parameters() -> None:
+    found = Done("vector", "Branching", "-p", "L=3", "-b", "numpy", "-l", 2, *QUICK, "--json").data
+    (start,), (memory,) = found["starts"], found["memory"]
+    assert start["task"] == memory["task"] == "derail/Branching-v0 L=3"
+    assert start["warm"] == statistics.median(start["rounds"]) and len(start["rounds"]) == bench_vector.REPEATS
+    assert 0 < min(start["rounds"]) <= start["warm"] and start["cold"] > 0
+    assert memory["bytes_per_lane"] == memory["bytes"] / memory["lanes"] > 0
 
 
 def test_seals_beside_ours_alone_and_in_lanes() -> None:
