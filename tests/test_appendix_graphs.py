@@ -121,9 +121,9 @@ def test_what_is_drawn_can_be_read(case: tuple[int, int, int, bool, int, int]) -
         assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (one, other)
     for label in labels:
         left, top, right, bottom = box(label)
-        inside = [min(outside(s, label.at) for s in shapes) < -0.1]
+        inside = min(outside(s, label.at) for s in shapes) < -0.1
         corners = [(left, top), (right, top), (left, bottom), (right, bottom), ((left + right) / 2, (top + bottom) / 2)]
-        assert any(inside) or all(outside(s, p) > 0 for s in shapes for p in corners), plain(label.text)
+        assert inside or all(outside(s, p) > 0 for s in shapes for p in corners), plain(label.text)
     for line in lines:
         free = 2 if line.color == "ink" else 1  # the arrow to a start comes from nowhere
         for end in line.points[-1:] if free == 1 else (line.points[0], line.points[-1]):
@@ -134,9 +134,7 @@ def test_what_is_drawn_can_be_read(case: tuple[int, int, int, bool, int, int]) -
 
 
 def test_most_small_machines_are_drawn() -> None:
-    drawn = [
-        graph(machine(*case), Overlay()) is not None for case in CASES if case[0] <= 4 and case[1] <= 2 and case[0] > 2
-    ]
+    drawn = [graph(machine(*case), Overlay()) is not None for case in CASES if case[1] <= 2 and case[0] > 2]
     assert sum(drawn) > 0.6 * len(drawn)
 
 

@@ -81,13 +81,12 @@ for length in (5, 6, 5, 7):
     forget()
     del kept[:-2]
     gc.collect()
-    found.append([ended(env, np.ones(4, np.int64)) for env in kept])
+    found += [ended(env, np.ones(4, np.int64)) == env.task.horizon - 1 for env in kept]
 reals = taskspec.make_vec("derail/Parabola-v0", num_envs=4, backend="numba")
 for dtype in (np.float64, np.float32, np.float64):
-    found.append([ended(reals, np.zeros((4, 1), dtype))])
+    found.append(ended(reals, np.zeros((4, 1), dtype)) == reals.task.horizon - 1)
     forget()
-alone = [[4], [4, 5], [5, 4], [4, 6], [19], [19], [19]]
-print(json.dumps({"same": found == alone}))
+print(json.dumps({"same": all(found)}))
 """
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import taskspec
 from taskspec.diagnostics import SpecError
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import read
@@ -68,11 +67,32 @@ def test_ints_are_exact(backend: str, high: int) -> None:
         assert env.state(0)["s"] == s
 
 
-def test_a_count_without_end_is_not_refused_by_jax() -> None:
-    pytest.importorskip("jax")
-    env = taskspec.make_vec("derail/ProcGoal-v0", num_envs=2, backend="jax")
+COUNT = """
+taskspec: 1
+name: Count
+title: Count
+summary: A number that grows.
+state: {s: {type: int}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: none
+initial: {s: START}
+dynamics: {s': s + 30}
+reward: 0
+"""
+
+
+def count(start: int) -> VectorEnvironment:
+    env = VectorEnvironment(build(read(COUNT.replace("START", str(start))), None, {}, ""), 1, backend="jax")
     env.reset(seed=0)
-    env.step(np.array([0, 1]))
+    env.step(np.zeros(1, np.int64))
+    return env
+
+
+def test_a_count_without_end_is_refused_by_jax_only_near_the_end_of_its_ints() -> None:
+    pytest.importorskip("jax")
+    assert count(5).state(0)["s"] == 35
+    with pytest.raises(SpecError, match="E715"):
+        count(2147483600)
 
 
 MIXED = """

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from taskspec.cli.bench import CHARTS
 from taskspec.cli.failures import misuse, refuse
-from taskspec.diagnostics import TaskspecError, suggest
+from taskspec.cli.targets import checked_choice
+from taskspec.diagnostics import TaskspecError
 from taskspec.envs import measure
 
 if TYPE_CHECKING:
@@ -33,16 +34,16 @@ OTHERS = ("numba", "jax", "seals", "gymnax", "envpool")
 class Wanted:
     """What was asked for."""
 
-    targets: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
-    programs: tuple[str, ...] = ()
-    lanes: tuple[int, ...] = ()
-    num_threads: int = 1
-    rounds: int = 7
-    seconds: float = 0.1
-    starts: bool = True
-    chart: Path | None = None
-    json: bool = False
+    targets: tuple[str, ...]
+    parameters: tuple[str, ...]
+    programs: tuple[str, ...]
+    lanes: tuple[int, ...]
+    num_threads: int
+    rounds: int
+    seconds: float
+    starts: bool
+    chart: Path | None
+    json: bool
 
 
 @dataclass(slots=True)
@@ -104,9 +105,7 @@ def bench(wanted: Wanted) -> bool:
 def _check(wanted: Wanted) -> None:
     """Refuse, before anything is measured, what means nothing or could not be written."""
     for program in wanted.programs:
-        if program not in measure.PROGRAMS:
-            hint = suggest(program, measure.PROGRAMS)
-            raise misuse(f"--backend is one of {', '.join(measure.PROGRAMS)}, not '{program}'", hint)
+        checked_choice("--backend", program, tuple(measure.PROGRAMS))
     if not wanted.targets and (wanted.parameters or wanted.programs or wanted.lanes or wanted.num_threads > 1):
         hint = "for example: taskspec bench vector derail --backend numba"
         raise misuse("-p, --backend, --lanes and --num-threads need a TASK: the project's own table has its own", hint)

@@ -247,7 +247,7 @@ def _rounds(keys: Schedule, c0: Words, c1: Words, shape: tuple[int, ...], both: 
         for r in ROTATIONS[i & 1]:
             add(x0, x1, x0)
             if not both and (i, r) == (4, ROTATIONS[0][-1]):
-                break
+                break  # the last round: what follows is for the second half
             left(x1, _CONSTANTS[r], shifted)
             right(x1, _CONSTANTS[32 - r], x1)
             merge(x1, shifted, x1)

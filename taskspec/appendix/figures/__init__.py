@@ -40,10 +40,8 @@ HINT = (
 
 def scene(task: Task, over: Overlay | None = None) -> Scene | None:
     """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can."""
-    over = over or Overlay()
-    kind = (task.surface.data.get("figure") or {}).get("kind")
-    makers = [KINDS[kind]] if kind in KINDS else [graph]
-    return next((found for make in makers if (found := make(task, over)) is not None), None)
+    figure = task.surface.data.get("figure")
+    return KINDS[figure["kind"] if figure else "graph"](task, over or Overlay())
 
 
 def figure(task: Task, path: Path | str, overlays: Iterable[str] = ()) -> Path:

@@ -11,7 +11,7 @@ import numpy as np
 from taskspec.backends.jax.program import State
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.lang.types import INT_MAX
-from taskspec.spec.spaces import Layout, single
+from taskspec.spec.spaces import FLOAT_MAX, Layout, single
 from taskspec.spec.task import Component
 
 if TYPE_CHECKING:
@@ -132,8 +132,7 @@ def _component(spaces: Any, c: Component) -> Any:
 
 def _box(spaces: Any, low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> Any:
     """Without bounds where there are none: gymnax's own environments have the largest float32 there."""
-    most = float(np.finfo(np.float32).max)
-    lows, highs = (np.clip(np.reshape(b, shape), -most, most).astype(np.float32) for b in (low, high))
+    lows, highs = (np.clip(np.reshape(b, shape), -FLOAT_MAX, FLOAT_MAX).astype(np.float32) for b in (low, high))
     return spaces.Box(jnp.array(lows), jnp.array(highs), shape)
 
 

@@ -16,7 +16,7 @@ from jax import lax
 from taskspec.draws import GAMMA_WORDS, poisson_terms, poisson_words
 from taskspec.draws.polynomials import LN2, LN2_HIGH, LN2_LOW, LOG2E, C, E, L, S
 from taskspec.draws.threefry import PARITY, ROTATIONS
-from taskspec.draws.variates import SMALLEST_GAMMA
+from taskspec.draws.variates import SMALLEST_ALPHA, SMALLEST_GAMMA
 from taskspec.lang.arrays import Runtime
 
 Array = Any
@@ -240,7 +240,7 @@ def permutation(w: Words, first: int, size: int, n: int) -> Array:
 def gamma(w: Words, first: int, size: int, alpha: Array) -> Array:
     """Marsaglia and Tsang, as `taskspec.draws.gammas`."""
     words = w.rows(first, size * GAMMA_WORDS).reshape(size, GAMMA_WORDS, -1)
-    alpha = jnp.maximum(alpha, 2.0**-100)
+    alpha = jnp.maximum(alpha, SMALLEST_ALPHA)
     rounded = Rounding(words[:, 0])
     small = alpha < 1
     d = jnp.where(small, alpha + 1, alpha) - 1 / 3

@@ -19,6 +19,7 @@ from taskspec.backends.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.draws.layout import poisson_bound
+from taskspec.lang.interval import INF
 from taskspec.lang.ir import Const, Draw, Node, Role, plain, walk
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.spec.reach import over, reach
@@ -27,8 +28,8 @@ from taskspec.spec.task import Component, Task
 from taskspec.spec.widths import widest
 
 Array = Any
-PASSING = 1 << 16
-"""How far a count that stops at the largest int of 32 bits may pass it before it is stopped."""
+LONG = 1 << 30
+"""A count without bounds is taken to stay below this, unless it begins above: getting there takes a billion steps."""
 
 
 class State(NamedTuple):
@@ -159,8 +160,11 @@ def compile_jax(task: Task) -> JaxProgram:
 
 
 def _check_ints(task: Task, roots: Sequence[Node]) -> None:
-    reached = over(roots, reach(task.state, task.initial, task.next, task.horizon))
-    most = widest(roots, INT_MAX + PASSING, reached)
+    reached = reach(task.state, task.initial, task.next, task.horizon)
+    for c, start in zip(task.state, task.initial, strict=True):
+        (low, high), (first, last) = reached[c.name], task.builder.bounds(start)
+        reached[c.name] = (min(first, -LONG) if low == -INF else low, max(last, LONG) if high == INF else high)
+    most = widest(roots, INT_MAX, over(roots, reached))
     if most:
         message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
         raise SpecError([Diagnostic("E715", None, message, 'use the backend "numba" or "numpy"')])

@@ -14,6 +14,7 @@ from numba.extending import intrinsic
 
 from taskspec.backends.numba.basics import as_f32, as_i32, f32, f32s, f64, i32, i64, inner, select, u32, u32s, u64
 from taskspec.draws.threefry import PARITY, ROTATIONS
+from taskspec.draws.variates import SMALLEST_ALPHA, SMALLEST_GAMMA
 
 # -- words --------------------------------------------------------------------------------------------------------
 
@@ -207,7 +208,7 @@ def _attempt(x: Any, word: Any, d: Any, scale: Any) -> Any:
 @inner
 def gamma(w: Any, alpha: Any) -> Any:
     """A gamma variate of unit scale from nine words (a tuple)."""
-    shape = max(f32(alpha), f32(2.0**-100))
+    shape = max(f32(alpha), f32(SMALLEST_ALPHA))
     small = shape < f32(1)
     d = select(small, shape + f32(1), shape) - f32(1 / 3)
     scale = f32(1 / 3) / f32(math.sqrt(d))
@@ -219,4 +220,4 @@ def gamma(w: Any, alpha: Any) -> Any:
         value = select(accepted, candidate, value)
     shrink = select(small, exponential32(w[8]) / shape, f32(0))
     made = value * exp32(-shrink)
-    return f64(select(made <= f32(2.0**-126), f32(0), made))
+    return f64(select(made <= f32(SMALLEST_GAMMA), f32(0), made))
