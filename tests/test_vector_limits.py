@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from taskspec import load
 from taskspec.diagnostics import SpecError
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import read
@@ -91,6 +94,7 @@ def count(start: int) -> VectorEnvironment:
 def test_a_count_without_end_is_refused_by_jax_only_near_the_end_of_its_ints() -> None:
     pytest.importorskip("jax")
     assert count(5).state(0)["s"] == 35
+    VectorEnvironment(load(Path(__file__).parent / "specs" / "queue.yaml"), 1, backend="jax").reset(seed=0)
     with pytest.raises(SpecError, match="E715"):
         count(2147483600)
 

@@ -207,10 +207,12 @@ def counts(w: Words, first: int, size: int, tables: Sequence[tuple[int, Array]])
 
 def weighted(w: Words, first: int, size: int, weights: Array) -> Array:
     """Outcomes in proportion to weights (k, N)."""
+    words = w.rows(first, size)
+    rounded = Rounding(words[0])  # XLA adds up constants first
     partial = [jnp.where(weights[0] > 0, weights[0], 0)]
     for weight in weights[1:]:
-        partial.append(partial[-1] + jnp.where(weight > 0, weight, 0))
-    target = uniforms(w.rows(first, size)) * partial[-1]
+        partial.append(rounded(partial[-1] + jnp.where(weight > 0, weight, 0)))
+    target = uniforms(words) * partial[-1]
     reached = [(p <= target).astype(jnp.int32) for p in partial[:-1]]
     return sum(reached, jnp.zeros(target.shape, jnp.int32))
 

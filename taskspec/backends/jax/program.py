@@ -29,7 +29,7 @@ from taskspec.spec.widths import widest
 
 Array = Any
 LONG = 1 << 30
-"""A count without bounds is taken to stay below this, unless it begins above: getting there takes a billion steps."""
+"""A count without bounds, and a Poisson draw, are taken to stay below this, unless they begin above."""
 
 
 class State(NamedTuple):
@@ -164,7 +164,8 @@ def _check_ints(task: Task, roots: Sequence[Node]) -> None:
     for c, start in zip(task.state, task.initial, strict=True):
         (low, high), (first, last) = reached[c.name], task.builder.bounds(start)
         reached[c.name] = (min(first, -LONG) if low == -INF else low, max(last, LONG) if high == INF else high)
-    most = widest(roots, INT_MAX, over(roots, reached))
+    counts = {id(n): (0.0, float(LONG)) for n in walk(roots) if isinstance(n, Draw) and n.base == "poisson"}
+    most = widest(roots, INT_MAX, over(roots, reached) | counts)
     if most:
         message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
         raise SpecError([Diagnostic("E715", None, message, 'use the backend "numba" or "numpy"')])
