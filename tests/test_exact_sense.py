@@ -8,7 +8,7 @@ import pytest
 
 from taskspec import source
 from taskspec.diagnostics import SpecError
-from taskspec.exact.sense import sense
+from taskspec.exact.lint import sense
 from taskspec.spec.build import build
 from taskspec.spec.merge import variant_names
 from taskspec.spec.task import Task

@@ -5,6 +5,7 @@ from __future__ import annotations
 from taskspec.exact.claims import Verdict as Verdict
 from taskspec.exact.claims import verdicts as verdicts
 from taskspec.exact.extract import extract as extract
+from taskspec.exact.lint import sense as sense
 from taskspec.exact.model import Model as Model
 from taskspec.exact.policies import Expert as Expert
 from taskspec.exact.report import Report as Report
@@ -17,7 +18,6 @@ from taskspec.exact.report import scores as scores
 from taskspec.exact.returns import Results as Results
 from taskspec.exact.returns import Return as Return
 from taskspec.exact.returns import normalised as normalised
-from taskspec.exact.sense import sense as sense
 from taskspec.exact.soundness import Soundness as Soundness
 from taskspec.exact.soundness import check_ranges as check_ranges
 from taskspec.exact.soundness import examine as examine

@@ -14,9 +14,9 @@ from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
 from taskspec.exact.abstraction import unfaithful
 from taskspec.exact.claims import Verdict, verdicts
 from taskspec.exact.failure import is_installed
+from taskspec.exact.lint import sense
 from taskspec.exact.points import Method
 from taskspec.exact.returns import EPISODES, Results, Return, normalised
-from taskspec.exact.sense import sense
 from taskspec.exact.soundness import check_ranges, examine
 from taskspec.spec.task import Task
 

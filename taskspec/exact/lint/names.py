@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from taskspec.diagnostics import Collector
+from taskspec.exact.lint.case import Case
 from taskspec.spec.task import Task
 
 NAMED = ("parameters", "constants", "definitions", "noise")
@@ -16,6 +18,13 @@ ROOTS = (
 PROSE = frozenset({"doc", "symbol", "symbols", "message"})
 INSTANCE_SEED = "instance_seed"
 _WORD = re.compile(r"[^\W\d]\w*")
+
+
+def unused_names(case: Case, collector: Collector) -> None:
+    """W506: parameters, constants, definitions and noise that nothing depends on."""
+    for section, name in unused(case.task):
+        what = {"parameters": "parameter", "constants": "constant", "definitions": "definition"}.get(section, "noise")
+        collector.add("W506", case.key(section, name), f"nothing uses the {what} '{name}'")
 
 
 def unused(task: Task) -> list[tuple[str, str]]:

@@ -1,0 +1,6 @@
+"""Warnings about sound tasks that can hardly be what their authors meant: one function for each, in one table."""
+
+from __future__ import annotations
+
+from taskspec.exact.lint.case import Case as Case
+from taskspec.exact.lint.run import sense as sense
