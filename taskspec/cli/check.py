@@ -129,6 +129,8 @@ def verdict(reports: Sequence[Report], errors: int, warnings: int, seconds: floa
     found = [(plural(errors, "error"), "bad")] if errors else []
     found += [(plural(warnings, "warning"), "warn")] if warnings else []
     found = found or [("no errors, no warnings", "good")]
+    accepted = sum(len(report.accepted) for report in reports)
+    found += [(f"{plural(accepted, 'warning')} accepted", "quiet")] if accepted else []
     parts: list[tuple[str, str] | str] = [what]
     for i, part in enumerate(found):
         parts += [", ", part] if i else [part]
@@ -149,6 +151,7 @@ def _print_json(reports: Sequence[Report], errors: int, warnings: int, seconds: 
     tasks = [_record(report.path, each) for report in reports for each in report.tasks]
     write_json({
         "errors": errors, "warnings": warnings, "seconds": round(seconds, 4), "diagnostics": records(found), "tasks": tasks,
+        "accepted": _accepted(reports),
     })  # fmt: skip
 
 
@@ -159,6 +162,12 @@ def records(diagnostics: Sequence[Any]) -> Any:
     from taskspec.diagnostics import render
 
     return loads(render(diagnostics, "json"))
+
+
+def _accepted(reports: Sequence[Report]) -> list[dict[str, Any]]:
+    found = [a for report in reports for a in report.accepted]
+    warnings = records([a.warning for a in found])
+    return [warning | {"because": a.because} for warning, a in zip(warnings, found, strict=True)]
 
 
 def _record(path: str, each: Checked) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from taskspec.cli.targets import File
 from taskspec.diagnostics import Diagnostic, SpecError
 
 if TYPE_CHECKING:
+    from taskspec.exact import Accepted
     from taskspec.spec.task import Task
 
 Examine = Callable[["Task"], Finding]
@@ -41,11 +42,12 @@ class Checked:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """One file: its tasks, and each of its problems once."""
+    """One file: its tasks, each of its problems once, and the warnings that it accepts."""
 
     path: str
     tasks: tuple[Checked, ...]
     diagnostics: tuple[Diagnostic, ...]
+    accepted: tuple[Accepted, ...] = ()
 
 
 def check_file(file: File, parameters: Mapping[str, Any] | None = None, prove: Examine = examine) -> Report:
@@ -55,8 +57,8 @@ def check_file(file: File, parameters: Mapping[str, Any] | None = None, prove: E
         variants = variants_of(file)
     except SpecError as error:
         return Report(path, (), error.diagnostics)
-    checked = tuple(check_task(file, variant, parameters, prove) for variant in variants)
-    return Report(path, checked, once(checked))
+    checked = settled([check_task(file, variant, parameters, prove) for variant in variants])
+    return Report(path, checked, once(checked), accepted_by(checked))
 
 
 def check_task(file: File, variant: str | None, parameters: Mapping[str, Any] | None, prove: Examine) -> Checked:
@@ -77,6 +79,17 @@ def _name(file: File, variant: str | None) -> str:
         return variant or file.path.stem
 
 
+def settled(checked: Sequence[Checked]) -> tuple[Checked, ...]:
+    """The same tasks without W511 for an entry of `accept` that another task, which shares it, needs."""
+    needed = {a.place for each in checked for a in each.finding.accepted}
+
+    def without(each: Checked) -> Checked:
+        left = tuple(d for d in each.diagnostics if not (d.code == "W511" and d.span in needed))
+        return dataclasses.replace(each, finding=dataclasses.replace(each.finding, diagnostics=left))
+
+    return tuple(map(without, checked))
+
+
 def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
     """Problems in order of place; what several variants inherit is told once, with a note of who shares it."""
     sharing: dict[tuple[Any, ...], list[str]] = {}
@@ -93,6 +106,12 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
     names = [each.name for each in checked]
     told = [_with_note(diagnostic, sharing[key], names[0]) for key, diagnostic in first.items()]
     return tuple(sorted(told, key=lambda d: (0, 0) if d.span is None else (d.span.line, d.span.column)))
+
+
+def accepted_by(checked: Sequence[Checked]) -> tuple[Accepted, ...]:
+    """The warnings that some task accepts; what several variants inherit is listed once."""
+    found = {(a.warning.code, a.place.line, a.place.column): a for each in checked for a in each.finding.accepted}
+    return tuple(found.values())
 
 
 def _with_note(diagnostic: Diagnostic, names: list[str], spec: str) -> Diagnostic:

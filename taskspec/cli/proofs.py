@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from taskspec.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
+    from taskspec.exact import Accepted
     from taskspec.exact.points import Method
     from taskspec.spec.task import Task
 
@@ -18,6 +19,7 @@ class Finding:
 
     `how` says in a few words how soundness was decided, `method` in full. `cases` counts the other parameter values that
     were tried, `proved` the claims that hold by the exact model, `supported` those that simulation did not contradict.
+    `accepted` are the warnings that the spec gives a reason for, which are not among the `diagnostics`.
     """
 
     diagnostics: tuple[Diagnostic, ...]
@@ -28,6 +30,7 @@ class Finding:
     proved: int = 0
     supported: int = 0
     skipped: str | None = None
+    accepted: tuple[Accepted, ...] = ()
 
     @property
     def claims_words(self) -> str:
@@ -53,7 +56,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
     statuses = [verdict.status for verdict in report.verdicts]
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
-        statuses.count("proved"), statuses.count("supported"), report.skipped,
+        statuses.count("proved"), statuses.count("supported"), report.skipped, report.accepted,
     )  # fmt: skip
 
 

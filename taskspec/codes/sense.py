@@ -88,4 +88,13 @@ both. No policy of a single observation can do well in both; where the task is t
 looking or by remembering, that is how it should be.
 """,
     ),
+    Code(
+        "W511",
+        "nothing-to-accept",
+        "an accepted warning that is not given",
+        """
+The section `accept` gives a reason for a warning that no task which has the entry is given. Remove the
+entry: kept, it would hide the warning once there is cause for it.
+""",
+    ),
 )

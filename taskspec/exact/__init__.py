@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from taskspec.exact.accept import Accepted as Accepted
 from taskspec.exact.claims import Verdict as Verdict
 from taskspec.exact.claims import verdicts as verdicts
 from taskspec.exact.extract import extract as extract

@@ -12,6 +12,7 @@ import numpy as np
 
 from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
 from taskspec.exact.abstraction import unfaithful
+from taskspec.exact.accept import Accepted, idle, set_aside
 from taskspec.exact.claims import Verdict, verdicts
 from taskspec.exact.failure import is_installed
 from taskspec.exact.lint import sense
@@ -30,7 +31,8 @@ class Report:
     """What `check` found.
 
     `method` says how soundness was decided; `cases` are the other parameter values that were tried;
-    `skipped` says what could not be done, and why (None: nothing).
+    `skipped` says what could not be done, and why (None: nothing). `accepted` are the warnings that the
+    spec itself gives a reason for; they are not among the `diagnostics`.
     """
 
     task: Task
@@ -40,6 +42,7 @@ class Report:
     verdicts: tuple[Verdict, ...] = ()
     skipped: str | None = None
     results: Results | None = field(default=None, repr=False)
+    accepted: tuple[Accepted, ...] = ()
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -76,7 +79,15 @@ def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: b
     if claims and not sound.diagnostics:
         said = tuple(verdicts(task, results))
         found += [v.diagnostic for v in said if v.diagnostic is not None]
-    return Report(task, in_order(found), sound.method, cases, said, results=results)
+    left, accepted = set_aside(task, found)
+    if with_sense and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
+        left += idle(task, accepted)
+    return Report(task, in_order(left), sound.method, cases, said, results=results, accepted=tuple(accepted))
+
+
+def at_defaults(task: Task) -> bool:
+    """Whether every parameter has its default."""
+    return all(p.value == p.default for p in task.parameters)
 
 
 def _sense(task: Task, results: Results) -> list[Diagnostic]:

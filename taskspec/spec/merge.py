@@ -12,6 +12,7 @@ from taskspec.source import Document, Path
 
 NAMED = (
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "initial", "dynamics",
+    "accept",
 )  # fmt: skip
 """Sections of named entries, which a variant overrides entry by entry."""
 

@@ -61,6 +61,16 @@ Primed: TypeAlias = Annotated[
     AfterValidator(_checked(values.primed)),
     WithJsonSchema({"type": "string", "pattern": r"^[^\W\d_]\w*'$"}),
 ]
+Warned: TypeAlias = Annotated[
+    str,
+    AfterValidator(_checked(values.warning)),
+    WithJsonSchema({"type": "string", "pattern": f"^({'|'.join(values.WARNINGS)})$"}),
+]
+Reason: TypeAlias = Annotated[
+    str,
+    AfterValidator(_checked(values.reason)),
+    WithJsonSchema({"type": "string", "pattern": r"\S"}),
+]
 Defined: TypeAlias = Annotated[
     str,
     AfterValidator(_checked(values.definition)),

@@ -22,8 +22,10 @@ from taskspec.spec.schema.fields import (
     Name,
     Observation,
     Primed,
+    Reason,
     Setting,
     Shape,
+    Warned,
     fail,
 )
 from taskspec.spec.schema.values import Problem
@@ -284,6 +286,9 @@ class Sections(Strict):
     roles: Roles | None = Field(None, description="Which variants expert and learner act in.")
     claims: list[Annotated[Claim, _as_entry("claim")]] = Field(
         default_factory=list, description="Statements about exact results that must hold."
+    )
+    accept: dict[Warned, Reason] = Field(
+        default_factory=dict, description="Warnings that are meant to be, by code, each with the reason."
     )
     abstraction: Abstraction | None = Field(
         None, description="A finite stand-in for a continuous state, to solve the task exactly."

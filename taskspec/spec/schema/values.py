@@ -12,12 +12,13 @@ import unicodedata
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from taskspec.diagnostics import suggest
+from taskspec.diagnostics import CODES, suggest
 
 _FUNCTION = re.compile(r"([^()]*)\(([^()]*)\)")
 _PIECE_KEYS = ("if", "then", "else")
 _TABLE_KEYS = ("by", "rows")
 _ENDLESS = ("no", "none", "null", "off", "never", "inf", "infinite", "infinity", "unlimited", "~")
+WARNINGS = tuple(code for code, entry in CODES.items() if entry.severity == "warning")
 SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
 
 
@@ -87,6 +88,19 @@ def primed(text: str) -> Iterator[Problem]:
         yield from name(text[:-1])
     else:
         yield Problem("E215", (), f"`{text}` lacks its prime", f"write `{text}'` for the next value", True)
+
+
+def warning(text: str) -> Iterator[Problem]:
+    """A key of `accept`: the code of a warning."""
+    if text not in WARNINGS:
+        message = f"`{text}` is not the code of a warning"
+        yield Problem("E206", (), message, suggest(text, WARNINGS) or "for example `W501`", of_key=True)
+
+
+def reason(text: str) -> Iterator[Problem]:
+    """A text that says something."""
+    if not text.strip():
+        yield wrong_kind("a reason", None)
 
 
 def definition(text: str) -> Iterator[Problem]:
