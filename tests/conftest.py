@@ -1,11 +1,13 @@
-"""Shared by all tests: the flag that rewrites golden files, and where the specs are."""
+"""Shared by all tests: the flag that rewrites golden files, where the specs are, and the invariants of tasks, always on."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
+os.environ["TASKSPEC_INVARIANTS"] = "1"  # every task that any test builds, subprocesses included
 ROOT = Path(__file__).parent.parent
 
 

@@ -19,6 +19,7 @@ from taskspec.spec.context import Context
 from taskspec.spec.declare import INSTANCE_SEED
 from taskspec.spec.figure import check_figure
 from taskspec.spec.forms import is_word
+from taskspec.spec.invariants import check_on_request
 from taskspec.spec.merge import Merged, abstracted, merge
 from taskspec.spec.names import Names, signature
 from taskspec.spec.schema import check_shape
@@ -52,7 +53,7 @@ def build(
     collector = Collector()
     collector.extend(check_shape(document))
     collector.raise_if_errors()
-    return _Build(merge(document, variant), collector).task(dict(parameters or {}), suite)
+    return check_on_request(_Build(merge(document, variant), collector).task(dict(parameters or {}), suite))
 
 
 def rebuild(
@@ -80,7 +81,7 @@ def build_abstract(task: Task) -> Task | None:
     if merged is None:
         return None
     try:
-        found = _Build(merged, Collector()).task(task.values, task.suite)
+        found = check_on_request(_Build(merged, Collector()).task(task.values, task.suite))
     except SpecError as error:
         note = "this is about the abstraction, which takes from the task what it does not give itself"
         raise SpecError(replace(d, notes=(*d.notes, note)) for d in error.diagnostics) from None

@@ -1,0 +1,118 @@
+"""The invariants of tasks: they hold for every spec of the repository, and each notices a task that breaks it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from taskspec.diagnostics import SpecError
+from taskspec.lang.ir import Apply, Const, Draw, Read, Role
+from taskspec.lang.types import BOOL, INT, REAL, Kind, Type
+from taskspec.source import read_text
+from taskspec.spec.build import build, build_abstract
+from taskspec.spec.invariants import OF_NODES, OF_TASKS, ON_REQUEST, broken
+from taskspec.spec.task import Task
+
+ROOT = Path(__file__).parents[1]
+SPECS = sorted(
+    p for folder in ("tasks", "tests/specs", "tests/appendix_as_printed") for p in (ROOT / folder).rglob("*.yaml")
+)
+SPEC = """
+taskspec: 1
+name: Walk
+state: {s: {type: int, low: 0, high: 5}, x: {type: real, low: 0, high: 1, shape: [2]}}
+action: {a: {type: bool}}
+horizon: 9
+initial: {s: 0, x: 0}
+dynamics: {s': "min(s + a, 5) if Bernoulli(1/2) else s"}
+reward: s' + x[0]
+"""
+
+
+def tasks(path: Path) -> list[Task]:
+    document = read_text(path.read_text(), path.name)
+    found = []
+    for variant in (None, *(document.data.get("variants") or {})):
+        try:
+            task = build(document, variant)
+        except SpecError:
+            continue  # printed with a mistake, or complete in its variants only
+        found += [task, task.absorbing(), build_abstract(task)]
+        if task.horizon is not None:
+            found.append(task.observing_time())
+    return [t for t in found if t is not None]
+
+
+@pytest.mark.parametrize("path", SPECS, ids=lambda p: p.stem)
+def test_every_task_keeps_them(path: Path) -> None:
+    assert [rule for task in tasks(path) for rule in broken(task)] == []
+
+
+def damaged(task: Task, **changes: object) -> Task:
+    return dataclasses.replace(task, **changes)  # type: ignore[arg-type]
+
+
+def read(role: Role, name: str, type: Type = INT) -> Read:
+    return Read(role, name, type)
+
+
+ACTION, VARIABLE = read(Role.ACTION, "a", BOOL), read(Role.VARIABLE, "i")
+COIN = Draw("bernoulli", (Const(0.5, REAL),), BOOL, 99)
+DAMAGE: dict[str, Callable[[Task], Task]] = {
+    "a constant has one scalar for each element": lambda t: damaged(t, reward=Const((1.0, 2.0), Type(Kind.REAL, (3,)))),
+    "the scalars of a constant are of its kind": lambda t: damaged(t, reward=Const(1, REAL)),
+    "an operator is in one of the two tables": lambda t: damaged(t, reward=Apply("cosh", (t.reward,), REAL)),
+    "the type of an operation follows its rule": lambda t: damaged(t, reward=Apply("floor", (t.reward,), REAL)),
+    "an operation without arguments does not exist": lambda t: damaged(t, reward=Apply("vector", (), REAL)),
+    "static values are ints": lambda t: damaged(t, reward=Apply("element", (t.next[1],), REAL, (0.0,))),  # type: ignore[arg-type]
+    "a draw is of a base variate, and of its kind": lambda t: damaged(t, reward=dataclasses.replace(COIN, type=REAL)),
+    "variables of comprehensions and functions are expanded": lambda t: damaged(t, next=(VARIABLE, t.next[1])),
+    "there is a state and an action": lambda t: damaged(t, action=()),
+    "no two components have one name": lambda t: damaged(t, action=(t.state[0],)),
+    "bounds have one number for each element, low first": lambda t: damaged(
+        t, state=(dataclasses.replace(t.state[0], low=(6,)), t.state[1])
+    ),
+    "each state component has a first value of its type": lambda t: damaged(t, initial=t.initial[:1]),
+    "each state component has a next value of its type": lambda t: damaged(t, next=t.next[::-1]),
+    "each observed component has a value of its type": lambda t: damaged(
+        t, observation=dataclasses.replace(t.observation, nodes=t.observation.nodes[:1])
+    ),
+    "each action component has an expert's value of its type": lambda t: damaged(t, expert=(t.reward,)),
+    "the rewards are single reals": lambda t: damaged(t, reward=t.next[0]),
+    "the end is a single condition": lambda t: damaged(t, terminal=t.next[0]),
+    "first values read nothing": lambda t: damaged(t, initial=t.next),
+    "a step reads state, action and time": lambda t: damaged(t, terminal=read(Role.NEXT, "s", BOOL)),
+    "an observation reads state and time": lambda t: damaged(
+        t, observation=dataclasses.replace(t.observation, nodes=(ACTION, t.observation.nodes[1]))
+    ),
+    "an expert reads state and time": lambda t: damaged(t, expert=(ACTION,)),
+    "the absorbing reward reads state and time": lambda t: damaged(t, absorbing_reward=read(Role.ACTION, "a", REAL)),
+    "the absorbing reward draws nothing": lambda t: damaged(t, absorbing_reward=Draw("normal", (), REAL, 98)),
+    "what is read is a component": lambda t: damaged(t, terminal=read(Role.STATE, "nobody", BOOL)),
+    "a site of a draw is one node": lambda t: damaged(t, terminal=COIN, expert=(dataclasses.replace(COIN),)),
+    "equal operations are one node": lambda t: damaged(
+        t, terminal=Apply("not", (ACTION,), BOOL), expert=(Apply("not", (ACTION,), BOOL),)
+    ),
+    "a horizon has a step at least": lambda t: damaged(t, horizon=0),
+    "the discount is between 0 and 1": lambda t: damaged(t, discount=1.5),
+}
+
+
+@pytest.mark.parametrize("rule", [rule for rule, _ in (*OF_NODES, *OF_TASKS)])
+def test_each_notices_a_task_that_breaks_it(rule: str) -> None:
+    task = build(read_text(SPEC, "walk.yaml"))
+    assert list(broken(task)) == []
+    assert any(found.startswith(rule + ": ") for found in broken(DAMAGE[rule](task)))
+
+
+def test_a_build_checks_them_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(ON_REQUEST, "1")
+    build(read_text(SPEC, "walk.yaml"))
+    monkeypatch.setattr("taskspec.spec.invariants.OF_TASKS", (("nothing is right", lambda task: False),))
+    with pytest.raises(AssertionError, match="nothing is right"):
+        build(read_text(SPEC, "walk.yaml"))
+    monkeypatch.setenv(ON_REQUEST, "")
+    build(read_text(SPEC, "walk.yaml"))
