@@ -10,7 +10,7 @@ import difflib
 import re
 import textwrap
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, Protocol
@@ -140,8 +140,13 @@ class Collector:
 
     def raise_if_errors(self) -> None:
         """Raise SpecError with everything recorded, if any of it is an error."""
-        if self.has_errors:
-            raise SpecError(self._found)
+        raise_if_errors(self._found)
+
+
+def raise_if_errors(found: Sequence[Diagnostic]) -> None:
+    """Raise SpecError with everything found, if any of it is an error (warnings do not count)."""
+    if any(each.severity == "error" for each in found):
+        raise SpecError(found)
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:

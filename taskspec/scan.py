@@ -1,83 +1,90 @@
 """The names, variants and version of a spec, read from its lines without parsing it: what registration needs, in microseconds.
 
-Understands specs laid out in block style, as all shipped ones are; anything else is parsed in full.
+Understands specs laid out in block style, as all shipped ones are; a text with a line that it does not is parsed in full.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")
 """Sections without which a spec, or a variant of it, is not a task."""
 
-_TOP = re.compile(r"([\w-]+):(?:\s+(.*?))?\s*$")
-_NESTED = re.compile(r"( +)(?:([\w-]+)|\"([^\"]+)\"|'([^']+)'):(?:\s+(.*?))?\s*$")
+_ENTRY = re.compile(r" *([^\W\d]\w*):(?: +(.*))?$")
+_NOTHING = re.compile(r"\s*(?:#.*)?$")
+_COMMENT = re.compile(r"(?:^|\s)#.*$")
+_CLOSED = {"{": "}", "[": "]", '"': '"', "'": "'"}
+"""How a value that ends on its line ends, by how it begins; any other may go on at the margin."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scanned:
-    """Task names with their variant (None for the spec itself), complete ones only, in written order."""
+    """Task names with their variant (None for the spec itself, unless it leaves sections to them), in written order."""
 
     version: int
     tasks: tuple[tuple[str, str | None], ...]
 
 
+class _UnclearError(Exception):
+    """A line that only a YAML reader can tell the meaning of."""
+
+
 def scan(text: str) -> Scanned:
-    """The tasks of a spec's text."""
-    top: dict[str, str] = {}
-    variants: dict[str, dict[str, str]] = {}
-    section, indents = "", [0, 0]
-    for line in text.splitlines():
-        found = _TOP.match(line)
-        if found:
-            section = found[1]
-            top[section] = _value(found[2])
-            indents = [0, 0]
-        elif section == "variants" and line.strip() and not line.lstrip().startswith("#"):
-            _nested(line, variants, indents)
-    if "name" not in top or top.get("variants", "").startswith("{"):
+    """The tasks of a spec's text; raises SpecError where that needs a YAML reader, and the text is no YAML."""
+    try:
+        return _scanned(text)
+    except _UnclearError:
         return _parsed(text)
-    return _collect(top["name"], top.get("version", "0"), set(top), variants)
 
 
-def _value(text: str | None) -> str:
-    """A plain scalar without its comment and quotes."""
-    return (text or "").split(" #")[0].strip().strip("'\"")
+def _scanned(text: str) -> Scanned:
+    top: dict[str, str] = {}
+    variants: list[str] = []
+    section, indent = "", 0
+    for line in text.splitlines():
+        if line[:1] not in (" ", "\t", "#", ""):
+            if section and not _is_whole(top[section]):
+                raise _UnclearError
+            section, top[section] = _entry(line)
+        elif section == "variants" and not _NOTHING.match(line):
+            depth = len(line) - len(line.lstrip(" "))
+            indent = indent or depth
+            if depth == indent:
+                key, value = _entry(line)
+                if not _is_whole(value):
+                    raise _UnclearError
+                variants.append(key)
+    if top.get("variants") or not top.get("version", "0").isdecimal():
+        raise _UnclearError
+    return _collected(_word(top.get("name", "")), int(top.get("version", "0")), top, variants)
 
 
-def _nested(line: str, variants: dict[str, dict[str, str]], indents: list[int]) -> None:
-    """A line below `variants:`: the name of a variant, or a section of the last one."""
-    found = _NESTED.match(line)
+def _entry(line: str) -> tuple[str, str]:
+    """Key and value of a line, the comment behind them left out."""
+    found = _ENTRY.match(line.rstrip())
     if not found:
-        return
-    depth, key = len(found[1]), found[2] or found[3] or found[4]
-    indents[0] = indents[0] or depth
-    if depth == indents[0]:
-        variants[key] = {}
-        indents[1] = 0
-    elif variants and (not indents[1] or depth == indents[1]):
-        indents[1] = depth
-        variants[list(variants)[-1]][key] = _value(found[5])
+        raise _UnclearError
+    return found[1], _COMMENT.sub("", found[2] or "").strip()
 
 
-def _collect(name: str, version: str, sections: set[str], variants: dict[str, dict[str, str]]) -> Scanned:
-    tasks: list[tuple[str, str | None]] = [(name, None)] if sections.issuperset(REQUIRED) else []
-    for key in variants:
-        if _complete(key, sections, variants, set()):
-            tasks.append((task_name(name, key), key))
-    return Scanned(int(version) if version.isdigit() else 0, tuple(tasks))
+def _is_whole(value: str) -> bool:
+    return value[-1:] == _CLOSED.get(value[:1], value[-1:]) and value not in _CLOSED
 
 
-def _complete(key: str, sections: set[str], variants: dict[str, dict[str, str]], seen: set[str]) -> bool:
-    """Whether a variant has every required section, itself or from what it is based on."""
-    have, current = set(sections), key
-    while current in variants and current not in seen:
-        seen.add(current)
-        own = variants[current]
-        have |= {s for s in own if s != "base"}
-        current = own.get("base", "")
-    return have.issuperset(REQUIRED)
+def _word(value: str) -> str:
+    """A name, which may stand in quotes."""
+    name = value[1:-1] if value[:1] in ("'", '"') else value
+    if not name.isidentifier():
+        raise _UnclearError
+    return name
+
+
+def _collected(name: str, version: int, sections: Iterable[str], variants: Iterable[str]) -> Scanned:
+    """The spec itself, unless it leaves sections to its variants, and every variant."""
+    tasks: list[tuple[str, str | None]] = [(name, None)] if set(sections).issuperset(REQUIRED) else []
+    return Scanned(version, (*tasks, *((task_name(name, key), key) for key in variants)))
 
 
 def task_name(name: str, variant: str) -> str:
@@ -92,9 +99,7 @@ def _parsed(text: str) -> Scanned:
     data = read_text(text).data
     if not isinstance(data, dict):
         return Scanned(0, ())
-    variants = {
-        str(k): {s: str(v.get("base", "")) if s == "base" else "" for s in v}
-        for k, v in (data.get("variants") or {}).items()
-        if isinstance(v, dict)
-    }
-    return _collect(str(data.get("name", "")), str(data.get("version", 0)), set(data), variants)
+    variants, version = data.get("variants"), data.get("version")
+    named = [str(key) for key in variants] if isinstance(variants, dict) else []
+    whole = version if isinstance(version, int) and version >= 0 else 0
+    return _collected(str(data.get("name", "")), int(whole), data, named)

@@ -10,9 +10,13 @@ from typing import Any
 
 import pytest
 
-from taskspec import source
+import taskspec
+from taskspec import registry, source
+from taskspec.cli.checking import check_file
+from taskspec.cli.targets import File
 from taskspec.diagnostics import SpecError
-from taskspec.spec.schema import Spec, check_shape, json_schema, load
+from taskspec.spec.build import build
+from taskspec.spec.schema import Spec, check_shape, json_schema
 
 ROOT = Path(__file__).parent.parent
 SPECS = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/*.yaml")])
@@ -52,11 +56,11 @@ def problems(text: str) -> list[tuple[str, str, str, str]]:
 
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
 def test_our_own_specs_have_the_right_shape(path: Path) -> None:
-    assert check_shape(source.read(path)) == []
+    assert check_shape(source.read(path)) == ()
 
 
 def test_a_whole_spec_loads() -> None:
-    spec = load(source.read_text(WHOLE))
+    spec = Spec.model_validate(source.read_text(WHOLE).data)
     assert list(spec.parameters.entries) == ["L", "p"]
     assert spec.parameters.entries["p"].default == "1/3"
     assert spec.parameters.require[0].message == "too short"
@@ -173,24 +177,123 @@ def test_variants_may_leave_out_and_remove() -> None:
     assert problems(text) == []
 
 
-def missing(text: str) -> list[tuple[str, str]]:
+def of_task(text: str, variant: str | None = None) -> list[tuple[str, str, str]]:
+    """Code, place and message of what building a task, or a variant of it, says."""
     with pytest.raises(SpecError) as caught:
-        load(source.read_text(text))
-    return [(each.code, each.message) for each in caught.value.diagnostics]
+        build(source.read_text(text), variant)
+    return [(d.code, f"{d.span.line}:{d.span.column}" if d.span else "", d.message) for d in caught.value.diagnostics]
 
 
 def test_what_a_task_needs() -> None:
-    found = missing(HEAD)
+    found = of_task(HEAD)
     sections = ["state", "action", "initial", "dynamics", "reward", "horizon"]
-    assert [code for code, _ in found] == ["E210"] * 6
-    for section, (_, message) in zip(sections, found, strict=True):
-        assert f"`{section}`" in message
+    assert [each[:2] for each in found] == [("E210", "2:7")] * 6
+    for section, (_, _, message) in zip(sections, found, strict=True):
+        assert f"`{section}:`" in message
 
 
 def test_components_must_be_declared() -> None:
     text = WHOLE.replace("initial: {s: 0, v: [0, 0]}", "initial: {s: 0, w: 1}")
     text = text.replace("  s':", "  z': 1\n  s':") + "expert: {b: go}\n"
-    assert [code for code, _ in missing(text)] == ["E217", "E216", "E216", "E216"]
+    found = {each[:2] for each in of_task(text)}
+    assert found == {("E217", "11:1"), ("E216", "11:17"), ("E216", "13:3"), ("E313", "22:10")}
+
+
+# -- variants, and what they come to ----------------------------------------------------------------------------------
+
+WALK = """\
+taskspec: 1
+name: Walk
+parameters: {L: {type: int, default: 9, low: 1, high: 99}}
+state: {s: {type: int, low: 0, high: L}}
+action: {a: {type: choice, values: [stay, go]}}
+horizon: 9
+initial: {s: 0}
+dynamics: {s': "min(s + (a == go), L)"}
+reward: s' == L
+variants:
+  v:
+"""
+# What the variant says, and what is said about it: code, place and part of the message.
+VARIANTS = [
+    ("parameters: {K: {default: 3}}", "E219", "12:18", "no `K` in `parameters`"),
+    ("parameters: {K: null}", "E219", "12:18", "no `K` in `parameters`"),
+    ("parameters: {K: {type: int}}", "E203", "12:18", "`K` has no `default`"),
+    ("parameters: {K: {type: int, default: null}}", "E203", "12:33", "`K` has no `default`"),
+    ("parameters: {L: {default: null}}", "E203", "12:22", "`L` has no `default`"),
+    ("parameters: {L: {type: null}}", "E203", "12:22", "`L` has no `type`"),
+    ("parameters: {L: {type: bool}}", "E213", "3:38", "the number 9 is not of type bool"),
+    ("parameters: {L: {low: 10}}", "E213", "3:38", "9 is below the low end 10"),
+    ("parameters: {L: {default: 0}}", "E213", "12:31", "0 is below the low end 1"),
+    ("parameters: {L: {values: [a]}}", "E214", "12:22", "no `values`"),
+    ("state: {x: {low: 3}}", "E219", "12:13", "no `x` in `state`"),
+    ("state: {x: {}}", "E219", "12:13", "no `x` in `state`"),
+    ("state: {x: null}", "E219", "12:13", "no `x` in `state`"),
+    ("state: {x: {type: choice}}", "E203", "12:13", "needs `values`"),
+    ("state: {x: {type: int}}", "E217", "12:13", "'x' has no value in `initial`"),
+    ("state: {s: {low: 3, high: 1}}", "E214", "12:22", "above"),
+    ("state: {s: {type: choice}}", "E203", "4:9", "needs `values`"),
+    ("state: {s: null}", "E210", "4:1", "names no component"),
+    ("action: {b: {symbol: b}}", "E219", "12:14", "no `b` in `action`"),
+    ("action: {a: {symbols: [x]}}", "E214", "12:27", "1 symbols for 2 labels"),
+    ("constants: {c: null}", "E219", "12:17", "no `c` in `constants`"),
+    ("definitions: {c: null}", "E219", "12:19", "no `c` in `definitions`"),
+    ("noise: {c: null}", "E219", "12:13", "no `c` in `noise`"),
+    ("observation: {c: null}", "E219", "12:19", "no `c` in `observation`"),
+    ("initial: {c: null}", "E219", "12:15", "no `c` in `initial`"),
+    ("initial: {s: null}", "E217", "7:1", "'s' has no value in `initial`"),
+    ("dynamics: {c': null}", "E219", "12:16", "no `c'` in `dynamics`"),
+    ("state:", "E210", "12:5", "`state:`"), ("reward: null", "E210", "12:5", "`reward:`"),
+    ("horizon: ~", "E210", "12:5", "`horizon:`"), ("initial:", "E210", "12:5", "`initial:`"),
+    ("dynamics:", "E210", "12:5", "`dynamics:`"), ("action:", "E210", "12:5", "`action:`"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("base", [False, True], ids=["", "by way of another"])
+@pytest.mark.parametrize(("text", "code", "place", "message"), VARIANTS, ids=[v[0] for v in VARIANTS])
+def test_variants_are_checked_as_the_tasks_that_they_are(
+    text: str, code: str, place: str, message: str, base: bool
+) -> None:
+    found = of_task(f"{WALK}    {text}\n" + "  w: {base: v}\n" * base, "w" if base else "v")
+    assert [each[:2] for each in found] == [(code, place)]
+    assert message in found[0][2]
+
+
+def test_a_variant_may_change_the_type_of_a_component() -> None:
+    for entry in ("{type: bool}", "{type: choice, values: [off, on]}", "{type: real}"):
+        first = "off" if "choice" in entry else "false" if "bool" in entry else "0"
+        text = f"{WALK}    state: {{s: {entry}}}\n    initial: {{s: {first}}}\n    dynamics: {{s': s}}\n    reward: 0\n"
+        assert (build(source.read_text(text), "v").state[0].high == (1,)) == ("real" not in entry)
+
+
+def checked(folder: Path, text: str) -> list[tuple[str, str]]:
+    """What `taskspec check` says of a file: codes with messages, and the names of the tasks it looked at."""
+    path = folder / f"{len(list(folder.iterdir()))}.yaml"
+    path.write_text(text, encoding="utf-8")
+    report = check_file(File(path, "mine"))
+    return [(d.code, d.message) for d in report.diagnostics if d.severity == "error"] + [
+        ("", t.name) for t in report.tasks
+    ]
+
+
+def test_a_variant_that_lacks_a_section_is_an_error(tmp_path: Path) -> None:
+    partial = WALK.replace("reward: s' == L\n", "")
+    lacks = ("E210", "WalkV has no `reward:` section")
+    assert checked(tmp_path, f"{partial}    {{}}\n  w: {{reward: 1}}\n") == [lacks, ("", "WalkV"), ("", "WalkW")]
+    assert checked(tmp_path, f"{partial}    {{}}\n  w: {{reward: 1, base: v}}\n")[:1] == [lacks]
+    assert checked(tmp_path, f"{WALK}    reward:\n") == [lacks, ("", "Walk"), ("", "WalkV")]
+    assert checked(tmp_path, f"{partial}    reward: 1\n") == [("", "WalkV")]
+    whole = HEAD + "variants: {v: {}}\n"
+    assert [code for code, _ in checked(tmp_path, whole)] == ["E210"] * 6 + [""]
+
+
+def test_an_incomplete_variant_is_listed_and_says_what_it_lacks(tmp_path: Path) -> None:
+    path = tmp_path / "walk.yaml"
+    path.write_text(WALK.replace("reward: s' == L\n", "") + "    title: x\n", encoding="utf-8")
+    (entry,) = registry.entries(tmp_path)
+    assert entry.name == "WalkV"
+    with pytest.raises(SpecError, match=r"E210.*WalkV has no `reward:`"):
+        taskspec.make(path, "v")
 
 
 def keys(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -95,10 +96,13 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
     sharing: dict[tuple[Any, ...], list[str]] = {}
     first: dict[tuple[Any, ...], Diagnostic] = {}
     for each in checked:
+        told_here: Counter[tuple[Any, ...]] = Counter()
         for diagnostic in each.diagnostics:
             span = diagnostic.span
             place = None if span is None else (span.line, span.column, span.end_line, span.end_column)
-            key = (diagnostic.code, place or diagnostic.message)
+            here = (diagnostic.code, place or diagnostic.message)
+            told_here[here] += 1
+            key = (*here, told_here[here])  # several of one task at one place are several
             first.setdefault(key, diagnostic)
             names = sharing.setdefault(key, [])
             if each.name not in names:

@@ -16,21 +16,18 @@ if TYPE_CHECKING:
 @lru_cache(maxsize=256)
 def _document(path: str) -> Document:
     """The document of a file whose shape is right."""
-    from taskspec.diagnostics import Collector
+    from taskspec.diagnostics import raise_if_errors
     from taskspec.spec.schema import check_shape
 
     document = read_file(path)
-    collector = Collector()
-    collector.extend(check_shape(document))
-    collector.raise_if_errors()
+    raise_if_errors(check_shape(document))
     return document
 
 
 def variants_of(file: File) -> list[str | None]:
-    """The variants that make a task (None for the spec itself), in written order.
+    """The variants that are tasks (None for the spec itself), in written order.
 
-    A spec that only its variants complete is no task itself; one that nothing completes stands for itself, so that
-    its author is told what is missing.
+    A spec that leaves sections to its variants is no task itself; without variants, it is one that lacks something.
 
     Raises:
         SpecError: when the file cannot be read, or has not the shape of a spec.
@@ -40,8 +37,8 @@ def variants_of(file: File) -> list[str | None]:
     if file.variants is not None:
         return list(file.variants)
     document = _document(str(file.path))
-    complete = [v for v in variant_names(document.data).values() if not merge(document, v).missing]
-    return complete or [None]
+    named = list(variant_names(document.data).values())
+    return named[1:] if len(named) > 1 and merge(document).missing else named
 
 
 def name_of(file: File, variant: str | None) -> str:

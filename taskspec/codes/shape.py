@@ -133,8 +133,8 @@ reward:
         "a section that a task cannot do without",
         """
 A task has a `state`, an `action`, `initial` values for the state, `dynamics`, a `reward` and a
-`horizon`, which may be `none`. A spec may leave some of them to its variants; then only the
-variants that have them all are tasks.
+`horizon`, which may be `none`. A spec may leave some of them to its variants; then each variant must
+have them all, its own or those of the variant that it is based on.
 """,
     ),
     Code(
@@ -240,6 +240,22 @@ A key without a value would silently mean nothing. Give it a value or remove the
 ```yaml
 terminal:              # wrong
 terminal: s == goal    # right
+```
+""",
+    ),
+    Code(
+        "E219",
+        "nothing-to-change",
+        "a variant that changes or removes what is not there",
+        """
+An entry of a variant that has no `type`, or that is `null`, changes or removes the entry of the same
+name in what the variant is based on. Here there is none of that name: a typing mistake, most often.
+
+```yaml
+parameters: {length: {type: int, default: 5}}
+variants:
+  long: {parameters: {lenght: {default: 9}}}    # wrong
+  short: {parameters: {length: {default: 2}}}   # right
 ```
 """,
     ),

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from taskspec.diagnostics import Collector, SpecError, suggest
+from taskspec.diagnostics import Collector, SpecError, raise_if_errors, suggest
 from taskspec.lang.check import Poisoned
 from taskspec.lang.ir import Const
 from taskspec.lang.scope import FunctionDef, Scope
@@ -22,7 +22,7 @@ from taskspec.spec.forms import is_word
 from taskspec.spec.invariants import check_on_request
 from taskspec.spec.merge import Merged, abstracted, merge
 from taskspec.spec.names import Names, signature
-from taskspec.spec.schema import check_shape
+from taskspec.spec.schema import check_merged, check_shape
 from taskspec.spec.sections import Sections
 from taskspec.spec.taken import check_names
 from taskspec.spec.task import Component, Surface, Task
@@ -50,10 +50,10 @@ def build(
     Raises:
         SpecError: with every mistake found.
     """
-    collector = Collector()
-    collector.extend(check_shape(document))
-    collector.raise_if_errors()
-    return check_on_request(_Build(merge(document, variant), collector).task(dict(parameters or {}), suite))
+    raise_if_errors(check_shape(document))
+    merged = merge(document, variant)
+    raise_if_errors(check_merged(merged))
+    return check_on_request(_Build(merged, Collector()).task(dict(parameters or {}), suite))
 
 
 def rebuild(
@@ -100,7 +100,6 @@ class _Build:
     def task(self, given: dict[str, Any], suite: str) -> Task:
         """The whole pipeline, in order."""
         context, sections, scope = self.context, self.sections, self.names.scope
-        self._check_complete()
         check_names(self.merged, self.collector)
         self._bind_parameters(given)
         self._bind_constants()
@@ -137,14 +136,6 @@ class _Build:
             surface=Surface(context.exprs, self.data, context.named_scopes), document=self.merged.document,
             content_hash=self._hash(),
         )  # fmt: skip
-
-    def _check_complete(self) -> None:
-        for section in self.merged.missing:
-            others = self.merged.document.data.get("variants") if self.merged.variant is None else None
-            hint = f"only its variants are tasks: {', '.join(others)}" if others else None
-            message = f"{self.merged.name} has no `{section}:` section"
-            self.collector.add("E210", self.merged.span(("name",)), message, hint)
-        self.collector.raise_if_errors()
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:
         context = self.context

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from taskspec.diagnostics import Diagnostic, Span, SpecError, suggest
@@ -19,6 +20,7 @@ NAMED = (
 FIELDED = ("parameters", "state", "action")
 """Sections whose entries have fields, which a variant overrides field by field."""
 
+_OF_ANY_TYPE = ("default", "shape", "symbol", "doc")
 _DROPPED = ("variants", "base")
 _NOT_ABSTRACT = ("abstraction", "observation", "claims", "figure")
 
@@ -32,6 +34,8 @@ class Merged:
     variant: str | None
     data: dict[str, Any]
     moved: dict[Path, Path]
+    strays: tuple[Path, ...] = ()
+    """Entries that the variant changes or removes, though what it is based on has nothing of the name."""
 
     def source_path(self, path: Path) -> Path:
         """The path in the document of a path in the merged data."""
@@ -68,17 +72,26 @@ def merge(document: Document, variant: str | None = None) -> Merged:
     Raises:
         SpecError: when there is no such variant, or variants are based on each other in a circle.
     """
-    data: dict[str, Any] = document.data
-    name = str(data.get("name", ""))
-    base = {key: value for key, value in data.items() if key not in _DROPPED}
+    name = str(document.data.get("name", ""))
     if variant is None or variant == name:
-        return Merged(document, name, None, base, {})
-    chain = list(_chain(document, data, _key(document, data, name, variant)))
-    merged = base
-    moved: dict[Path, Path] = {}
-    for key in reversed(chain):
-        merged = _overlay(merged, data["variants"][key] or {}, key, moved)
-    return Merged(document, task_name(name, chain[0]), chain[0], merged, moved)
+        return _overlaid(document, None)
+    for key in reversed(list(_chain(document, _key(document, variant)))):
+        merged = _overlaid(document, key)  # each finds what it is based on done
+    return merged
+
+
+@lru_cache(maxsize=512)
+def _overlaid(document: Document, variant: str | None) -> Merged:
+    """A spec without its variants, or a variant laid over what it is based on."""
+    name = str(document.data.get("name", ""))
+    if variant is None:
+        return Merged(document, name, None, {k: v for k, v in document.data.items() if k not in _DROPPED}, {})
+    over = document.data["variants"][variant] or {}
+    base = _overlaid(document, _base(document, variant))
+    overlay = _Overlay(dict(base.data), dict(base.moved), variant)
+    overlay.lay(over)
+    strays = (*base.strays, *overlay.strays)
+    return Merged(document, task_name(name, variant), variant, overlay.data, overlay.moved, strays)
 
 
 def abstracted(merged: Merged) -> Merged | None:
@@ -98,45 +111,97 @@ def abstracted(merged: Merged) -> Merged | None:
     return Merged(merged.document, merged.name, merged.variant, data, moved)
 
 
-def _key(document: Document, data: dict[str, Any], name: str, variant: str) -> str:
-    keys = {str(key): str(key) for key in data.get("variants") or {}}
-    keys |= {task_name(name, key): key for key in keys}
+def _key(document: Document, variant: str) -> str:
+    """The key of a variant that is given by its key or by the name of its task."""
+    name = str(document.data.get("name", ""))
+    variants: dict[str, Any] = document.data.get("variants") or {}
+    if variant in variants:
+        return variant
+    keys = {task_name(name, key): key for key in variants}
     if variant in keys:
         return keys[variant]
-    listed = ", ".join(data.get("variants") or {}) or "none"
-    message = f"{name} has no variant '{variant}'; it has: {listed}"
-    raise SpecError([Diagnostic("E211", document.span(("name",)), message, suggest(variant, keys))])
+    message = f"{name} has no variant '{variant}'; it has: {', '.join(variants) or 'none'}"
+    hint = suggest(variant, [*variants, *keys])
+    raise SpecError([Diagnostic("E211", document.span(("name",)), message, hint)])
 
 
-def _chain(document: Document, data: dict[str, Any], key: str) -> Iterator[str]:
+def _base(document: Document, variant: str) -> str | None:
+    """The variant that a variant says it is based on; None for the spec itself."""
+    base = (document.data["variants"][variant] or {}).get("base")
+    return None if base is None else _key(document, str(base))
+
+
+def _chain(document: Document, variant: str) -> Iterator[str]:
     """A variant, the one it is based on, and so on."""
-    name, seen = str(data.get("name", "")), set()
-    current: str | None = key
+    seen: set[str] = set()
+    current: str | None = variant
     while current is not None:
+        if current in seen:
+            span = document.span(("variants", variant, "base"))
+            raise SpecError([Diagnostic("E212", span, "these variants are based on each other in a circle")])
         seen.add(current)
         yield current
-        base = (data["variants"][current] or {}).get("base")
-        current = None if base is None else _key(document, data, name, str(base))
-        if current in seen:
-            span = document.span(("variants", key, "base"))
-            raise SpecError([Diagnostic("E212", span, "these variants are based on each other in a circle")])
+        current = _base(document, current)
 
 
-def _overlay(base: dict[str, Any], over: dict[str, Any], key: str, moved: dict[Path, Path]) -> dict[str, Any]:
-    """`base` with one variant's sections laid over it; `moved` records where they came from."""
-    result = dict(base)
-    for section, value in over.items():
-        here: Path = ("variants", key, section)
-        if section in _DROPPED:
-            continue
-        if value is None:
-            result.pop(section, None)
-        elif section in NAMED and isinstance(value, dict) and isinstance(result.get(section), dict):
-            result[section] = _entries(section, result[section], value, here, moved)
-        else:
-            result[section] = value
-            _move(moved, (section,), here)
-    return result
+class _Overlay:
+    """One variant being laid over `data`; `moved` records where each part was written.
+
+    `strays` are the entries that it changes or removes though there is nothing of the name.
+    """
+
+    def __init__(self, data: dict[str, Any], moved: dict[Path, Path], variant: str) -> None:
+        self.data, self.moved, self.variant = data, moved, variant
+        self.strays: list[Path] = []
+
+    def lay(self, over: dict[str, Any]) -> None:
+        for section, value in over.items():
+            if section in _DROPPED:
+                continue
+            if value is not None and section in NAMED:
+                self.data[section] = self._entries(section, value)
+                continue
+            self._written((section,))
+            if value is None:
+                self.data.pop(section, None)
+            else:
+                self.data[section] = value
+
+    def _entries(self, section: str, over: dict[str, Any]) -> dict[str, Any]:
+        if section not in self.data:
+            self._written((section,))
+        result = dict(self.data.get(section) or {})
+        for name, value in over.items():
+            path, old = (section, name), result.get(name)
+            fields = section in FIELDED and isinstance(value, dict)
+            if name not in result and (value is None or (fields and "type" not in value)):
+                self.strays.append(path)
+            if fields and isinstance(old, dict):
+                result[name] = _without_nulls(_kept(old, value) | value)
+                for field in value:
+                    self._written((*path, field))
+                continue
+            self._written(path)
+            if value is None:
+                result.pop(name, None)
+            else:
+                result[name] = _without_nulls(value) if fields else value
+        return result
+
+    def _written(self, path: Path) -> None:
+        """Everything at a path was written in this variant."""
+        _move(self.moved, path, ("variants", self.variant, *path))
+
+
+def _kept(old: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """What an entry keeps when some of its keys are overridden: of another type, what does not hang on the type."""
+    if over.get("type", old.get("type")) == old.get("type"):
+        return old
+    return {key: value for key, value in old.items() if key in _OF_ANY_TYPE}
+
+
+def _without_nulls(entry: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in entry.items() if value is not None}
 
 
 def _move(moved: dict[Path, Path], path: Path, here: Path) -> None:
@@ -144,22 +209,3 @@ def _move(moved: dict[Path, Path], path: Path, here: Path) -> None:
     for old in [p for p in moved if p[: len(path)] == path]:
         del moved[old]
     moved[path] = here
-
-
-def _entries(
-    section: str, base: dict[str, Any], over: dict[str, Any], here: Path, moved: dict[Path, Path]
-) -> dict[str, Any]:
-    result = dict(base)
-    for name, value in over.items():
-        path, place = (section, name), (*here, name)
-        old = result.get(name)
-        if value is None:
-            result.pop(name, None)
-        elif section in FIELDED and isinstance(value, dict) and isinstance(old, dict):
-            result[name] = {k: v for k, v in (old | value).items() if v is not None}
-            for field in value:
-                _move(moved, (*path, field), (*place, field))
-        else:
-            result[name] = value
-            _move(moved, path, place)
-    return result

@@ -67,9 +67,15 @@ class Sections:
                 flat = c.low if c.type.kind is Kind.REAL else tuple(map(int, c.low))
                 found[c.name] = self.builder.const(flat if c.type.shape else flat[0], c.type)
             elif c.name not in context.exprs["initial"]:
-                span = context.merged.key_span(("state", c.name))
-                self.collector.add("E217", span, f"'{c.name}' has no value in `initial`")
+                self._without_start(c.name)
         return [found[c.name] for c in context.state if c.name in found]
+
+    def _without_start(self, name: str) -> None:
+        """Report a component without a line in `initial`: there, unless a variant declares it beside the spec's `initial`."""
+        merged, section = self.context.merged, ("initial",)
+        is_added = merged.source_path(("state", name)) != ("state", name) and merged.source_path(section) == section
+        place = merged.key_span(("state", name) if is_added else section)
+        self.collector.add("E217", place, f"'{name}' has no value in `initial`", f"add `{name}: ...`")
 
     def _check_names(self, section: str, known: list[str]) -> None:
         for name in self.context.exprs[section]:

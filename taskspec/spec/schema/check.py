@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from types import UnionType
 from typing import Annotated, Any, Protocol, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
 from taskspec.diagnostics import Collector, Diagnostic, Span, suggest
-from taskspec.scan import REQUIRED
 from taskspec.source import Document, Path
-from taskspec.spec.merge import variant_names
+from taskspec.spec.merge import Merged, variant_names
 from taskspec.spec.schema import fields, values
 from taskspec.spec.schema.values import Problem
 from taskspec.spec.schema.variants import Spec
@@ -42,11 +42,11 @@ class Located(Protocol):
     def key_span(self, path: Path) -> Span: ...
 
 
-def check_shape(document: Document) -> list[Diagnostic]:
+@lru_cache(maxsize=64)
+def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     """Problems with the sections, keys and kinds of values of a whole document.
 
-    Variants are checked as far as they go; what a task needs to be complete is checked by `load`,
-    once a variant has been merged with what it builds on.
+    Variants are checked as far as they go; what they come to with what they are based on is for `check_merged`.
     """
     collector = Collector()
     if isinstance(document.data, dict):
@@ -56,33 +56,32 @@ def check_shape(document: Document) -> list[Diagnostic]:
     else:
         message = f"a spec is a mapping of sections, not {values.kind(document.data)}"
         collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
-    return list(collector.diagnostics)
+    return collector.diagnostics
 
 
-def load(merged: Located) -> Spec:
-    """The validated sections of a spec whose variant has been merged.
+def check_merged(merged: Merged) -> tuple[Diagnostic, ...]:
+    """Problems of a spec or variant, each well-formed by itself, as the task that it is meant to be.
 
-    Raises SpecError when its shape is wrong or a section is missing.
+    A section that is missing, an entry that a variant changes though there is none, and keys that do not go together
+    once those of a variant stand among those of what it is based on.
     """
     collector = Collector()
-    spec = _validate(merged, collector)
-    for problem in _missing(merged.data):
+    for problem in _strays(merged):
         _add(collector, merged, problem)
-    for problem in _components(spec) if spec else ():
-        _add(collector, merged, problem)
-    collector.raise_if_errors()
-    assert spec is not None, "a spec that is not valid has diagnostics"
-    return spec
+    for section in merged.missing:
+        _add_missing(collector, merged, section)
+    if merged.variant is not None and not merged.strays:
+        _validate(merged, collector)
+    return collector.diagnostics
 
 
-def _validate(located: Located, collector: Collector) -> Spec | None:
+def _validate(located: Located, collector: Collector) -> None:
     try:
-        return Spec.model_validate(located.data)
+        Spec.model_validate(located.data)
     except ValidationError as error:
         for details in error.errors(include_url=False):
             for problem in _problems(dict(details), located.data):
                 _add(collector, located, problem)
-    return None
 
 
 def _add(collector: Collector, located: Located, problem: Problem) -> None:
@@ -116,7 +115,7 @@ def _missing_key(loc: Path) -> Problem:
     owner = f"`{loc[-2]}`" if len(loc) > 1 and isinstance(loc[-2], str) else "this entry"
     if len(loc) == 1:
         return Problem("E203", (), f"the spec has no `{loc[-1]}`")
-    return Problem("E203", loc[:-1], f"{owner} has no `{loc[-1]}`", None, of_key=True)
+    return Problem("E203", loc, f"{owner} has no `{loc[-1]}`", None, of_key=True)  # at the owner, or what removes it
 
 
 def _not_an_option(value: object, expected: str) -> Problem:
@@ -196,22 +195,30 @@ def _bases(data: dict[str, Any]) -> Iterator[Problem]:
     if not isinstance(variants, dict):
         return
     bases = {k: v.get("base") for k, v in variants.items() if isinstance(v, dict)}
+    circular = _circles(bases)
     for key, base in bases.items():
         path = ("variants", key, "base")
         if isinstance(base, str) and base not in variants:
             yield _unknown_variant(base, list(variants)).below(*path)
-        elif key in _chain(bases, key):
-            circle = " -> ".join([key, *_chain(bases, key)])
-            yield Problem("E212", path, f"these variants are based on each other: {circle}")
+        elif key in circular:
+            yield Problem("E212", path, f"these variants are based on each other: {circular[key]}")
 
 
-def _chain(bases: dict[str, Any], key: str) -> list[str]:
-    """What a variant is based on, and so on, up to the first repetition."""
-    found: list[str] = []
-    base = bases.get(key)
-    while isinstance(base, str) and base not in found:
-        found.append(base)
-        base = bases.get(base)
+def _circles(bases: dict[str, Any]) -> dict[str, str]:
+    """Variants that are based on themselves by way of others, each with the circle in words."""
+    found: dict[str, str] = {}
+    done: set[str] = set()
+    for start in bases:
+        way: list[str] = []
+        key: Any = start
+        while isinstance(key, str) and key in bases and key not in done:
+            done.add(key)
+            way.append(key)
+            key = bases[key]
+        if key in way:
+            circle = way[way.index(key) :]
+            turns = [circle[i:] + circle[: i + 1] for i in range(len(circle))]
+            found |= {turn[0]: " -> ".join(turn) for turn in turns}
     return found
 
 
@@ -229,30 +236,24 @@ def _roles(data: dict[str, Any]) -> Iterator[Problem]:
             yield _unknown_variant(variant, names).below("roles", role)
 
 
-def _missing(data: dict[str, Any]) -> Iterator[Problem]:
-    absent = [section for section in REQUIRED if section not in data]
-    for section in absent:
-        yield Problem("E210", ("name",), f"this task has no `{section}`")
+def _strays(merged: Merged) -> Iterator[Problem]:
+    """Entries that a variant changes or removes, where there is nothing of the name."""
+    for path in merged.strays:
+        section, name = str(path[0]), str(path[1])
+        known = [key for key in merged.data.get(section) or {} if (section, key) not in merged.strays]
+        listed = f"its entries are {', '.join(known)}" if known else f"it has no `{section}:` section"
+        message = f"what this variant is based on has no `{name}` in `{section}`"
+        yield Problem("E219", path, message, suggest(name, known) or listed, of_key=True)
 
 
-def _components(spec: Spec) -> Iterator[Problem]:
-    """Sections by component against the components that are declared."""
-    if spec.state:
-        for key in spec.initial:
-            yield from _declared(key, spec.state, ("initial", key), "state")
-        for key in spec.dynamics:
-            yield from _declared(key[:-1], spec.state, ("dynamics", key), "state")
-        for key, component in spec.state.items() if spec.initial else ():
-            is_fixed = component.values is not None and len(component.values) == 1
-            if key not in spec.initial and not is_fixed:
-                message = f"`{key}` has no initial value"
-                yield Problem("E217", ("initial",), message, f"add `{key}: ...`", of_key=True)
-    if spec.action and isinstance(spec.expert, dict) and not spec.expert.keys() & {"by", "rows"}:
-        for key in spec.expert:
-            yield from _declared(key, spec.action, ("expert", key), "action")
-
-
-def _declared(name: str, section: dict[str, Any], path: Path, of: str) -> Iterator[Problem]:
-    if name not in section:
-        hint = suggest(name, section) or f"declared are: {', '.join(section)}"
-        yield Problem("E216", path, f"the {of} has no component `{name}`", hint, of_key=True)
+def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
+    """A section without which there is no task: said where it is removed, else at the name of the variant or spec."""
+    message, variants = f"{merged.name} has no `{section}:` section", merged.document.data.get("variants")
+    if (section,) in merged.moved:
+        collector.add("E210", merged.key_span((section,)), message, "`null`, or nothing after the colon, removes it")
+    elif merged.variant is not None:
+        place = merged.document.key_span(("variants", merged.variant))
+        collector.add("E210", place, message, "what this variant is based on has none either")
+    else:
+        hint = f"only its variants are tasks: {', '.join(variants)}" if variants else None
+        collector.add("E210", merged.document.span(("name",)), message, hint)
