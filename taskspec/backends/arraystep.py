@@ -50,12 +50,13 @@ def generate(
     values = form.emit(roots)
     n = len(task.state)
     shown = again is not None and _shows_state(task, observation, roots, again)
-    lines = [
+    lines = [  # results may show the state, so they are copied before it moves on
         *form.lines,
         *([] if shown else _observation(form, observation, outputs, values[n + 2 :])),
         *_copy("reward", values[n]),
+        *([] if never(roots[n + 1]) else _copy("terminated", values[n + 1])),
         *_state(form, task, states, roots[:n], values[:n]),
-        *_ending(task, roots[n + 1], values[n + 1]),
+        *_ending(task, roots[n + 1]),
         *(_begin(states, again, shown) if again is not None else []),
         *([f"copyto(seen0, {states[0]})"] if shown else []),
         "return count",
@@ -195,13 +196,13 @@ def never(terminal: Node) -> bool:
     return isinstance(terminal, Const) and not plain(terminal.value)
 
 
-def _ending(task: Task, terminal: Node, value: str) -> list[str]:
-    """The time, the flags, and the number of episodes that ended."""
+def _ending(task: Task, terminal: Node) -> list[str]:
+    """The time, the other flags, and the number of episodes that ended."""
     lines = ["add(t, ONE, t)"]
     if task.horizon is not None:
         lines.append("greater_equal(t, HORIZON, truncated)")
     if not never(terminal):
-        lines += [f"copyto(terminated, {value})", "logical_or(terminated, truncated, ended)"]
+        lines.append("logical_or(terminated, truncated, ended)")
     return [*lines, "count = int(count_nonzero(ended))"]
 
 

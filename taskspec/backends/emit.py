@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,8 +38,9 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
     states = names_of("s", task.state)
     # `repr`, because ids and file names are somebody's text: nothing in them may end the literal.
     head = [repr(f"{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}.")]
-    step = _step(parts, states, constants)
-    reset = _reset(parts, states, "\n".join(step), constants)
+    restored = _restored(parts, states, constants)
+    step = _step(parts, states, restored, constants)
+    reset = _reset(parts, states, [*step, *restored], constants)
     kept = [*states, *_kept(parts)]
     lines = [f"{', '.join(kept)} = {', '.join('None' for _ in kept)}", "alive = False"]
     lines += [
@@ -53,7 +54,7 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
         "",
         *step,
         "",
-        *_access(parts, states, constants),
+        *_access(parts, states, restored),
         "",
         "return reset, step, get, put",
     ]
@@ -111,7 +112,8 @@ def _unpack(phase: Phase, call: str) -> list[str]:
 # -- reset and step -----------------------------------------------------------------------------------------------
 
 
-def _reset(parts: Parts, states: Sequence[str], step: str, constants: dict[str, Any]) -> list[str]:
+def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
+    """The function `reset`; `others` are the statements that compute with what it keeps."""
     task, phase = parts.task, parts.reset
     lane = _lane(parts, phase, states, (), constants)
     values = lane.emit((*phase.roots, *phase.observation))
@@ -122,11 +124,7 @@ def _reset(parts: Parts, states: Sequence[str], step: str, constants: dict[str, 
     observation, statements = observe(lane, parts.observation, phase, values[len(phase.roots) :])
     inner = without_unused([*lane.lines, *statements], [*stored, observation])
     targets = [*states, *parts.invariants.names]
-    body = [
-        *_unpack(phase, "next_first"),
-        *_unwrapped(phase, inner, dict(zip(targets, stored, strict=True)), step),
-        *inner,
-    ]
+    body = [*_unpack(phase, "next_first"), *_unwrapped(phase, inner, zip(targets, stored, strict=True), others), *inner]
     body += [f"{', '.join(targets)} = {', '.join(stored)}"]
     if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
         body += [f"kept = {observation}"]
@@ -136,15 +134,25 @@ def _reset(parts: Parts, states: Sequence[str], step: str, constants: dict[str, 
     return ["def reset():", *_indent([f"nonlocal {', '.join(targets)}", *body])]
 
 
-def _unwrapped(phase: Phase, body: Sequence[str], stored: dict[str, str], step: str) -> list[str]:
-    """Arrays turned into lists of Python numbers, where something computes with their elements."""
-    inner = "\n".join(body)
-    used = [h for h in phase.wide if re.search(rf"\b{h}\b", inner)]
-    used += [h for name, h in stored.items() if h in phase.wide and re.search(rf"\b{name}\b", step)]
-    return [f"{h} = {h}.tolist()" for h in dict.fromkeys(used)]
+def _unwrapped(phase: Phase, body: Iterable[str], kept: Iterable[tuple[str, str]], others: Iterable[str]) -> list[str]:
+    """Arrays turned into lists of Python numbers, where the body computes with their elements, or `others` with what is kept.
+
+    `kept` are variables and what they become. Numbers of NumPy's own would be slow, and do not do what Python's do: 1 // 0.
+    """
+    read = _names_in(others)
+    used = _names_in([*body, *(source for name, source in kept if name in read)])
+    return [f"{h} = {h}.tolist()" for h in phase.wide if h in used]
 
 
-def _step(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
+def _names_in(lines: Iterable[str]) -> set[str]:
+    return set(_NAMES.findall("\n".join(lines)))
+
+
+def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
+    """The function `step`: it works everything out, and fixes what it returns, before the state moves on.
+
+    `others` are the statements besides its own that compute with the state.
+    """
     task, phase = parts.task, parts.step
     reading, actions = read_action(task, parts.action)
     lane = _lane(parts, phase, states, actions, constants)
@@ -152,27 +160,45 @@ def _step(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> lis
     n, frozen = len(task.state), frozen_components(task)
     changed = [i for i in range(n) if task.state[i].name not in frozen]
     stored = {i: _stored(lane, phase.roots[i], task.state[i].type) for i in changed}
-    # The reward, the end and the observation may read the state, so they are worked out before it moves on.
-    reward, terminal = (lane.assign(lane.scalar(root)) for root in phase.roots[n : n + 2])
-    observation, statements = _seen(lane, parts, terminal, values[n + 2 :])
-    if not observation.isidentifier() and not parts.invariants.observation:
-        statements.append(f"seen = {observation}")
-        observation = "seen"
+    own = {"True", "False", "nan", "inf", *phase.names, *_kept(parts)}
+    reward, terminal = (_fixed(lane, lane.scalar(root), own) for root in phase.roots[n : n + 2])
+    observation, statements = _seen(lane, parts, terminal, values[n + 2 :], own)
     end, flags = _ending(task, terminal)
-    body = [*reading, "if not alive:", "    raise not_running()", *_unpack(phase, "next_draws")]
-    body += without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal])
+    inner = without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal])
+    kept = [(states[i], source) for i, source in stored.items()]
+    body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
     if changed:
-        body.append(f"{', '.join(states[i] for i in changed)} = {', '.join(stored[i] for i in changed)}")
+        body.append(f"{', '.join(name for name, _ in kept)} = {', '.join(source for _, source in kept)}")
     body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {{}}"]
     nonlocals = [*(states[i] for i in changed), "t", "alive"]
-    return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *body])]
+    running = ["if not alive:", "    raise not_running()"]
+    return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
 
 
-def _seen(lane: Lane, parts: Parts, terminal: str, values: Sequence[Value]) -> tuple[str, list[str]]:
+def _fixed(lane: Lane, source: str, own: Container[str]) -> str:
+    """A result as a number, or as a name that keeps its value when the state moves on.
+
+    Such are the names that the emitter makes, and those in `own`; anything else gets a name of its own now.
+    """
+    names = _NAMES.findall(source)
+    if not names or (_ATOM.fullmatch(source) and (names[0] in own or _MADE.fullmatch(names[0]))):
+        return source
+    return lane.named(source)
+
+
+_NAMES, _MADE, _ATOM = re.compile(r"\b[A-Za-z_]\w*"), re.compile(r"v\d+"), re.compile(r"\w+(\[\d+\])?")
+
+
+def _seen(
+    lane: Lane, parts: Parts, terminal: str, values: Sequence[Value], own: Container[str]
+) -> tuple[str, list[str]]:
     """The observation of a step: the kept one where it stays the same, itself rather than a copy on what is always the last."""
-    if not parts.invariants.observation:
-        return observe(lane, parts.observation, parts.step, values)
-    return ("kept" if terminal == "True" else "kept.copy()"), []
+    if parts.invariants.observation:
+        return ("kept" if terminal == "True" else "kept.copy()"), []
+    observation, statements = observe(lane, parts.observation, parts.step, values)
+    if statements:
+        return observation, statements
+    return _fixed(lane, observation, own), []
 
 
 def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
@@ -200,21 +226,25 @@ def _stored(lane: Lane, node: Node, type_: Type) -> str:
     return lane.scalar(node) if type_.is_scalar else lane.packed(node)
 
 
-def _access(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
-    """Functions that read the state and set it; setting works out again what stays the same for an episode."""
-    everything = ", ".join(states) + "," * (len(states) == 1)
+def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
+    """Statements that work out again, from a state that was set, what stays the same for an episode."""
     lane = _lane(parts, None, states, (), constants)
-    nodes = parts.task.observation.nodes if parts.invariants.observation else ()
-    values = lane.emit((*parts.invariants.nodes, *nodes))
+    nodes = parts.task.next_observation if parts.invariants.observation else ()
+    lane.emit((*parts.invariants.nodes, *nodes))
     fixed = [_stored(lane, n, n.type) for n in parts.invariants.nodes]
     lines = [f"{name} = {source}" for name, source in zip(parts.invariants.names, fixed, strict=True)]
     if nodes:
         flat = [f"*{lane.packed(n)}" if n.type.shape else lane.scalar(n) for n in nodes]
         lines.append(f"kept = singles(({', '.join(flat)},), {parts.observation.shape})")
-    assert len(values) == len(parts.invariants.nodes) + len(nodes)
+    return [*lane.lines, *lines]
+
+
+def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> list[str]:
+    """Functions that read the state and set it."""
+    everything = ", ".join(states) + "," * (len(states) == 1)
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
-    body += [*lane.lines, *lines, f"{clock} = clock"]
+    body += [*restored, f"{clock} = clock"]
     return [
         "def get():",
         f"    return ({everything}), ({clock})",

@@ -25,19 +25,17 @@ class Invariants:
     @classmethod
     def of(cls, task: Task, rows: bool) -> Invariants:
         """`rows`: whether observations are float32 arrays, which can be kept and copied."""
-        frozen = frozen_components(task)
         roots = (*task.next, task.reward, task.terminal)
-        fixed = _fixed((*roots, *task.next_observation), frozen)
-        observed = rows and all(fixed[id(n)] for n in task.next_observation)
+        fixed = _fixed((*roots, *task.next_observation), frozen_components(task))
+        # What is seen at the reset may be something else: `x'` may be the same in every step, and not be `x`.
+        observed = (
+            rows
+            and all(fixed[id(n)] for n in task.next_observation)
+            and _at_reset(task, task.next_observation) == task.first_observation
+        )
         seen = () if observed else task.next_observation
-        nodes = _maximal((*roots, *seen), fixed)
-        first = {c.name: n for c, n in zip(task.state, task.initial, strict=True)}
-
-        def leaf(node: Node) -> Node | None:
-            return first[node.name] if isinstance(node, Read) and node.role is Role.STATE else None
-
-        at_reset = rewrite(nodes, leaf, task.builder.remake)
-        return cls(tuple(nodes), at_reset, tuple(f"k{i}" for i in range(len(nodes))), observed)
+        nodes = tuple(_maximal((*roots, *seen), fixed))
+        return cls(nodes, _at_reset(task, nodes), tuple(f"k{i}" for i in range(len(nodes))), observed)
 
     def replaced(self, task: Task, roots: Sequence[Node]) -> tuple[Node, ...]:
         """Roots that read the variables instead of working the invariants out."""
@@ -48,6 +46,16 @@ class Invariants:
             return None if name is None else task.builder.read(Role.VARIABLE, name, node.type)
 
         return rewrite(roots, leaf, task.builder.remake)
+
+
+def _at_reset(task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
+    """Nodes over the first state in place of the present one."""
+    first = {c.name: n for c, n in zip(task.state, task.initial, strict=True)}
+
+    def leaf(node: Node) -> Node | None:
+        return first[node.name] if isinstance(node, Read) and node.role is Role.STATE else None
+
+    return rewrite(nodes, leaf, task.builder.remake)
 
 
 WIDE = 32

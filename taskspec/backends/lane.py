@@ -79,8 +79,10 @@ class Lane:
 
     def assign(self, text: str) -> str:
         """A name for an expression; atoms need none."""
-        if _ATOM.fullmatch(text):
-            return text
+        return text if _ATOM.fullmatch(text) else self.named(text)
+
+    def named(self, text: str) -> str:
+        """A new name for an expression."""
         name = self.name()
         self.lines.append(f"{name} = {text}")
         return name

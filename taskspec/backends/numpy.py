@@ -37,8 +37,9 @@ BLOCK = 16_384
 class Module:
     """The generated step of a task, and what its phases are made of.
 
-    `bind(n, *arrays)` gives the step function of n lanes over their arrays; see `source`. Where `begins` is set it also
-    begins the episodes that follow those which have ended.
+    `bind(n, *arrays)` gives the step function of n lanes over their arrays; see `source`. Where `begins` is set it also begins
+    the episodes that follow those which have ended. Where `never_terminates` is set, no step terminates, and `truncated` and
+    `ended` are to be one array.
     """
 
     task: Task
@@ -49,6 +50,7 @@ class Module:
     hoisted: Hoisted
     start: tuple[Node, ...]
     begins: bool
+    never_terminates: bool
 
 
 @lru_cache(maxsize=64)
@@ -67,7 +69,8 @@ def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     file = f"<taskspec {task.id} {task.content_hash[:12]} numpy {mode}>"
     exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
-    return Module(task, source, namespace["lanes"], observation, action_layout(task), hoisted, start, again is not None)
+    bind, begins, never_terminates = namespace["lanes"], again is not None, never(table[len(task.state) + 1])
+    return Module(task, source, bind, observation, action_layout(task), hoisted, start, begins, never_terminates)
 
 
 def _again(start: tuple[Node, ...], states: int, observation: Layout) -> Again | None:
@@ -105,7 +108,7 @@ class NumpyEngine:
         module = compile_numpy(task, options.mode)
         self.observation, self.action, self.source = module.observation, module.action, module.source
         self.buffers = Buffers.of(task, module.observation, lanes)
-        if never(task.terminal):  # what is truncated has ended, and nothing else has
+        if module.never_terminates:
             self.buffers.ended = self.buffers.truncated
         self._read = reader(task, module.action, lanes)
         self._mode = options.mode

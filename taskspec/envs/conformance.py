@@ -1,21 +1,25 @@
 """A test kit for environments: what every one of ours must do, to be run on any backend and on any task.
 
 `check_environment` tries a scalar environment against the contract of Gymnasium and ours; `Agreement` walks a vector
-environment next to scalar ones. Both raise AssertionError with what is wrong.
+environment next to scalar ones, or next to `Reference`, which is the reference interpreter behind the same interface. They
+raise AssertionError with what is wrong.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
 import numpy as np
 
+from taskspec.backends.interpreter import Interpreter
 from taskspec.envs.env import Environment
 from taskspec.envs.errors import NotRunningError
+from taskspec.envs.state import plain_state
 from taskspec.envs.vector import VectorEnvironment
+from taskspec.spec.spaces import action_layout, observation_layout, pack, unpack
 from taskspec.spec.task import Task
 
 TOLERANCE = {"numpy": 1e-12, "numba": 1e-12, "jax": 2e-4}
@@ -67,19 +71,50 @@ def _plain(seen: Any) -> Any:
     return np.asarray(seen).tolist()
 
 
+class Reference:
+    """One environment of a task, stepped by the reference interpreter: slow, and what all others are compared with."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self._observation, self._action = observation_layout(task), action_layout(task)
+        self._run = Interpreter(task, 0)
+
+    def reset(self, *, seed: int | None = None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode; with a seed, the stream of draws as well."""
+        if seed is not None:
+            self._run = Interpreter(self.task, seed)
+        return pack(self._observation, self._run.reset()), {}
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """Observation, reward, terminated, truncated, info."""
+        seen, reward, terminated, truncated = self._run.step(unpack(self._action, action))
+        return pack(self._observation, seen), float(reward), terminated, truncated, {}
+
+    @property
+    def state(self) -> Mapping[str, Any]:
+        """The present state by component, as `Environment.state` has it."""
+        pairs = zip(self.task.state, self._run.state, strict=True)
+        return plain_state(self.task, tuple(flat if c.type.shape else flat[0] for c, flat in pairs))
+
+
 @dataclass
 class Agreement:
-    """A vector environment next to as many scalar ones: `Agreement(task, "numba", 64, "SameStep").run(100)`."""
+    """A vector environment next to as many scalar ones: `Agreement(task, "numba", 64, "SameStep").run(100)`.
+
+    `one` makes what it is compared with. With `states`, states are compared as well, in the precision they are kept in.
+    """
 
     task: Task
     backend: str
     lanes: int
     mode: str
     seed: int = 123
+    one: Callable[[Task], Any] = Environment
+    states: bool = False
 
     def __post_init__(self) -> None:
         self.vector = VectorEnvironment(self.task, self.lanes, backend=self.backend, autoreset_mode=self.mode)
-        self.scalars = [Environment(self.task) for _ in range(self.lanes)]
+        self.scalars = [self.one(self.task) for _ in range(self.lanes)]
         self.pending = [False] * self.lanes
         self.tolerance = TOLERANCE[self.backend]
 
@@ -109,6 +144,8 @@ class Agreement:
                 self.same(seen, i, expected)
         if self.mode == "Disabled" and (terminated | truncated).any():
             self.reset_some(terminated | truncated)
+        for i, env in enumerate(self.scalars if self.states else ()):
+            self.same_state(self.vector.state(i), env.state)
 
     def ended(self, i: int, seen: Any, expected: Any, infos: dict[str, Any]) -> None:
         """What follows the end of an episode depends on the mode."""
@@ -138,8 +175,12 @@ class Agreement:
         else:
             self.close(seen[lane], expected)
 
+    def same_state(self, actual: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
+        for name, value in expected.items():
+            self.close(actual[name], value)
+
     def close(self, actual: Any, expected: Any) -> None:
-        """Whole numbers are equal; reals are equal up to the tolerance of the backend."""
+        """Whole numbers are equal; reals are equal up to the tolerance of the backend, and zeros have the same sign."""
         a, e = np.asarray(actual), np.asarray(expected)
         assert a.shape == e.shape
         if a.dtype.kind != "f":
@@ -147,3 +188,5 @@ class Agreement:
             return
         tolerance = max(self.tolerance, 1e-6 if a.dtype == np.float32 else 0)
         np.testing.assert_allclose(a, e, rtol=tolerance, atol=tolerance)
+        zeros = (a == 0) & (e == 0)
+        assert np.array_equal(np.signbit(a[zeros]), np.signbit(e[zeros]))
