@@ -7,12 +7,11 @@ from typing import Annotated
 
 import typer
 
-from taskspec.cli.options import Json, Parameters, complete_targets, flowed
+from taskspec.cli.options import CHARTS, Json, Parameters, complete_targets, flowed
 
 MAX_LANES = 2**24
 PROGRAMS = ("scalar", "numpy", "numba", "jax", "jax-scan")
 BACKENDS = ("auto", "numpy", "numba", "jax")
-CHARTS = (".svg", ".png", ".pdf")
 
 Tasks = Annotated[
     list[str] | None,

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec.cli.bench import CHARTS
 from taskspec.cli.failures import misuse, refuse
+from taskspec.cli.options import CHARTS
 from taskspec.cli.targets import checked_choice
 from taskspec.diagnostics import TaskspecError
 from taskspec.envs import measure

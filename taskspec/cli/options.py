@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+CHARTS = (".svg", ".png", ".pdf")
 MAX_OFFERED = 100
 
 

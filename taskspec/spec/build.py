@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import hashlib
 import json
 from collections.abc import Mapping
@@ -56,7 +57,14 @@ def build(
     return check_on_request(_Build(merged, Collector()).task(dict(parameters or {}), suite))
 
 
-def rebuild(
+def _reduced(task: Task) -> tuple[Any, ...]:
+    """A task travels as its spec's text and its parameter values, and is built again on arrival."""
+    origin = task.document.origin
+    options = (task.suite, task.ending, task.observe_time)
+    return _rebuilt, (origin.text, origin.name, task.variant, task.values, *options)
+
+
+def _rebuilt(
     text: str,
     name: str,
     variant: str | None,
@@ -65,10 +73,13 @@ def rebuild(
     ending: str,
     observe_time: bool,
 ) -> Task:
-    """A task from the text it was built from; how tasks are unpickled."""
+    """A task from the text it was built from."""
     task = build(read_text(text, name), variant, values, suite)
     task = task.absorbing() if ending == "absorb" else task
     return task.observing_time() if observe_time else task
+
+
+copyreg.pickle(Task, _reduced)  # here, since a task need not know how it is built
 
 
 def build_abstract(task: Task) -> Task | None:

@@ -179,14 +179,6 @@ class Task:
     def __deepcopy__(self, memo: dict[int, Any]) -> Task:
         return self
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """A task travels as its spec's text and its parameter values, and is built again on arrival."""
-        from taskspec.spec.build import rebuild
-
-        origin = self.document.origin
-        options = (self.suite, self.ending, self.observe_time)
-        return rebuild, (origin.text, origin.name, self.variant, self.values, *options)
-
     def make(self, **options: Any) -> gymnasium.Env[Any, Any]:
         """The scalar Gymnasium environment of this task (see `taskspec.envs.Environment` for the options)."""
         # The one upward call: a convenience for people, resolved by name so that the layers stay layers.

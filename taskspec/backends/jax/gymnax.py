@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax.numpy as jnp
 import numpy as np
 
-from taskspec.backends.jax.program import State
+from taskspec.backends.jax.program import JaxProgram, State
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.lang.types import INT_MAX
 from taskspec.spec.spaces import FLOAT_MAX, Layout, single
-from taskspec.spec.task import Component
-
-if TYPE_CHECKING:
-    from taskspec.backends.jax.functional import Functional
+from taskspec.spec.task import Component, Task
 
 Array = Any
 
@@ -26,13 +23,26 @@ class Params(NamedTuple):
     max_steps_in_episode: int
 
 
+class Functions(Protocol):
+    """What is adapted: `taskspec.backends.jax.functional.Functional`."""
+
+    task: Task
+    program: JaxProgram
+
+    @property
+    def name(self) -> str: ...
+    def reset(self, key: Array) -> tuple[Any, State]: ...
+    def step(self, state: State, action: Array) -> tuple[Any, State, Array, Array, dict[str, Array]]: ...
+    def step_env(self, state: State, action: Array) -> tuple[Any, State, Array, Array, dict[str, Array]]: ...
+
+
 class Gymnax:
     """`reset(key, params)` and `step(key, state, action, params)`; the key of `reset` is the seed, others are ignored.
 
     Finite observations and actions count from 0, since spaces of gymnax do.
     """
 
-    def __init__(self, functional: Functional) -> None:
+    def __init__(self, functional: Functions) -> None:
         task, program = functional.task, functional.program
         self._functional = functional
         self._seen, self._acted = program.observation, program.action
