@@ -14,10 +14,9 @@ from taskspec.diagnostics import Collector, Diagnostic, Span, suggest
 from taskspec.source import Document, Path
 from taskspec.spec.merge import Merged, variant_names
 from taskspec.spec.schema import fields, values
+from taskspec.spec.schema.models import FORMAT
 from taskspec.spec.schema.values import Problem
 from taskspec.spec.schema.variants import Spec
-
-FORMAT = 1
 
 # What belongs where pydantic found something else, by the type of its error.
 _EXPECTED = {

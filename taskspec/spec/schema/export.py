@@ -4,21 +4,27 @@ from __future__ import annotations
 
 from typing import Any
 
-from taskspec.spec.schema.fields import FORM
+from taskspec.scan import REQUIRED
+from taskspec.spec.schema.fields import FORM, NAMES
 from taskspec.spec.schema.values import SPACES
 from taskspec.spec.schema.variants import Spec
 
-_EXPRESSION = {"$ref": "#/$defs/Expression"}
+
+def _ref(title: str) -> dict[str, Any]:
+    return {"$ref": f"#/$defs/{title}"}
+
+
+_EXPRESSION = _ref("Expression")
 _TEXT = {"type": ["string", "number", "boolean"]}
 
 
-_BOUNDED = {
+_BOUNDED: dict[str, Any] = {
     "type": "object",
     "description": "An expression with declared bounds of its space.",
     "properties": {
         "value": {**_EXPRESSION, "description": "What is observed."},
-        "low": {**_EXPRESSION, "description": "Lowest value, inclusive; -inf for none."},
-        "high": {**_EXPRESSION, "description": "Highest value, inclusive; inf for none."},
+        "low": {**_ref("Bound"), "description": "Lowest value, inclusive; -inf for none."},
+        "high": {**_ref("Bound"), "description": "Highest value, inclusive; inf for none."},
     },
     "required": ["value"],
     "additionalProperties": False,
@@ -30,13 +36,18 @@ def _observation(form: str) -> dict[str, Any]:
         "title": "Observation",
         "description": "What the agent sees, as `name: expression`.",
         "type": "object",
+        "propertyNames": _ref("Name"),
         "properties": {
             "space": {
                 "description": "The kind of space: one box unless given, or Discrete for a single finite value.",
                 "enum": list(SPACES),
             }
         },
-        "additionalProperties": {"anyOf": [{"$ref": f"#/$defs/{form}"}, _BOUNDED]},
+        "additionalProperties": {
+            "if": {"type": "object", "required": ["value"], "propertyNames": {"enum": list(_BOUNDED["properties"])}},
+            "then": _BOUNDED,
+            "else": _ref(form),
+        },
     }
 
 
@@ -48,10 +59,10 @@ _FORMS: dict[str, Any] = {
         "(`if`, `then`, and a last `else`); a table (`by`, `rows`); or `{value: probability}`.",
         "anyOf": [
             {"type": ["string", "number", "boolean"], "description": "A formula or a number."},
-            {"$ref": "#/$defs/Cases"},
+            _ref("Cases"),
             {"type": "array", "items": _EXPRESSION, "description": "A vector of expressions."},
-            {"$ref": "#/$defs/Table"},
-            {"$ref": "#/$defs/Probabilities"},
+            _ref("Table"),
+            _ref("Probabilities"),
         ],
     },
     "Cases": {
@@ -66,7 +77,7 @@ _FORMS: dict[str, Any] = {
                 "then": _EXPRESSION | {"description": "The value in this case."},
                 "else": _EXPRESSION | {"description": "The value in all other cases; comes last."},
             },
-            "oneOf": [{"required": ["if", "then"]}, {"required": ["else"]}],
+            "oneOf": [{"required": ["if", "then"], "maxProperties": 2}, {"required": ["else"], "maxProperties": 1}],
         },
         "contains": {"required": ["else"]},
     },
@@ -88,7 +99,7 @@ _FORMS: dict[str, Any] = {
                 "deeper or the rows of the next; `else` is for all other values.",
                 "type": "object",
                 "minProperties": 1,
-                "additionalProperties": {"$ref": "#/$defs/Cell"},
+                "additionalProperties": _ref("Cell"),
             },
         },
     },
@@ -97,7 +108,7 @@ _FORMS: dict[str, Any] = {
         "description": "An expression, `{value: probability}`, or deeper rows.",
         "anyOf": [
             _EXPRESSION,
-            {"type": "object", "additionalProperties": {"$ref": "#/$defs/Cell"}},
+            {"type": "object", "minProperties": 1, "additionalProperties": _ref("Cell")},
         ],
     },
     "Probabilities": {
@@ -111,7 +122,9 @@ _FORMS: dict[str, Any] = {
     "Constant": {
         "title": "Constant",
         "description": "An expression, or a grid of letters.",
-        "anyOf": [{"$ref": "#/$defs/LetterGrid"}, _EXPRESSION],
+        "if": {"type": "object", "anyOf": [{"required": ["grid"]}, {"required": ["legend"]}]},
+        "then": _ref("LetterGrid"),
+        "else": _EXPRESSION,
     },
     "LetterGrid": {
         "title": "Grid of letters",
@@ -127,6 +140,7 @@ _FORMS: dict[str, Any] = {
             "legend": {
                 "description": "What each letter stands for.",
                 "type": "object",
+                "propertyNames": {"minLength": 1, "maxLength": 1},
                 "additionalProperties": _EXPRESSION,
             },
         },
@@ -135,12 +149,14 @@ _FORMS: dict[str, Any] = {
         "title": "Bound",
         "description": "A number, an expression, or a list of them for a vector.",
         "type": ["string", "number", "array"],
+        "items": _EXPRESSION,
     },
     "Shape": {
         "title": "Shape",
         "description": "Lengths, outermost first; `[]` is a single number.",
         "type": ["array", "integer", "string"],
-        "items": {"type": ["integer", "string"]},
+        "minimum": 0,
+        "items": {"type": ["integer", "string"], "minimum": 0},
     },
     "Labels": {
         "title": "Labels",
@@ -178,31 +194,42 @@ _FORMS: dict[str, Any] = {
 def json_schema() -> dict[str, Any]:
     """The JSON Schema (2020-12) of a spec. Every key has a description, for editors to show."""
     schema: dict[str, Any] = _linked(Spec.model_json_schema(by_alias=True))
-    definitions = {**_FORMS, **schema.pop("$defs")}
+    definitions = {
+        **_FORMS,
+        **{title: {"title": title, **form} for title, form in NAMES.items()},
+        **schema.pop("$defs"),
+    }
     for key in ("Parameters", "PartialParameters"):
         _type_extra_keys(definitions[key])
+    complete = {"anyOf": [{"required": list(REQUIRED)}, {"required": ["variants"]}]}  # or a variant may be
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
+        **complete,
         "title": "taskspec",
         "$defs": dict(sorted(definitions.items())),
     }
 
 
 def _linked(node: Any) -> Any:
-    """The same schema with every mark of a form replaced by a reference to it."""
+    """The same schema with every mark of a form, and every pattern of keys, replaced by a reference to it."""
     if isinstance(node, list):
         return [_linked(item) for item in node]
     if not isinstance(node, dict):
         return node
-    linked = {key: _linked(value) for key, value in node.items() if key != FORM}
-    return linked | {"$ref": f"#/$defs/{node[FORM]}"} if FORM in node else linked
+    linked = {key: _linked(value) for key, value in node.items() if key not in (FORM, "patternProperties")}
+    if FORM in node:
+        linked |= _ref(node[FORM])
+    for pattern, value in node.get("patternProperties", {}).items():
+        title = next(title for title, form in NAMES.items() if form["pattern"] == pattern)
+        linked |= {"propertyNames": _ref(title), "additionalProperties": _linked(value)}
+    return linked
 
 
 def _type_extra_keys(schema: dict[str, Any]) -> None:
     """Names with typed values: older versions of pydantic leave the type of extra keys out."""
     part = "Parameter" if schema["title"] == "Parameters" else "PartialParameter"
-    value: dict[str, Any] = {"$ref": f"#/$defs/{part}"}
+    value: dict[str, Any] = _ref(part)
     if part == "PartialParameter":
         value = {"anyOf": [value, {"type": "null"}]}
-    schema["additionalProperties"] = value
+    schema |= {"propertyNames": _ref("Name"), "additionalProperties": value}

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, WithJsonSchema
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, WithJsonSchema
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from taskspec.spec.schema import values
 from taskspec.spec.schema.values import Problem
@@ -36,6 +37,22 @@ def _refer(form: str) -> WithJsonSchema:
     return WithJsonSchema({FORM: form})
 
 
+@dataclass(frozen=True)
+class Shorthand:
+    """An annotation that lets a text stand for an entry with that one key."""
+
+    key: str
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_before_validator_function(self.entry, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [{"type": "string"}, handler(schema)]}
+
+    def entry(self, value: Any) -> Any:
+        return {self.key: value} if isinstance(value, str) else value
+
+
 def _check(check: Callable[[Any], Iterator[Problem]]) -> BeforeValidator:
     return BeforeValidator(_checked(check))
 
@@ -51,20 +68,34 @@ Setting: TypeAlias = Annotated[Any, _check(values.setting), _refer("Setting")]
 Observation: TypeAlias = Annotated[Any, _check(values.observation), _refer("Observation")]
 PartialObservation: TypeAlias = Annotated[Any, _check(values.partial_observation), _refer("PartialObservation")]
 
+LETTER, MORE = r"A-Za-z\u0080-\uffff", "0-9_"
+"""The characters of a name, for patterns: `\\w` is ASCII to an editor, so there every other character passes."""
+NAME = rf"(?!(?:{'|'.join(values.WORDS)})(?![{LETTER}{MORE}]))[{LETTER}][{LETTER}{MORE}]*"
+NAMES: dict[str, dict[str, Any]] = {
+    title: {"type": "string", "pattern": f"^{pattern}$", "patternErrorMessage": f"Not {what}."}
+    for title, pattern, what in (
+        ("Name", NAME, "a name: a letter, then letters, digits and `_`; no word of the language"),
+        ("PrimedName", f"{NAME}'", "the next value of a component: its name with a prime, `s'`"),
+        ("Definition", rf"{NAME}(\([{LETTER}{MORE}, ]+\))?", "a name, nor a function with the names of its arguments"),
+        ("Warning", f"({'|'.join(values.WARNINGS)})", "the code of a warning"),
+    )
+}
+"""What keys may be, by title; the message is an editor's."""
+
 Name: TypeAlias = Annotated[
     str,
     AfterValidator(_checked(values.name)),
-    WithJsonSchema({"type": "string", "pattern": r"^[^\W\d_]\w*$"}),
+    WithJsonSchema(NAMES["Name"]),
 ]
 Primed: TypeAlias = Annotated[
     str,
     AfterValidator(_checked(values.primed)),
-    WithJsonSchema({"type": "string", "pattern": r"^[^\W\d_]\w*'$"}),
+    WithJsonSchema(NAMES["PrimedName"]),
 ]
 Warned: TypeAlias = Annotated[
     str,
     AfterValidator(_checked(values.warning)),
-    WithJsonSchema({"type": "string", "pattern": f"^({'|'.join(values.WARNINGS)})$"}),
+    WithJsonSchema(NAMES["Warning"]),
 ]
 Reason: TypeAlias = Annotated[
     str,
@@ -74,5 +105,5 @@ Reason: TypeAlias = Annotated[
 Defined: TypeAlias = Annotated[
     str,
     AfterValidator(_checked(values.definition)),
-    WithJsonSchema({"type": "string", "pattern": r"^[^\W\d_]\w*(\([\w, ]+\))?$"}),
+    WithJsonSchema(NAMES["Definition"]),
 ]

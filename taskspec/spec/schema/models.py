@@ -5,10 +5,10 @@ Expressions stay plain data: what they say is the business of the expression lan
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from taskspec.spec.schema import values
 from taskspec.spec.schema.fields import (
@@ -25,11 +25,14 @@ from taskspec.spec.schema.fields import (
     Reason,
     Setting,
     Shape,
+    Shorthand,
     Warned,
     fail,
 )
 from taskspec.spec.schema.values import Problem
 
+FORMAT = 1
+"""The version of the format that is read here."""
 Kind = Literal["int", "real", "bool", "choice"]
 
 
@@ -53,8 +56,40 @@ class Typed(Strict):
     doc: str | None = Field(None, description="What it is, in a few words.")
 
 
+EXCLUDED = {
+    "int": ("values", "symbols"),
+    "real": ("values", "symbols"),
+    "bool": ("low", "high", "values", "symbols"),
+    "choice": ("low", "high"),
+}
+"""The keys that an entry of each type does not have."""
+DEFAULTS = {"int": ["integer", "string"], "real": ["number", "string"], "bool": ["boolean"], "choice": ["string"]}
+"""What the default of each type is written as, in JSON Schema's words; a text is a formula, or a label."""
+
+
+def _rules(then: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
+    """What follows from an entry's type, for the JSON Schema."""
+    return {
+        "allOf": [
+            {"if": {"required": ["type"], "properties": {"type": {"const": kind}}}, "then": then(kind)}
+            for kind in EXCLUDED
+        ]
+    }
+
+
+def _component_rule(kind: str) -> dict[str, Any]:
+    return {"properties": dict.fromkeys(EXCLUDED[kind], False), "required": ["values"] if kind == "choice" else []}
+
+
+def _parameter_rule(kind: str) -> dict[str, Any]:
+    rule = _component_rule(kind)
+    return rule | {"properties": {**rule["properties"], "default": {"type": DEFAULTS[kind]}}}
+
+
 class Parameter(Typed):
     """A knob of the task."""
+
+    model_config = ConfigDict(json_schema_extra=_rules(_parameter_rule))
 
     type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
     default: Setting = Field(description="The value when none is given.")
@@ -67,6 +102,8 @@ class Parameter(Typed):
 
 class Component(Typed):
     """A part of the state or of the action."""
+
+    model_config = ConfigDict(json_schema_extra=_rules(_component_rule))
 
     type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
     shape: Shape = Field(None, description="Lengths of a vector or matrix: `[L]`, `[2, 2]`. Without it: one number.")
@@ -81,13 +118,10 @@ class Component(Typed):
 
 
 def _typed_problems(entry: Typed, kind: Kind) -> Iterator[Problem]:
-    has_bounds = [key for key in ("low", "high") if getattr(entry, key) is not None]
-    has_labels = [k for k in ("values", "symbols") if getattr(entry, k, None) is not None]
-    if kind == "choice" and not has_labels:
+    if kind == "choice" and entry.values is None:
         hint = "list the labels: `values: [left, right]`"
         yield Problem("E203", (), "a choice needs `values`", hint, of_key=True)
-    wrong = {"choice": has_bounds, "bool": has_bounds + has_labels}.get(kind, has_labels)
-    for key in wrong:
+    for key in (key for key in EXCLUDED[kind] if getattr(entry, key, None) is not None):
         what = {"choice": "a choice", "bool": "a bool"}.get(kind, f"`type: {kind}`")
         yield Problem("E214", (key,), f"{what} has no `{key}`", None, of_key=True)
     low, high = entry.low, entry.high
@@ -148,11 +182,6 @@ class Parameters(BaseModel):
     def _check(self) -> Parameters:
         fail([problem for key in self.entries for problem in values.name(key, (key,))])
         return self
-
-
-def _as_entry(key: str) -> BeforeValidator:
-    """Lets a text stand for an entry with that one key."""
-    return BeforeValidator(lambda value: {key: value} if isinstance(value, str) else value)
 
 
 class Source(Strict):
@@ -236,7 +265,7 @@ class Sections(Strict):
     summary: str | None = Field(None, description="One sentence on the task.")
     description: str | None = Field(None, description="Markdown with $math$.")
     capability: str | None = Field(None, description="The one skill that the task isolates.")
-    sources: list[Annotated[Source, _as_entry("key")]] = Field(
+    sources: list[Annotated[Source, Shorthand("key")]] = Field(
         default_factory=list, description="Where the task comes from."
     )
     errata: list[Erratum] = Field(
@@ -284,7 +313,7 @@ class Sections(Strict):
         description="Action of the expert, per component; or `optimal`; or `soft(beta)`.",
     )
     roles: Roles | None = Field(None, description="Which variants expert and learner act in.")
-    claims: list[Annotated[Claim, _as_entry("claim")]] = Field(
+    claims: list[Annotated[Claim, Shorthand("claim")]] = Field(
         default_factory=list, description="Statements about exact results that must hold."
     )
     accept: dict[Warned, Reason] = Field(

@@ -19,6 +19,8 @@ _PIECE_KEYS = ("if", "then", "else")
 _TABLE_KEYS = ("by", "rows")
 _ENDLESS = ("no", "none", "null", "off", "never", "inf", "infinite", "infinity", "unlimited", "~")
 WARNINGS = tuple(code for code, entry in CODES.items() if entry.severity == "warning")
+WORDS = (*keyword.kwlist, "true", "false")
+"""What no name can be, being words of the language."""
 SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
 
 
@@ -62,7 +64,7 @@ def wrong_kind(expected: str, value: object, hint: str | None = None) -> Problem
 
 def name_problem(name: str) -> str | None:
     """Why a text cannot be a name in expressions, or None."""
-    if keyword.iskeyword(name) or name in ("true", "false"):
+    if name in WORDS:
         return f"`{name}` is a word of the language"
     if not name.isidentifier():
         return f"`{name}` is not a name: a letter, then letters, digits and `_`"
@@ -159,9 +161,8 @@ def _case(item: Any, is_last: bool) -> Iterator[Problem]:
     if "else" in item and ("if" in item or "then" in item):
         hint = "give `else` a dash of its own"
         yield Problem("E214", ("else",), "`else` stands alone", hint, of_key=True)
-    elif ("if" in item) != ("then" in item):
-        lacking = "then" if "if" in item else "if"
-        yield Problem("E203", (), f"this case has no `{lacking}`")
+    elif "else" not in item and (lacking := [key for key in ("if", "then") if key not in item]):
+        yield Problem("E203", (), f"this case has no `{lacking[0]}`")
 
 
 def _table(value: dict[str, Any]) -> Iterator[Problem]:
@@ -184,7 +185,7 @@ def _table(value: dict[str, Any]) -> Iterator[Problem]:
 
 def _rows(rows: dict[str, Any], depth: int) -> Iterator[Problem]:
     for key, cell in rows.items():
-        is_rows = isinstance(cell, dict) and not cell.keys() & set(_TABLE_KEYS)
+        is_rows = isinstance(cell, dict) and bool(cell) and not cell.keys() & set(_TABLE_KEYS)
         if depth == 1 and is_rows and "else" in cell:
             message, hint = "rows are nested deeper than `by` is long", "add to `by` what these rows look at"
             yield Problem("E208", (key,), message, hint)

@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 from taskspec.spec.schema import values
 from taskspec.spec.schema.fields import Name, PartialObservation, fail
 from taskspec.spec.schema.models import (
+    FORMAT,
     Component,
     Parameter,
     Parameters,
@@ -81,7 +82,7 @@ Variant = _partial(
 class Spec(Sections):
     """A task: one YAML file from which environments, exact models and documentation follow."""
 
-    taskspec: int = Field(description="Version of the format of this file: 1.")
+    taskspec: int = Field(description="Version of the format of this file: 1.", json_schema_extra={"const": FORMAT})
     name: Name = Field(description="Name of the task, and of its environments.")
     variants: dict[Name, Variant] = Field(  # type: ignore[valid-type]
         default_factory=dict,
