@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import NoReturn, TypeVar, assert_never
 
 from taskspec.diagnostics import Collector, nearest, suggest
-from taskspec.lang import calls, sets, tables
+from taskspec.lang import calls, comparisons, sets, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
@@ -24,7 +24,6 @@ CONSTANTS = {"pi": math.pi, "inf": math.inf}
 MAX_EXPANDED = 50_000
 _ARITHMETIC = {"+": "add", "-": "sub", "*": "mul", "/": "div", "//": "floordiv", "%": "mod"}
 _TRUTHS = {**dict.fromkeys(("yes", "on"), "write `true`"), **dict.fromkeys(("no", "off"), "write `false`")}
-_COMPARISON = {"==": "eq", "!=": "ne", "<": "lt", "<=": "le"}
 
 
 class Poisoned(Exception):
@@ -78,7 +77,7 @@ class Checker:
             case s.Unary() | s.Binary() | s.Logical():
                 return Value(self._operator(expr, scope))
             case s.Compare():
-                return Value(self._compare(expr, scope))
+                return Value(comparisons.compare(self, expr, scope))
             case s.IfElse(condition=condition, then=then, otherwise=otherwise):
                 return self.select([(condition, then)], otherwise, expr, scope, want)
             case s.Piecewise(branches=branches, otherwise=otherwise):
@@ -289,50 +288,6 @@ class Checker:
             case _:
                 assert_never(expr)
 
-    def _compare(self, expr: s.Compare, scope: Scope) -> Node:
-        sides = [expr.first, *(side for _, side in expr.rest)]
-        links = []
-        for (op, right), left in zip(expr.rest, sides, strict=False):
-            links.append(lambda op=op, left=left, right=right: self._link(op, left, right, expr, scope))
-        nodes = self.each(links)
-        result = nodes[0]
-        for node in nodes[1:]:
-            result = self.builder.apply("and", result, node)
-        return result
-
-    def _link(self, op: str, left: s.Expr, right: s.Expr, expr: s.Expr, scope: Scope) -> Node:
-        b = self.builder
-        if op in ("in", "not in"):
-            found = sets.member(self, left, right, scope)
-            return b.apply("not", found) if op == "not in" else found
-        if op in ("==", "!="):
-            one, other = self.alike(left, right, scope)
-            if one.domain is not None and one.domain == other.domain:
-                return b.apply(_COMPARISON[op], one.node, other.node)
-            nodes = [self.number_of(one, left), self.number_of(other, right)]
-        else:
-            nodes = self.numerics((left, right), scope)
-        if op in (">", ">="):
-            nodes.reverse()
-            op = {">": "<", ">=": "<="}[op]
-        return b.apply(_COMPARISON[op], *nodes)
-
-    def alike(self, left: s.Expr, right: s.Expr, scope: Scope) -> tuple[Value, Value]:
-        """Two values to compare: a label on one side belongs to the choice on the other."""
-        if self._may_be_label(left, scope) and not self._may_be_label(right, scope):
-            other = self.value(right, scope)
-            return self.value(left, scope, other.domain), other
-        try:
-            one = self.value(left, scope)
-        except Poisoned:
-            if not (self._may_be_label(right, scope) and scope.is_label(_word(right))):
-                self.value(right, scope)
-            raise
-        return one, self.value(right, scope, one.domain)
-
-    def _may_be_label(self, expr: s.Expr, scope: Scope) -> bool:
-        return isinstance(expr, s.Quoted) or (isinstance(expr, s.Name) and scope.lookup(expr.written) is None)
-
     def select(
         self,
         branches: Iterable[tuple[s.Expr, s.Expr]],
@@ -381,10 +336,6 @@ class Checker:
             self.fail("E307", expr, "the elements of this vector have different shapes",
                       "`concat(x, y)` lays vectors end to end")  # fmt: skip
         return self.builder.structure("vector", nodes)
-
-
-def _word(expr: s.Expr) -> str:
-    return expr.value if isinstance(expr, s.Quoted) else expr.id if isinstance(expr, s.Name) else ""
 
 
 def _article(type: Type) -> str:

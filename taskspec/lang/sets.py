@@ -62,10 +62,9 @@ def _table(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) ->
     return b.structure("vector", list(dict.fromkeys(b.cast(n, kind) for n in nodes))), domain
 
 
-def member(checker: Checker, left: s.Expr, right: s.Expr, scope: Scope) -> Node:
-    """`x in {a, b}`, `x in (a, b)` or `x in {y for y in ...}`."""
+def member(checker: Checker, value: Value, left: s.Expr, right: s.Expr, scope: Scope) -> Node:
+    """`x in {a, b}`, `x in (a, b)` or `x in {y for y in ...}`, for the value of `x`, written as `left`."""
     b = checker.builder
-    value = checker.value(left, scope)
     if isinstance(right, s.Vector):
         right = s.SetOf(right.items, right.place)
     if isinstance(right, s.Call) and right.function in ("range", "box"):

@@ -1,0 +1,91 @@
+"""Comparisons, chained ones included: every side is worked out once, so that what it draws is one draw."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from taskspec.lang import sets
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Node
+from taskspec.lang.scope import Scope, Value
+from taskspec.lang.types import Domain
+
+if TYPE_CHECKING:
+    from taskspec.lang.check import Checker
+
+_OPERATORS = {"==": "eq", "!=": "ne", "<": "lt", "<=": "le"}
+_TURNED = {">": "<", ">=": "<="}
+
+
+def compare(checker: Checker, expr: s.Compare, scope: Scope) -> Node:
+    """`a < b == c`: every pair of neighbours compared, and all of it must hold."""
+    sides = [_Side(checker, side, scope) for side in (expr.first, *(side for _, side in expr.rest))]
+    signs = [op for op, _ in expr.rest]
+    links = zip(signs, sides, sides[1:], strict=False)
+    result, *others = checker.each([partial(_link, *link) for link in links])
+    for node in others:
+        result = checker.builder.apply("and", result, node)
+    return result
+
+
+class _Side:
+    """One side of a comparison, worked out once. A word that may be a label means what its neighbour makes of it."""
+
+    def __init__(self, checker: Checker, expr: s.Expr, scope: Scope) -> None:
+        self.checker, self.expr, self.scope = checker, expr, scope
+        self.word = expr.value if isinstance(expr, s.Quoted) else expr.id if isinstance(expr, s.Name) else ""
+        self.may_be_label = isinstance(expr, s.Quoted) or (
+            isinstance(expr, s.Name) and scope.lookup(expr.written) is None
+        )
+        self._found: list[Value | None] = []
+
+    def check(self, want: Domain | None = None) -> Value | None:
+        """The value beside a neighbour of the domain `want`, the first one if there are two; None when it is broken."""
+        if self.may_be_label:
+            return self.checker.check(self.expr, self.scope, want)
+        if not self._found:
+            self._found.append(self.checker.check(self.expr, self.scope, want))
+        return self._found[0]
+
+    def value(self, want: Domain | None = None) -> Value:
+        """The same.
+
+        Raises:
+            Poisoned: when it is broken.
+        """
+        return self.check(want) or self.checker.poison()
+
+    def number(self) -> Node:
+        return self.checker.number_of(self.value(), self.expr)
+
+
+def _link(op: str, left: _Side, right: _Side) -> Node:
+    checker = left.checker
+    if op in ("in", "not in"):
+        found = sets.member(checker, left.value(), left.expr, right.expr, right.scope)
+        return checker.builder.apply("not", found) if op == "not in" else found
+    if op in ("==", "!="):
+        one, other = _alike(left, right)
+        if one.domain is not None and one.domain == other.domain:
+            return checker.builder.apply(_OPERATORS[op], one.node, other.node)
+        nodes = [checker.number_of(one, left.expr), checker.number_of(other, right.expr)]
+    else:
+        nodes = checker.each([left.number, right.number])
+    if op in _TURNED:
+        nodes.reverse()
+        op = _TURNED[op]
+    return checker.builder.apply(_OPERATORS[op], *nodes)
+
+
+def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
+    """Two values to compare: a label on one side belongs to the choice on the other."""
+    if left.may_be_label and not right.may_be_label:
+        other = right.value()
+        return left.value(other.domain), other
+    one = left.check()
+    if one is None:
+        if not (right.may_be_label and right.scope.is_label(right.word)):
+            right.check()
+        left.checker.poison()
+    return one, right.value(one.domain)
