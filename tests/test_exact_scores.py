@@ -80,8 +80,9 @@ def test_a_table_a_function_and_returns_are_scored() -> None:
     assert exact.score(task, np.full((2, 4), 0.5)).normalised == pytest.approx(0)
     assert exact.score(task, np.full((5, 2, 4), 0.5)).normalised == pytest.approx(0)
     assert exact.score(task, lambda state, t: {"a": 0 * state["s"]}).value == Return(4.0)
-    found = exact.score(task, [4.0, 4.0, -300.0])
+    found = exact.score(task, returns=[4.0, 4.0, -300.0])
     assert found.value.episodes == 3
+    assert found.asked == "returns"
     with pytest.raises(ValueError, match="probabilities of the actions"):
         exact.score(task, np.full((2, 4), 0.4))
     with pytest.raises(SpecError, match="E706"):

@@ -87,7 +87,7 @@ def score(
 
     found = task_of(task, variant, parameters or [])
     known = None if scores is None else _known(scores, found)
-    result = exact.score(found, read_returns(returns), known=known)
+    result = exact.score(found, returns=read_returns(returns), known=known)
     if json:
         low, high = result.interval()
         record = result.scores.record()

@@ -13,6 +13,11 @@ def refuse(message: str, hint: str | None = None) -> NoReturn:
     raise SpecError([Diagnostic("E712", None, message, hint)])
 
 
+def misused(message: str, hint: str | None = None) -> NoReturn:
+    """Raise: a function was not called as it can be (E713)."""
+    raise SpecError([Diagnostic("E713", None, message, hint)])
+
+
 def scipy_sparse() -> Any:
     """`scipy.sparse`, imported on first use.
 

@@ -3,38 +3,72 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exact import solve
-from taskspec.exact.failure import refuse
+from taskspec.exact.asking import ASKS, Asked
+from taskspec.exact.failure import misused, refuse
 from taskspec.exact.model import Model
 from taskspec.exact.plans import Plan, stationary, timed
 from taskspec.exact.returns import Results, Return
 from taskspec.exact.rollout import State
-from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Read, Role, draws, reads
+from taskspec.lang.ir import Read, Role
 from taskspec.spec import spaces
 from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
+Asking = Literal["probabilities", "actions", "samples"]
+"""What the value of a policy rests on: its probabilities of actions, its actions where they are always the same, or episodes."""
 
 
-def policy_value(task: Task, policy: Any, episodes: int, seed: int) -> Return:
+@dataclass(frozen=True, slots=True)
+class Valued:
+    """The expected return of a policy, and in which way the policy was asked."""
+
+    value: Return
+    asked: Asking
+
+
+def policy_value(task: Task, policy: Any, deterministic: bool | None, episodes: int, seed: int) -> Valued:
     """The expected return of a policy: exact where the task has a model and the policy can be tabulated on it."""
     results = Results(task, episodes, seed)
     model = results.model
     if isinstance(policy, np.ndarray | list | tuple):
-        if model is None:
-            refuse(f"a table of actions needs an exact model: {results.why_not}")
-        return Return(solve.policy_return(model, plan_of_table(model, np.asarray(policy))))
+        return _tabulated(policy, results)
+    if isinstance(policy, Expert) and not deterministic:
+        return _as_expert(policy, results)
     if hasattr(policy, "predict"):
-        return _predicted(task, policy, results)
+        return _predicted(Asked(task, policy, deterministic), results)
+    if not callable(policy):
+        misused(f"{type(policy).__name__} is no policy", "a table, a function, or an object with `predict`")
     if model is not None and model.task is task:
-        return Return(solve.policy_return(model, plan_of_function(model, policy)))
-    return results.simulated(lambda state, t, rng: policy(state, t))
+        try:
+            return Valued(Return(solve.policy_return(model, plan_of_function(model, policy))), "actions")
+        except _Varies:
+            pass
+    return Valued(results.simulated(lambda state, t, rng: policy(state, t)), "samples")
+
+
+def _tabulated(table: Any, results: Results) -> Valued:
+    model, array = results.model, np.asarray(table)
+    if array.ndim == 1 and array.dtype.kind == "f":
+        misused("a list of reals is no policy", "returns of episodes are given as `score(task, returns=[...])`")
+    if model is None:
+        refuse(f"a table of actions needs an exact model: {results.why_not}")
+    plan = plan_of_table(model, array)
+    return Valued(Return(solve.policy_return(model, plan)), "probabilities" if array.dtype.kind == "f" else "actions")
+
+
+def _as_expert(expert: Expert, results: Results) -> Valued:
+    """The expert knows its own return, and the probabilities behind its actions."""
+    value = results.expert
+    if value is None:
+        refuse(f"the expert of {expert.task.name} has no return: {results.why_not}")
+    return Valued(value, "probabilities" if value.exact else "samples")
 
 
 def plan_of_table(model: Model, table: Array) -> Plan:
@@ -50,14 +84,28 @@ def plan_of_table(model: Model, table: Array) -> Plan:
     return stationary(table) if table.ndim == 2 else timed(list(table))
 
 
-def plan_of_function(model: Model, policy: Callable[[State, int], Mapping[str, Any]]) -> Plan:
-    """A function from states by component, (*shape, S), and the time to actions by component."""
+class _Varies(Exception):
+    """A policy does not give the same actions each time it is asked about the same states."""
 
-    def at(t: int) -> Array:
-        states = {name: v for (role, name), v in model.reads(t).items() if role is Role.STATE}
+
+def plan_of_function(model: Model, policy: Callable[[State, int], Mapping[str, Any]]) -> Plan:
+    """A function from states by component, (*shape, S), and the time to actions by component.
+
+    Raises:
+        _Varies: when its actions are not always the same.
+    """
+
+    def ask(t: int) -> Array:
+        states = {name: v.copy() for (role, name), v in model.reads(t).items() if role is Role.STATE}
         chosen = policy(states, t)
         values = [np.asarray(chosen[c.name]) for c in model.actions.components]
         return one_hot(model, [np.broadcast_to(v, (*v.shape[:-1], model.n_states)) for v in values])
+
+    def at(t: int) -> Array:
+        first = ask(t)
+        if any(not np.array_equal(first, ask(t)) for _ in range(ASKS - 1 if t == 0 else 1)):
+            raise _Varies
+        return first
 
     return at
 
@@ -73,45 +121,61 @@ def one_hot(model: Model, values: list[Array]) -> Array:
     return table
 
 
-# -- observations ---------------------------------------------------------------------------------
+# -- objects with `predict` -----------------------------------------------------------------------
 
 
-def _predicted(task: Task, policy: Any, results: Results) -> Return:
+def _predicted(asked: Asked, results: Results) -> Valued:
     """The value of an object with `predict`, asked about every state at once, or in episodes."""
     model = results.model
-    if model is None or model.task is not task or draws(task.observation.nodes):
-        return results.simulated(lambda state, t, rng: _ask(task, policy, state, t, rng))
-    timed_ = any(role is Role.TIME for role, _ in reads(task.observation.nodes))
-    states = {name: v for (role, name), v in model.reads().items() if role is Role.STATE}
+    if model is not None and model.task is asked.task and (asked.sees_state_alone or asked.sees_time):
+        for way in _ANSWERS:
+            plan = _plan(asked, model, _ANSWERS[way])
+            if plan is not None:
+                return Valued(Return(solve.policy_return(model, plan)), way)
+    memory: list[Any] = [None]
 
-    def at(t: int) -> Array:
-        chosen = _ask(task, policy, states, t, np.random.default_rng(0))
-        return one_hot(model, [chosen[c.name] for c in model.actions.components])
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        actions, memory[0] = asked.actions(state, t, rng, None if t == 0 else memory[0], start=t == 0)
+        return actions
 
-    return Return(solve.policy_return(model, at if timed_ else stationary(at(0))))
+    return Valued(results.simulated(choose), "samples")
 
 
-def _ask(task: Task, policy: Any, state: State, t: int, rng: np.random.Generator) -> dict[str, Array]:
-    """The policy's actions for a batch of states."""
-    from taskspec.draws.batched import batch_sampler
-    from taskspec.draws.layout import Layout
-    from taskspec.exact.rollout import reads_of
+def _plan(asked: Asked, model: Model, answer: Callable[[Asked, Model, int], Array | None]) -> Plan | None:
+    """The policy's answers for all states as a plan; None where there is one of no such kind."""
+    horizon = model.task.horizon
+    if asked.sees_state_alone:
+        table = answer(asked, model, 0)
+        return None if table is None else stationary(table)
+    if horizon is None:
+        return None
+    tables = [answer(asked, model, t) for t in range(horizon)]
+    known = [table for table in tables if table is not None]
+    return timed(known) if len(known) == len(tables) else None
 
-    lanes = next(iter(state.values())).shape[-1]
-    layout = Layout.of(task.observation.nodes)
-    words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
-    values = evaluate(task.observation.nodes, reads_of(state, {}, t), batch_sampler(layout, words))
-    flat = [np.broadcast_to(v, (*v.shape[:-1], lanes)).reshape(-1, lanes).T for v in values]
-    seen, done = spaces.observation_layout(task), spaces.action_layout(task)
-    packed = [spaces.pack(seen, [tuple(row[i].tolist()) for row in flat]) for i in range(lanes)]
-    batch = (
-        {k: np.stack([p[k] for p in packed]) for k in packed[0]} if isinstance(packed[0], dict) else np.stack(packed)
-    )
-    actions = np.asarray(policy.predict(batch, deterministic=True)[0])
-    rows = [spaces.unpack(done, action) for action in actions]
-    return {
-        c.name: np.array([row[i] for row in rows]).T.reshape(*c.type.shape, lanes) for i, c in enumerate(task.action)
-    }
+
+def _chances(asked: Asked, model: Model, t: int) -> Array | None:
+    found = asked.probabilities(_states(model), t)
+    if found is None:
+        return None
+    wanted = (model.n_actions, model.n_states)
+    if found.shape != wanted or not np.allclose(found.sum(axis=0), 1) or (found < 0).any():
+        misused(
+            f"`action_probabilities` gives rows of {wanted[0]} probabilities that sum to 1, one for each observation"
+        )
+    return found
+
+
+def _constant(asked: Asked, model: Model, t: int) -> Array | None:
+    chosen = asked.constant_actions(_states(model), t)
+    return None if chosen is None else one_hot(model, [chosen[c.name] for c in model.actions.components])
+
+
+_ANSWERS: dict[Asking, Callable[[Asked, Model, int], Array | None]] = {"probabilities": _chances, "actions": _constant}
+
+
+def _states(model: Model) -> State:
+    return {name: v for (role, name), v in model.reads().items() if role is Role.STATE}
 
 
 class Expert:

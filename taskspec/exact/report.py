@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,12 +14,15 @@ from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
 from taskspec.exact.abstraction import unfaithful
 from taskspec.exact.accept import Accepted, idle, set_aside
 from taskspec.exact.claims import Verdict, verdicts
-from taskspec.exact.failure import is_installed
+from taskspec.exact.failure import is_installed, misused
 from taskspec.exact.lint import sense
 from taskspec.exact.points import Method
 from taskspec.exact.returns import EPISODES, Results, Return, normalised
 from taskspec.exact.soundness import check_ranges, examine
 from taskspec.spec.task import Task
+
+if TYPE_CHECKING:
+    from taskspec.exact.policies import Asking
 
 Array = np.ndarray[Any, Any]
 MODERATE = 4_000_000
@@ -172,11 +175,16 @@ def scores(task: Task, episodes: int = EPISODES, seed: int = 0) -> Scores:
 
 @dataclass(frozen=True)
 class Score:
-    """A policy's return and its place between random actions (0) and the expert (1)."""
+    """A policy's return and its place between random actions (0) and the expert (1).
+
+    `asked` says what the return rests on: the policy's "probabilities" of actions, its "actions" where they are always the same,
+    "samples" of them in episodes, or "returns" that were given. Only the first two can be exact.
+    """
 
     value: Return
     normalised: float
     scores: Scores
+    asked: Asking | Literal["returns"]
 
     def interval(self, confidence: float = 0.95) -> tuple[float, float]:
         """The confidence interval of the normalised score."""
@@ -184,29 +192,51 @@ class Score:
         return self.scores.normalise(low), self.scores.normalise(high)
 
 
-def score(task: Task, policy: Any, episodes: int = EPISODES, seed: int = 0, known: Scores | None = None) -> Score:
-    """The score of a policy or of the returns of its episodes.
+def score(
+    task: Task,
+    policy: Any = None,
+    *,
+    returns: Sequence[float] | None = None,
+    deterministic: bool | None = None,
+    episodes: int = EPISODES,
+    seed: int = 0,
+    known: Scores | None = None,
+) -> Score:
+    """The score of a policy, or of the returns of its episodes.
 
     Args:
-        policy: returns of episodes (a sequence of numbers); a table of probabilities (A, S) or
-            (T, A, S), or of actions (S,), in the order of the exact model; a function from the state
-            by component (arrays, batch axis last) and the time to actions by component; or an object
-            with `predict(observation, ...)`, as Stable-Baselines3 models have.
+        policy: a table of probabilities (A, S) or (T, A, S), or of actions (S,) or (T, S), in the order of the exact model; a
+            function from the state by component (arrays, batch axis last) and the time to actions by component; or an object
+            with `predict(observations, ...)`, as models of Stable-Baselines3 are. Where such an object tells probabilities, as
+            `action_probabilities(observations)` of shape (N, A) or as Stable-Baselines3 does, the stochastic policy is scored.
+        returns: of episodes, instead of a policy.
+        deterministic: True scores the deterministic version of an object with `predict`, False what it samples; None what the
+            policy is by itself.
+        episodes: how many, where the policy has to be simulated.
+        seed: of these episodes.
         known: scores that were worked out before.
+
+    Raises:
+        SpecError: E706 for actions outside the action space, E712 where an exact model is needed and there is none, E713 for what
+            is no policy.
     """
     from taskspec.exact.policies import policy_value
 
+    if (policy is None) == (returns is None):
+        misused("`score` takes a policy, or `returns=` of episodes")
     measured = known or scores(task, episodes, seed)
-    if is_returns(policy):
-        value = Return.estimated(np.asarray(policy, dtype=np.float64))
-    else:
-        value = policy_value(task, policy, episodes, seed)
-    return Score(value, measured.normalise(value.value), measured)
+    if returns is not None:
+        value = Return.estimated(_numbers(returns))
+        return Score(value, measured.normalise(value.value), measured, "returns")
+    found = policy_value(task, policy, deterministic, episodes, seed)
+    return Score(found.value, measured.normalise(found.value.value), measured, found.asked)
 
 
-def is_returns(policy: Any) -> bool:
-    """Whether a policy is given by the returns of its episodes: a flat sequence of reals."""
-    if not isinstance(policy, Sequence | np.ndarray) or isinstance(policy, str):
-        return False
-    array = np.asarray(policy)
-    return array.ndim == 1 and array.dtype.kind == "f"
+def _numbers(returns: Sequence[float]) -> Array:
+    try:
+        array = np.asarray(returns, np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros((0, 0))
+    if array.ndim != 1 or not array.size:
+        misused("`returns` is a list of numbers, one for each episode")
+    return array
