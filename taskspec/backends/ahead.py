@@ -19,6 +19,7 @@ from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
+from taskspec.lang.ir import draws as draws_below
 
 Array = np.ndarray[Any, Any]
 WORDS = 65_536
@@ -98,12 +99,12 @@ class Ahead:
 class Ready:
     """The start of the next episode of every lane, worked out for many lanes at once and copied when one ends."""
 
-    def __init__(self, roots: Sequence[Node], buffers: Buffers) -> None:
+    def __init__(self, roots: Sequence[Node], layout: Layout, buffers: Buffers) -> None:
         # What is observed at first is often the state itself: such values are kept once.
         self._roots, self._buffers = tuple(dict.fromkeys(roots)), buffers
         self._places = [self._roots.index(root) for root in roots]
-        self._layout = Layout.of(roots)
-        self.fixed = not self._layout.count
+        self._layout = layout
+        self.fixed = not draws_below(roots)
         lanes = 1 if self.fixed else buffers.lanes
         first = evaluated(self._roots, self._layout, np.zeros((self._layout.count, 1), np.uint32))
         self._held = [np.broadcast_to(v, (*v.shape[:-1], lanes)).copy() for v in first]

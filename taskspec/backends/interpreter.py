@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from taskspec import draws
-from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
@@ -27,10 +26,7 @@ class Interpreter:
         self.state: list[Flat] = []
         self._reset_roots = (*task.initial, *task.first_observation)
         self._step_roots = (*task.next, task.reward, task.terminal, *task.next_observation)
-        self._reset_layout, self._step_layout = (
-            Layout.of(self._reset_roots),
-            Layout.of(self._step_roots),
-        )
+        self._reset_layout, self._step_layout = task.reset_words, task.step_words
 
     def reset(self) -> list[Flat]:
         """The first observation of the next episode."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from taskspec.draws.layout import row_table
 from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, reads, rewrite, walk
 from taskspec.spec.task import Task
 
@@ -98,10 +99,14 @@ def _fixed(roots: Sequence[Node], frozen: frozenset[str]) -> dict[int, bool]:
 
 
 def _maximal(roots: Sequence[Node], fixed: dict[int, bool]) -> list[Node]:
-    """The largest fixed operations that the rest refers to; a bare read or constant is not worth a variable."""
+    """The largest fixed operations that the rest refers to; a bare read or constant is not worth a variable.
+
+    Rows of a table that a draw looks up stay as they are: their probabilities are exact only while they are known as such.
+    """
     found: dict[int, Node] = {}
-    users = [*roots, *(c for n in walk(roots) if not fixed[id(n)] for c in children(n))]
+    rows = {id(d.args[0]): d.args[0] for d in walk(roots) if isinstance(d, Draw) and d.args and row_table(d.args[0])}
+    users = [*roots, *(c for n in walk(roots) if not fixed[id(n)] or id(n) in rows for c in children(n))]
     for node in users:
-        if fixed[id(node)] and isinstance(node, Apply):
+        if fixed[id(node)] and isinstance(node, Apply) and id(node) not in rows:
             found[id(node)] = node
     return list(found.values())

@@ -258,10 +258,11 @@ class KernelLane(Lane):
 
     def _poisson(self, node: Draw, words: Sequence[str]) -> list[str]:
         rate, bound = node.args[0], poisson_bound(node)
-        if not isinstance(rate, Const):
+        if bound is not None:
             arguments = f"{bound!r}, {poisson_terms(bound)}"
             groups = zip(self._groups(node, words), self._arguments(node), strict=True)
             return [f"i32(poisson({g}, {r}, {arguments}))" for g, r in groups]
+        assert isinstance(rate, Const)
         rates = rate.flat * len(words) if len(rate.flat) == 1 else rate.flat
         tables = [poisson_table(float(r)) for r in rates]
         named = [(first, self._array(np.array(limits, np.int64))) for first, limits in tables]

@@ -8,7 +8,6 @@ from typing import Any
 
 from taskspec.backends.hoist import compared
 from taskspec.backends.vector import Mode
-from taskspec.draws.layout import Layout as WordLayout
 from taskspec.lang.types import Kind
 from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Component, Task
@@ -75,10 +74,10 @@ class Program:
     def __post_init__(self) -> None:
         b = self.task.builder
         roots = (*self.task.next, self.task.reward, self.task.terminal, *self.task.next_observation)
-        self.step_words = WordLayout.of(roots)
+        self.step_words = self.task.step_words
         self.step = compared(b, roots)
         start = (*self.task.initial, *self.task.first_observation)
-        self.reset_words = WordLayout.of(start)
+        self.reset_words = self.task.reset_words
         self.start = compared(b, start)
         most = max(self.step_words.count, self.reset_words.count, 1)
         self.block = max(64, min(BLOCK, SCRATCH // (8 * most) // 64 * 64))

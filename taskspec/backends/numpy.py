@@ -26,6 +26,7 @@ from taskspec.draws import finite, variates
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
+from taskspec.lang.ir import draws as draws_below
 from taskspec.spec.spaces import Layout, action_layout, observation_layout
 from taskspec.spec.task import Task
 
@@ -58,7 +59,7 @@ def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     """Generate and compile the array form of a task."""
     b, observation = task.builder, observation_layout(task)
     roots = (*task.next, task.reward, task.terminal, *task.next_observation)
-    hoisted = hoist(b, roots, WordLayout.of(roots))
+    hoisted = hoist(b, roots, task.step_words)
     table = tabulate(b, hoisted.roots)
     start = (*task.initial, *task.first_observation)
     again = _again(start, len(task.state), observation) if mode == "same_step" else None
@@ -75,10 +76,9 @@ def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
 
 def _again(start: tuple[Node, ...], states: int, observation: Layout) -> Again | None:
     """How episodes begin, if all do alike."""
-    layout = WordLayout.of(start)
-    if layout.count:
+    if draws_below(start):
         return None
-    values = evaluated(start, layout, np.zeros((0, 1), np.uint32))
+    values = evaluated(start, WordLayout.dealt(()), np.zeros((0, 1), np.uint32))
     seen = Values.empty(observation, 1)
     write(seen, values[states:], np.arange(1))
     return Again(tuple(values[:states]), seen.parts)
@@ -159,7 +159,7 @@ class _Block:
     def __init__(self, module: Module, buffers: Buffers, place: slice, options: Options) -> None:
         self.lanes, self.place = buffers.lanes, place
         self._buffers, self._module = buffers, module
-        self._ahead, self._start = Ahead(module.hoisted, buffers), Ready(module.start, buffers)
+        self._ahead, self._start = Ahead(module.hoisted, buffers), Ready(module.start, module.task.reset_words, buffers)
         self._state_size = len(module.task.state)
         rows = observed(buffers.seen)
         self._step = module.bind(

@@ -41,10 +41,16 @@ class Phase:
     row_parts: tuple[tuple[int, Node], ...]  # offset and node of what is filled in for a whole block
 
     @classmethod
-    def of(cls, task: Task, roots: Sequence[Node], observation: Sequence[Node], layout: ValueLayout) -> Phase:
+    def of(
+        cls,
+        task: Task,
+        roots: Sequence[Node],
+        observation: Sequence[Node],
+        layout: ValueLayout,
+        words: Layout,
+    ) -> Phase:
         """Split a phase of a task."""
         everything = (*roots, *observation)
-        words = Layout.of(everything)
         free = _free(everything)
         rows = layout.form == "box" and bool(layout.shape) and bool(observation)
         parts, inner = _row_parts(observation, free) if rows else ((), list(observation))

@@ -20,7 +20,6 @@ from taskspec.backends import scalars
 from taskspec.backends.emit import Parts, generate
 from taskspec.backends.invariant import Invariants, changing, cold_components
 from taskspec.backends.phase import Phase
-from taskspec.draws.layout import Layout as DrawLayout
 from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
 from taskspec.spec.spaces import Layout, action_layout, observation_layout, pack, singles
@@ -73,7 +72,7 @@ class Scalar:
 
     def replay(self, seed: int, clock: Clock) -> list[Any]:
         """The component values that the last reset gave."""
-        layout = DrawLayout.of((*self.task.initial, *self.task.first_observation))
+        layout = self.task.reset_words
         words = draws.words(seed, draws.RESET, clock.episodes - 1, layout.count)
         flats = evaluate(self.task.initial, {}, sampler(layout, words))
         return [flat if c.type.shape else flat[0] for c, flat in zip(self.task.state, flats, strict=True)]
@@ -105,8 +104,8 @@ def compile_scalar(task: Task) -> Scalar:
     seen = () if invariants.observation else invariants.replaced(task, task.next_observation)
     cold = cold_components(task, (*changing(task, roots), *seen))
     initial = [task.builder.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
-    reset = Phase.of(task, (*initial, *invariants.at_reset), task.first_observation, observation)
-    step = Phase.of(task, roots, seen, observation)
+    reset = Phase.of(task, (*initial, *invariants.at_reset), task.first_observation, observation, task.reset_words)
+    step = Phase.of(task, roots, seen, observation, task.step_words)
     source, constants = generate(Parts(task, invariants, cold, reset, step, observation, action))
     file = f"<taskspec {task.id} {task.content_hash[:12]}>"
     namespace = {

@@ -53,13 +53,14 @@ def _gamma(draw: Draw, args: list[Array], words: Array) -> Array:
 
 
 def _poisson(draw: Draw, args: list[Array], words: Array) -> Array:
-    rates = draw.args[0]
-    if isinstance(rates, Const):
+    rates, bound = draw.args[0], poisson_bound(draw)
+    if bound is None:
+        assert isinstance(rates, Const)
         flat = rates.flat * (draw.type.size if rates.type.is_scalar else 1)
         tables = [draws.poisson_table(float(r)) for r in flat]
         rows = [first + draws.categoricals(w, t).astype(np.int64) for (first, t), w in zip(tables, words, strict=True)]
         return np.stack(rows)
-    return draws.poissons(_grouped(draw, words), _rows(draw, args[0]), poisson_bound(draw)).astype(np.int64)
+    return draws.poissons(_grouped(draw, words), _rows(draw, args[0]), bound).astype(np.int64)
 
 
 def _index(draw: Draw, args: list[Array], words: Array) -> Array:

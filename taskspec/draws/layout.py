@@ -1,6 +1,8 @@
 """Which random words a draw takes: the words of a phase, dealt out to its draws in the order they were written.
 
-A step and a reset are phases of their own; each has a `Layout` over the draws below its roots.
+A step and a reset are phases of their own. Each has a `Layout` (`Task.step_words`, `Task.reset_words`) over all the draws that
+its sections write, those included whose values turn out not to matter: what a word is for depends on the text of the spec alone,
+and on no simplification.
 """
 
 from __future__ import annotations
@@ -21,14 +23,16 @@ def words_of(draw: Draw) -> int:
             return draws.normal_words(size)
         case "gamma":
             return draws.GAMMA_WORDS * size
-        case "poisson" if not isinstance(draw.args[0], Const):
-            return draws.poisson_words(poisson_bound(draw)) * size
+        case "poisson" if (bound := poisson_bound(draw)) is not None:
+            return draws.poisson_words(bound) * size
         case _:
             return size
 
 
-def poisson_bound(draw: Draw) -> float:
-    """The largest rate of a Poisson draw, fixed when the task is built."""
+def poisson_bound(draw: Draw) -> float | None:
+    """The largest rate of a Poisson draw, fixed when the task is built; None where the spec gives the rate as a constant."""
+    if len(draw.args) == 1:
+        return None
     bound = draw.args[1]
     assert isinstance(bound, Const)
     return float(bound.value)
@@ -53,7 +57,13 @@ class Layout:
 
     @classmethod
     def of(cls, roots: Iterable[Node]) -> Layout:
-        found, first, count = draws_below(roots), {}, 0
+        """The layout of the draws that some expressions are made of."""
+        return cls.dealt(draws_below(roots))
+
+    @classmethod
+    def dealt(cls, draws: Iterable[Draw]) -> Layout:
+        """Words for each of the draws, in the order of their sites."""
+        found, first, count = tuple(sorted(draws, key=lambda d: d.site)), {}, 0
         for draw in found:
             first[draw.site] = count
             count += words_of(draw)

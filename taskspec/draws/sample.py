@@ -41,10 +41,10 @@ def _gamma(draw: Draw, args: list[Flat], words: Words) -> Flat:
 def _poisson(draw: Draw, args: list[Flat], words: Words) -> Flat:
     n = draw.type.size
     rates = _stretch(args[0], n)
-    if isinstance(draw.args[0], Const):
+    bound = poisson_bound(draw)
+    if bound is None:
         tables = [draws.poisson_table(float(rate)) for rate in rates]
         return tuple(f + draws.categorical(w, t) for (f, t), w in zip(tables, words, strict=False))
-    bound = poisson_bound(draw)
     step = draws.poisson_words(bound)
     return tuple(draws.poisson(words[step * i : step * (i + 1)], float(r), bound) for i, r in enumerate(rates))
 

@@ -15,7 +15,6 @@ import gymnasium
 
 from taskspec import draws
 from taskspec.backends.program import Clock, Failures, Lane, Scalar, compile_scalar
-from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
 from taskspec.envs import picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
@@ -171,7 +170,7 @@ class Environment(gymnasium.Env[Any, Any]):
 
     def _observe(self, values: tuple[Any, ...]) -> Any:
         """The observation of a state at time 0, by the reference interpreter."""
-        layout = Layout.of((*self.task.initial, *self.task.first_observation))
+        layout = self.task.reset_words
         assert self._seed is not None
         words = draws.words(self._seed, draws.RESET, self._clock.episodes - 1, layout.count)
         reads: dict[tuple[Role, str], tuple[Any, ...]] = {(Role.TIME, "t"): (0,)}

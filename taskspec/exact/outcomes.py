@@ -177,9 +177,9 @@ def clean(p: Array) -> Array:
 
 
 def _poisson_most(draw: Draw) -> int:
-    bound = draw.args[1]
-    assert isinstance(bound, Const)
-    rate = float(bound.value)
+    highest = draw.args[-1]  # a constant: the rates, or their bound
+    assert isinstance(highest, Const)
+    rate = max(map(float, highest.flat))
     return int(rate + 10 * math.sqrt(rate) + 25)
 
 

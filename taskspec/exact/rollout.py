@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,29 +42,21 @@ class Rollout:
         self.task, self.lanes = task, lanes
         self.seeds = draws.lane_seeds(seed, lanes)
 
-    @cached_property
-    def _first(self) -> Layout:
-        return Layout.of([*self.task.initial, *self.task.first_observation])
-
-    @cached_property
-    def _step(self) -> Layout:
-        return Layout.of([*self.task.next, self.task.reward, self.task.terminal, *self.task.next_observation])
-
     @property
     def words(self) -> int:
         """Random words that a step or a start takes in one lane."""
-        return max(self._first.count, self._step.count)
+        return max(self.task.reset_words.count, self.task.step_words.count)
 
     def start(self, episode: int = 0) -> State:
-        words = draws.lanes_block(self.seeds, draws.RESET, episode, self._first.count)
-        values = self._values(self.task.initial, {}, self._first, words)
+        words = draws.lanes_block(self.seeds, draws.RESET, episode, self.task.reset_words.count)
+        values = self._values(self.task.initial, {}, self.task.reset_words, words)
         return dict(zip((c.name for c in self.task.state), values, strict=True))
 
     def step(self, state: State, action: Mapping[str, Array], t: int, steps: int | None = None) -> Moved:
         """One step at time t; `steps` counts those since the seed was set (t in the first episode)."""
-        words = draws.lanes_block(self.seeds, draws.STEP, t if steps is None else steps, self._step.count)
+        words = draws.lanes_block(self.seeds, draws.STEP, t if steps is None else steps, self.task.step_words.count)
         roots = (*self.task.next, self.task.reward, self.task.terminal)
-        *following, reward, terminal = self._values(roots, reads_of(state, action, t), self._step, words)
+        *following, reward, terminal = self._values(roots, reads_of(state, action, t), self.task.step_words, words)
         return Moved(dict(zip(state, following, strict=True)), reward, terminal)
 
     def _values(self, roots: Sequence[Node], reads: Mapping[Key, Array], layout: Layout, words: Array) -> list[Array]:

@@ -6,7 +6,8 @@ here: sizes of vectors, bits of integers and the number of nodes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any, TypeVar, cast
 
@@ -33,6 +34,7 @@ class Builder:
         self._nodes: dict[Any, Node] = {}
         self._bounds: dict[int, interval.Interval] = {}
         self._sites = 0
+        self._written: list[dict[int, Draw]] = []
 
     # -- leaves ---------------------------------------------------------------------------------------------------
 
@@ -66,7 +68,29 @@ class Builder:
         """A new draw: never shared with another."""
         self.check_size(type.shape)
         self._sites += 1
-        return Draw(base, tuple(args), type, self._sites)
+        made = Draw(base, tuple(args), type, self._sites)
+        self.name_draws([made])
+        return made
+
+    @contextmanager
+    def written(self, apart: bool = False) -> Iterator[dict[int, Draw]]:
+        """The draws that are written or named inside, by site, whether or not their values turn out to matter.
+
+        They count in whatever is around as well, unless they stand `apart`.
+        """
+        found: dict[int, Draw] = {}
+        self._written.append(found)
+        try:
+            yield found
+        finally:
+            self._written.pop()
+            if not apart:
+                self.name_draws(found.values())
+
+    def name_draws(self, draws: Iterable[Draw]) -> None:
+        """Count draws as written here: new ones, or those of a noise that is named."""
+        if self._written:
+            self._written[-1].update((d.site, d) for d in draws)
 
     # -- operators ------------------------------------------------------------------------------------------------
 

@@ -121,7 +121,8 @@ def _poisson(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
             f"the rate of Poisson is not known to stay below {POISSON_LIMIT:,}", "E408",
             "give it a bound: `Poisson(clip(rate, 0, 100))`",
         )  # fmt: skip
-    return b.draw("poisson", (rate, b.const(high, Type(Kind.REAL))), Type(Kind.INT, shape))
+    args = (rate,) if isinstance(rate, Const) else (rate, b.const(high, Type(Kind.REAL)))
+    return b.draw("poisson", args, Type(Kind.INT, shape))
 
 
 def _dirichlet(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:

@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from taskspec.lang import syntax as s
-from taskspec.lang.ir import Const, Node, draws
+from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import BOOLEAN_LABELS, Domain, Kind, Type
 
@@ -248,27 +248,14 @@ def _node(
     grid: list[int] | None,
 ) -> Node:
     b = checker.builder
-    plain = not any(draws(values) for values, _ in outcomes)
     most = max(len(values) for values, _ in outcomes)
     if most == 1:
         return _look_up(checker, columns, keys, [values[0] for values, _ in outcomes], grid)
-    if not plain:
-        cells = [_drawn(checker, cell) for cell in outcomes]
-        return _look_up(checker, columns, keys, cells, grid)
     zero = b.const(0, Type(Kind.REAL))
     padded = [(v + [v[-1]] * (most - len(v)), p + [zero] * (most - len(p))) for v, p in outcomes]
     values = _look_up(checker, columns, keys, [b.structure("vector", v) for v, _ in padded], grid)
     p = _look_up(checker, columns, keys, [b.structure("vector", p) for _, p in padded], grid)
     return b.structure("index", [values, b.draw("categorical", (p,), Type(Kind.INT))])
-
-
-def _drawn(checker: Checker, cell: _Cell) -> Node:
-    values, p = cell
-    if len(values) == 1:
-        return values[0]
-    b = checker.builder
-    index = b.draw("categorical", (b.structure("vector", p),), Type(Kind.INT))
-    return b.structure("index", [b.structure("vector", values), index])
 
 
 def _look_up(

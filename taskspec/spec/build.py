@@ -119,12 +119,17 @@ class _Build:
         context.forms.labels = frozenset(x for d in context.domains for x in d.labels if not is_word(x))
         context.horizon, discount = self._horizon(), self._discount()
         sections.parse()
-        initial, changed = sections.initial(), sections.dynamics()
-        following = sections.saturate(initial, changed)
-        reward = sections.single("reward", REAL, scope("reward"))
-        terminal = sections.single("terminal", BOOL, scope("terminal"), default=False)
+        with context.builder.written() as first:
+            initial = sections.initial()
+        with context.builder.written() as later:
+            changed = sections.dynamics()
+            following = sections.saturate(initial, changed)
+            reward = sections.single("reward", REAL, scope("reward"))
+            terminal = sections.single("terminal", BOOL, scope("terminal"), default=False)
         absorbing = sections.single("absorbing_reward", REAL, scope("absorbing"), default=0)
-        observation, expert = sections.observation(initial, following), sections.expert()
+        with context.builder.written() as seen:
+            observation = sections.observation(initial, following)
+        expert = sections.expert()
         self._check_unused()
         sections.abstraction()
         check_figure(context, scope("figure"))
@@ -144,6 +149,7 @@ class _Build:
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
             horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
             terminal=terminal, expert=expert, claims=claims, absorbing_reward=absorbing, builder=context.builder,
+            reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
             surface=Surface(context.exprs, self.data, context.named_scopes), document=self.merged.document,
             content_hash=self._hash(),
         )  # fmt: skip

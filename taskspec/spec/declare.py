@@ -134,17 +134,17 @@ class Declarations:
         expr = self.forms.expr(path)
         if expr is None:
             raise Poisoned
-        found = self.checker.value(expr, scope)
+        with self.builder.written(apart=True) as written:
+            found = self.checker.value(expr, scope)
         if isinstance(found.node, Const):
             return found
         if seed is None:
             self.checker.fail("E311", expr, "this constant is drawn, but the task has no parameter 'instance_seed'",
                               "declare it: `instance_seed: {type: int, default: 0, low: 0}`")  # fmt: skip
-        return Value(self._drawn(found.node, seed, name), found.domain)
+        return Value(self._drawn(found.node, Layout.dealt(written.values()), seed, name), found.domain)
 
-    def _drawn(self, node: Node, seed: int, name: str) -> Const:
+    def _drawn(self, node: Node, layout: Layout, seed: int, name: str) -> Const:
         """The value of a constant drawn once: the same seed gives the same constant, whatever else is declared."""
-        layout = Layout.of([node])
         words = draws.block(seed, INSTANCE, zlib.crc32(name.encode()), 1, layout.count)[0].tolist()
         (flat,) = evaluate([node], {}, sampler(layout, words))
         return self.builder.const(flat if node.type.shape else flat[0], node.type)

@@ -11,7 +11,7 @@ from typing import Any
 from taskspec.lang import syntax as s
 from taskspec.lang.calls import NO_DRAWS
 from taskspec.lang.check import Poisoned
-from taskspec.lang.ir import Role, reads
+from taskspec.lang.ir import Draw, Role, reads
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import Kind, Type
 from taskspec.spec.context import Context
@@ -39,7 +39,7 @@ class Names:
 
     def __init__(self, context: Context) -> None:
         self.context = context
-        self._noise: dict[str, Value] = {}
+        self._noise: dict[str, tuple[Value, tuple[Draw, ...]]] = {}
         self._next: dict[str, Value] = {}
 
     def scope(self, section: str) -> Scope:
@@ -113,16 +113,21 @@ class Names:
 
     def _drawn(self, name: str) -> Value:
         """A noise entry: drawn once per step, the same draw wherever it is named."""
+        builder = self.context.builder
         if name not in self._noise:
             expr = self.context.exprs["noise"][name]
             if expr is None:
                 raise Poisoned
             leave = self.context.guard(name, expr)
             try:
-                self._noise[name] = self.context.checker.value(expr, self.scope("noise"))
+                with builder.written() as draws:
+                    value = self.context.checker.value(expr, self.scope("noise"))
             finally:
                 leave()
-        return self._noise[name]
+            self._noise[name] = value, tuple(draws.values())
+        value, made = self._noise[name]
+        builder.name_draws(made)
+        return value
 
     def _observed_noise(self, name: str, at: s.Name) -> Value:
         value = self._drawn(name)

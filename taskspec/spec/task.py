@@ -11,9 +11,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.draws.layout import Layout
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Const, Node, Read, Role, rewrite
+from taskspec.lang.ir import Const, Draw, Node, Read, Role, rewrite
 from taskspec.lang.scope import Scope
 from taskspec.lang.types import BOOL, Domain, Kind, Type
 from taskspec.source import Document
@@ -116,7 +117,8 @@ class Task:
 
     Nodes are those of `builder`. `initial` and `next` follow the order of `state`; `next`, `reward` and `terminal`
     read STATE, ACTION and TIME; observation nodes read STATE (the state that is observed) and TIME; `initial` reads
-    nothing: each component's node contains those it depends on.
+    nothing: each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the sections
+    of a reset and of a step write, whether or not they are left in these nodes.
     """
 
     name: str
@@ -137,6 +139,8 @@ class Task:
     claims: tuple[Claim, ...]
     absorbing_reward: Node
     builder: Builder
+    reset_draws: tuple[Draw, ...]
+    step_draws: tuple[Draw, ...]
     surface: Surface
     document: Document
     content_hash: str
@@ -227,6 +231,16 @@ class Task:
             "multi_discrete" if self.observation.space == "discrete" else self.observation.space,
         )
         return dataclasses.replace(self, observation=seen, observe_time=True)
+
+    @cached_property
+    def reset_words(self) -> Layout:
+        """Which of the random words of a reset each of its draws takes."""
+        return Layout.dealt(self.reset_draws)
+
+    @cached_property
+    def step_words(self) -> Layout:
+        """Which of the random words of a step each of its draws takes."""
+        return Layout.dealt(self.step_draws)
 
     @cached_property
     def next_observation(self) -> tuple[Node, ...]:

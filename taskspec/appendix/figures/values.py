@@ -9,7 +9,6 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.diagnostics import Collector
-from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
 from taskspec.exact.space import Space
 from taskspec.lang import batch
@@ -69,7 +68,7 @@ def all_states(task: Task, limit: int = 20_000) -> tuple[Reads, int] | None:
 
 def first_state(task: Task, seed: int = 0) -> dict[str, Any]:
     """A first state, as the environment's reset with this seed draws it."""
-    layout = Layout.of(task.initial)
+    layout = task.reset_words
     words = draws.words(seed, draws.RESET, 0, layout.count)
     flats = evaluate(task.initial, {}, sampler(layout, words))
     return {c.name: _shaped(flat, c.type.shape) for c, flat in zip(task.state, flats, strict=True)}

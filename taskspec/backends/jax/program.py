@@ -132,7 +132,7 @@ def compile_jax(task: Task) -> JaxProgram:
     step = (*task.next, task.reward, task.terminal, *task.next_observation)
     start = (*task.initial, *task.first_observation)
     _check_ints(task, (*step, *start))
-    step_words, start_words = WordLayout.of(step), WordLayout.of(start)
+    step_words, start_words = task.step_words, task.reset_words
     n = len(task.state)
     constants: dict[str, Any] = {}
     body, values = _emit(task, step, step_words, constants)
@@ -217,7 +217,7 @@ def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[s
             extra = f", {_kept(constants, draws.reachable(draws.thresholds(p.flat)))}"
         case "categorical", _:
             call, extra = "draw_weighted", f", {args[0]}"
-        case "poisson", Const() as rates:
+        case "poisson", Const() as rates if poisson_bound(draw) is None:
             tables = [draws.poisson_table(float(rate)) for rate in rates.flat]
             pairs = [f"({least}, {_kept(constants, np.array(limits, np.uint32))})" for least, limits in tables]
             call, extra = "draw_counts", f", {_tuple(pairs)}"
