@@ -95,6 +95,7 @@ ORDER = {
     "keywords as they are given": Order(
         "dynamics: {x': 'UniformInt(high=U * 0 + 1048575, low=U * 0)', y': U}", {"x": 2, "y": 3}
     ),
+    "sides of a comparison": Order("dynamics: {x': 'U < U <= U < 2**30', y': U}", {"y": 3}),
     "elements of a set": Order("dynamics: {x': 'Uniform({U * 0 + 3, U * 0 + 4})', y': U}", {"y": 3}),
     "membership": Order("dynamics: {x': 'U in {U, U, 7}', y': U}", {"y": 3}),
     "values, probabilities, the draw": Order("dynamics: {x': {U: U / 2**40, U + 0 * a: 1}, y': U}", {"y": 4}),
