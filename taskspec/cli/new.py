@@ -26,7 +26,7 @@ capability: exploration              # the one thing this task isolates
 # sources:                           # where the task comes from
 #   - {{key: author2020title, where: section 3}}
 
-parameters:                          # knobs: `taskspec run FILE -p L=8`, and gym.make(..., L=8)
+parameters:                          # parameters: `taskspec run FILE -p L=8`, and gym.make(..., L=8)
   L: {{type: int, default: 5, low: 1, high: 100, doc: length of the corridor}}
 
 state:                               # types: int, real, bool, choice; bounds are inclusive

@@ -1,6 +1,6 @@
 """Finite draws: categorical, index, permutation and Poisson, from integer comparisons of words.
 
-Names and shapes are those of `draws`, which is the door to this module.
+Names and shapes are those of `draws`, which re-exports them.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A knob: its bound value, and how it was declared."""
+    """A parameter: its bound value, and how it was declared."""
 
     name: str
     kind: str

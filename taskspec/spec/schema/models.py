@@ -87,7 +87,7 @@ def _parameter_rule(kind: str) -> dict[str, Any]:
 
 
 class Parameter(Typed):
-    """A knob of the task."""
+    """A parameter of the task."""
 
     model_config = ConfigDict(json_schema_extra=_rules(_parameter_rule))
 
@@ -164,7 +164,7 @@ class Requirement(Strict):
 
 
 class Parameters(BaseModel):
-    """Named knobs, and conditions across them."""
+    """Parameters, and conditions across them."""
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True)
     __pydantic_extra__: dict[str, Parameter]
@@ -273,7 +273,7 @@ class Sections(Strict):
     )
     version: int = Field(0, ge=0, description="Version in the environment's id: `-v0`.")
     parameters: Parameters = Field(
-        default_factory=Parameters, description="Named knobs with defaults, bounds and words."
+        default_factory=Parameters, description="Parameters with defaults, bounds and descriptions."
     )
     constants: dict[Name, Constant] = Field(
         default_factory=dict,
