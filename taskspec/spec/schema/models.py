@@ -34,6 +34,11 @@ from taskspec.spec.schema.values import Problem
 FORMAT = 1
 """The version of the format that is read here."""
 Kind = Literal["int", "real", "bool", "choice"]
+Changeable = Literal[
+    "parameters", "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount",
+    "initial", "dynamics", "reward", "absorbing_reward", "expert",
+]  # fmt: skip
+"""Sections that decide what a task does, as far as a source may be wrong about them."""
 
 
 class Strict(BaseModel):
@@ -197,6 +202,9 @@ class Erratum(Strict):
     source: str = Field(description="What the source says, and where.")
     here: str = Field(description="What this spec does instead.")
     because: str | None = Field(None, description="Why.")
+    about: list[Changeable] | None = Field(
+        None, description="The section, or sections, in which this spec differs: `[reward, horizon]`."
+    )
 
 
 class Claim(Strict):
