@@ -199,7 +199,7 @@ def _probabilities(exprs: list[s.Expr], written: Written, where: Section, entry:
         return
     b = where.task.builder
     found = [b.cast(n, Kind.REAL) for n in nodes if n is not None]
-    total = b.apply("sum", b.structure("vector", found) if len(found) > 1 else found[0])
+    total = b.apply("sum", found[0] if found[0].type.shape else b.structure("vector", found))
     for expr, node in zip(exprs, found, strict=True):
         ends = (0.0,) * node.type.size, (1.0,) * node.type.size
         yield _check("E402", node, *ends, written, where, entry, "a probability", expr)

@@ -112,8 +112,12 @@ class Sections:
                 self.names.set_next(c.name, Value(new, c.domain))
         return found
 
-    def check_widths(self, section: str, nodes: Sequence[Node]) -> None:
-        """Report (E318) the lines of a section in which an int may not fit in 64 bits."""
+    def check_widths(self, **sections: Sequence[Node]) -> None:
+        """Report (E318) the lines of sections in which an int may not fit in 64 bits."""
+        for section, nodes in sections.items():
+            self._check_widths(section, nodes)
+
+    def _check_widths(self, section: str, nodes: Sequence[Node]) -> None:
         exprs = self.context.exprs.get(section)
         lines = list(exprs.values()) if isinstance(exprs, dict) else [exprs]
         wide = [most for most in map(widest, ([n] for n in nodes)) if most]
@@ -169,7 +173,8 @@ class Sections:
         found = {name: value for name, value in values.items() if value is not None}
         edges = {name: [self._edge(name, key, v.node.type) for key in ("low", "high")] for name, v in found.items()}
         components = tuple(observed.expression(name, v, *edges[name]) for name, v in found.items())
-        if len(found) == len(declared):
+        ordered = [self._check_order(c) for c in components if edges[c.name] != [None, None]]
+        if len(found) == len(declared) and all(ordered):
             self._check_space(components, space)
         return Observation(components, tuple(v.node for v in found.values()), space)
 
@@ -186,6 +191,14 @@ class Sections:
         if message is not None:
             hint = "declare bounds: `{value: ..., low: ..., high: ...}`" if endless else None
             self.collector.add("E214", self.context.merged.span(("observation", "space")), message, hint)
+
+    def _check_order(self, c: Component) -> bool:
+        """Whether values lie between the bounds of what is observed; reported where there are none."""
+        try:
+            self.context.declare.check_order(c.low, c.high, ("observation", c.name))
+        except Poisoned:
+            return False
+        return True
 
     def _edge(self, name: str, key: str, type_: Type) -> tuple[float, ...] | None:
         """A declared bound of an observed expression, if there is one."""
@@ -252,16 +265,34 @@ class Sections:
 
     # -- abstraction and claims -----------------------------------------------------------------------------------
 
-    def abstraction(self) -> None:
-        """Read the functions that map a state to its finite stand-in."""
+    def abstraction(self) -> list[Node]:
+        """The values that the components of the finite stand-in have in a state."""
         context = self.context
-        if context.data.get("abstraction"):
-            scope = self.names.scope("abstraction")
-            path = ("abstraction", "map")
-            context.exprs["abstraction"] = {n: context.forms.expr((*path, n)) for n in context.forms.value(path)}
-            for expr in context.exprs["abstraction"].values():
-                if expr is not None:
-                    self.checker.check(expr, scope)
+        if not context.data.get("abstraction"):
+            return []
+        scope, written = self.names.scope("abstraction"), context.data["abstraction"]["map"]
+        context.exprs["abstraction"] = {n: context.forms.expr(("abstraction", "map", n)) for n in written}
+        components = context.data["abstraction"]["state"]
+        mapped = [self._mapped(name, expr, components, scope) for name, expr in context.exprs["abstraction"].items()]
+        for name in components.keys() - written.keys():
+            span = context.merged.key_span(("abstraction", "map"))
+            self.collector.add("E216", span, f"the map does not say what '{name}' is", f"add `{name}: ...`")
+        return [node for node in mapped if node is not None]
+
+    def _mapped(self, name: str, expr: s.Expr | None, components: dict[str, Any], scope: Scope) -> Node | None:
+        """An expression of the map as a value of the component that it is for; None when it is broken (and reported)."""
+        if name not in components:
+            span = self.context.merged.key_span(("abstraction", "map", name))
+            self.collector.add("E216", span, f"the abstraction has no component '{name}'", suggest(name, components))
+            return None
+        fixed = self.context.constant_scope("domains are fixed")
+        c = self.context.declare.component(("abstraction", "state", name), fixed)
+        if expr is None or c is None:
+            return None
+        if c.domain is None:
+            return self.context.assign(expr, scope, c)
+        value = self.checker.check(expr, scope)
+        return None if value is None else value.node
 
     def claims(self) -> Iterable[Claim]:
         """The claims as surface syntax; they are evaluated on the exact model."""

@@ -218,7 +218,9 @@ class Claim(Strict):
     )
     under: str | None = Field(None, description="The decision model it is about: `soft(1)`.")
     where: str | None = Field(None, description="Where the source states it.")
-    tolerance: float | None = Field(None, ge=0, strict=False, description="How far apart two equal numbers may be.")
+    tolerance: float | None = Field(
+        None, ge=0, allow_inf_nan=False, description="How far apart two equal numbers may be."
+    )
     episodes: int | None = Field(None, ge=1, description="How many episodes to simulate, when there is no exact model.")
 
 
