@@ -48,10 +48,10 @@ def thresholds(probabilities: Sequence[Fraction | float]) -> tuple[int, ...]:
     What is no distribution means what it means to `weighted_categoricals`: a negative weight and NaN
     count as 0; where all do, or the total is infinite, the outcome is the last one.
     """
-    weights = [p if p > 0 else 0 for p in probabilities]
+    weights = [p if p > 0 else Fraction(0) for p in probabilities]
     if not 0 < sum(weights) < math.inf:
         return (0,) * (len(weights) - 1)
-    cumulative = list(accumulate(map(Fraction, weights)))
+    cumulative = list(accumulate(Fraction(p) for p in weights))
     return tuple(round(NEVER * c / cumulative[-1]) for c in cumulative[:-1])
 
 

@@ -307,10 +307,11 @@ def _convert(value: Any, kind: str) -> Any:
         value = value.item()
     if kind == "bool":
         return value if isinstance(value, bool) else None
-    if isinstance(value, bool) or not isinstance(value, int | float | Fraction) or value != value:
+    is_nan = isinstance(value, float) and math.isnan(value)
+    if isinstance(value, bool) or not isinstance(value, int | float | Fraction) or is_nan:
         return None
     if kind == "int":
-        return int(value) if value == value // 1 and abs(value) <= INT_WIDEST else None
+        return int(value) if abs(value) <= INT_WIDEST and value == int(value) else None
     try:
         return float(value) if kind == "real" else None
     except OverflowError:
@@ -318,13 +319,13 @@ def _convert(value: Any, kind: str) -> Any:
 
 
 def _article(kind: str) -> str:
-    return {"int": "an int of 64 bits", "real": "a real number", "bool": "true or false"}.get(kind, f"a {kind}")
+    return {"int": "an int", "real": "a real number", "bool": "true or false"}.get(kind, f"a {kind}")
 
 
 def _brief(value: Any) -> str:
     """A value from Python in a few words; ints may be longer than Python is willing to print."""
     if isinstance(value, int) and abs(value) > INT_WIDEST:
-        return f"an int of {value.bit_length()} bits"
+        return f"one of {value.bit_length()} bits"
     return reprlib.repr(value)
 
 

@@ -22,7 +22,8 @@ def check_figure(context: Context, scope: Scope) -> None:
             context.collector.add("E203", span, f"a figure of kind `{figure['kind']}` needs `{key}`")
     if isinstance(figure.get("at"), list):
         found = [_shape(context, ("figure", "at", i), scope) for i in range(len(figure["at"]))]
-        whole = None if None in found else (len(found), *(found[0] if found else ()))
+        first = found[0] if found else ()
+        whole = None if first is None or None in found else (len(found), *first)
     else:
         whole = _shape(context, ("figure", "at"), scope) if figure.get("at") is not None else None
     if whole not in (None, (2,)):
