@@ -178,7 +178,7 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
         "id": each.title if each.task else None,
         "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
         "method": each.finding.method, "other_parameter_values": each.finding.cases,
-        "claims_proved": each.finding.proved, "claims_supported": each.finding.supported, "skipped": each.finding.skipped,
+        "claims_proved": each.finding.proved, "claims_tested": each.finding.tested, "skipped": each.finding.skipped,
         "seconds": round(each.seconds, 6),
     }  # fmt: skip
 

@@ -50,7 +50,7 @@ def hidden_goal(case: Case, collector: Collector) -> None:
         return
     if case.results.optimal is None:
         return
-    good = solve.ties(solve.all_action_values(model)[0])[:, first]
+    good = solve.first_choices(model)[:, first]
     _, group = np.unique(seen, axis=0, return_inverse=True)
     group = group.reshape(-1)
     for number in range(int(group.max()) + 1):
