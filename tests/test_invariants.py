@@ -14,7 +14,7 @@ from taskspec.lang.types import BOOL, INT, REAL, Kind, Type
 from taskspec.source import read_text
 from taskspec.spec.build import build, build_abstract
 from taskspec.spec.invariants import OF_NODES, OF_TASKS, ON_REQUEST, broken
-from taskspec.spec.task import Task
+from taskspec.spec.task import Figure, Task
 
 ROOT = Path(__file__).parents[1]
 SPECS = sorted(
@@ -89,6 +89,7 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
         t, observation=dataclasses.replace(t.observation, nodes=(ACTION, t.observation.nodes[1]))
     ),
     "an expert reads state and time": lambda t: damaged(t, expert=(ACTION,)),
+    "a figure reads what a step reads": lambda t: damaged(t, figure=Figure("bars", values=read(Role.NEXT, "s"))),
     "the absorbing reward reads state and time": lambda t: damaged(t, absorbing_reward=read(Role.ACTION, "a", REAL)),
     "the absorbing reward draws nothing": lambda t: damaged(t, absorbing_reward=Draw("normal", (), REAL, 98)),
     "what is read is a component": lambda t: damaged(t, terminal=read(Role.STATE, "nobody", BOOL)),

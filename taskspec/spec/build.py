@@ -18,7 +18,7 @@ from taskspec.lang.uncalled import check_uncalled
 from taskspec.source import Document, Path, read_text
 from taskspec.spec.context import Context
 from taskspec.spec.declare import INSTANCE_SEED
-from taskspec.spec.figure import check_figure
+from taskspec.spec.figure import figure
 from taskspec.spec.forms import is_word
 from taskspec.spec.invariants import check_on_request
 from taskspec.spec.merge import Merged, abstracted, merge
@@ -132,7 +132,7 @@ class _Build:
         expert = sections.expert()
         self._check_unused()
         mapped = sections.abstraction()
-        check_figure(context, scope("figure"))
+        drawn = figure(context, scope("figure"))
         claims = tuple(sections.claims())
         scope("claims")
         self.collector.raise_if_errors()
@@ -149,7 +149,7 @@ class _Build:
             terminal=terminal, expert=expert, claims=claims, absorbing_reward=absorbing, builder=context.builder,
             reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
             surface=Surface(context.exprs, self.data, context.named_scopes), document=self.merged.document,
-            content_hash=self._hash(),
+            content_hash=self._hash(), figure=drawn,
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:

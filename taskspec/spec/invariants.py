@@ -50,6 +50,7 @@ OF_TASKS: tuple[TaskRule, ...] = (
     ("a step reads state, action and time", lambda t: _roles((*t.next, t.reward, t.terminal)) <= _STEP),
     ("an observation reads state and time", lambda t: _roles(t.observation.nodes) <= _PRESENT),
     ("an expert reads state and time", lambda t: _roles(experts(t)) <= _PRESENT),
+    ("a figure reads what a step reads", lambda t: _roles(drawn(t)) <= _STEP),
     ("the absorbing reward reads state and time", lambda t: _roles([t.absorbing_reward]) <= _PRESENT),
     ("the absorbing reward draws nothing", lambda t: not draws([t.absorbing_reward])),
     ("what is read is a component", lambda t: _names(t) <= {*(c.name for c in (*t.state, *t.action)), "t"}),
@@ -63,12 +64,20 @@ OF_TASKS: tuple[TaskRule, ...] = (
 def roots(task: Task) -> tuple[Node, ...]:
     """Every expression that a task is made of."""
     step = (*task.next, task.reward, task.terminal, task.absorbing_reward)
-    return (*task.initial, *step, *task.observation.nodes, *experts(task))
+    return (*task.initial, *step, *task.observation.nodes, *experts(task), *drawn(task))
 
 
 def experts(task: Task) -> tuple[Node, ...]:
     """The expert's action where the spec writes it out, else nothing."""
     return task.expert if isinstance(task.expert, tuple) else ()
+
+
+def drawn(task: Task) -> tuple[Node, ...]:
+    """What the figure shows."""
+    if task.figure is None:
+        return ()
+    single = (task.figure.curve, task.figure.values)
+    return (*task.figure.at, *(n for n in single if n is not None), *task.figure.highlight.values())
 
 
 def components(task: Task) -> tuple[Component, ...]:

@@ -103,6 +103,22 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Figure:
+    """How the task is drawn: the kind, and what it shows as nodes over STATE.
+
+    `at` is a place, two numbers or one vector of two; `curve` a function of its first number; `values` the vector that bars show.
+    `highlight` has conditions, places or indices by the name of their colour, `map` the rows of a grid of letters.
+    """
+
+    kind: str
+    at: tuple[Node, ...] = ()
+    curve: Node | None = None
+    values: Node | None = None
+    highlight: Mapping[str, Node] = field(default_factory=dict)
+    map: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Surface:
     """The parsed sections, for the printers and for whoever asks what the author wrote."""
 
@@ -144,6 +160,7 @@ class Task:
     surface: Surface
     document: Document
     content_hash: str
+    figure: Figure | None = None
     ending: Ending = "terminate"
     observe_time: bool = False
 
