@@ -97,6 +97,13 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
     "equal operations are one node": lambda t: damaged(
         t, terminal=Apply("not", (ACTION,), BOOL), expert=(Apply("not", (ACTION,), BOOL),)
     ),
+    "an index is certain to lie in its vector": lambda t: damaged(
+        t, reward=Apply("index", (t.next[1], read(Role.STATE, "s")), REAL)
+    ),
+    "a draw of an index has one value to draw from at least": lambda t: damaged(
+        t, initial=(Draw("index", (Const(0, INT),), INT, 97), t.initial[1])
+    ),
+    "a state int is certain to keep to its range": lambda t: damaged(t, next=(read(Role.STATE, "s"), t.next[1])),
     "a horizon has a step at least": lambda t: damaged(t, horizon=0),
     "the discount is between 0 and 1": lambda t: damaged(t, discount=1.5),
 }

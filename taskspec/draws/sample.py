@@ -51,7 +51,7 @@ def _poisson(draw: Draw, args: list[Flat], words: Words) -> Flat:
 
 def _index(draw: Draw, args: list[Flat], words: Words) -> Flat:
     counts = _stretch(args[0], draw.type.size)
-    return tuple(draws.index(w, max(1, int(n))) for w, n in zip(words, counts, strict=False))
+    return tuple(draws.index(w, int(n)) for w, n in zip(words, counts, strict=False))
 
 
 def _categorical(draw: Draw, args: list[Flat], words: Words) -> Flat:

@@ -82,12 +82,12 @@ class Branch:
         return {k: v if v.shape[-1] == 1 else v[..., origin] for k, v in reads.items()}
 
 
-def count(draws: Sequence[Draw], known: dict[int, interval.Interval]) -> float:
+def count(draws: Sequence[Draw], known: dict[int, interval.Range]) -> float:
     """An upper bound on the outcomes at one point; infinite where a draw is not finite."""
     return math.prod(_outcomes(d, known) for d in draws)
 
 
-def _outcomes(draw: Draw, known: dict[int, interval.Interval]) -> float:
+def _outcomes(draw: Draw, known: dict[int, interval.Range]) -> float:
     shape = draw.type.shape
     match draw.base:
         case "bernoulli":
@@ -178,9 +178,8 @@ def _stretched(arg: Array, size: int) -> list[Array]:
 def _index(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
     rows = []
     for counts in _stretched(args[0], draw.type.size):
-        most = np.maximum(counts, 1)
-        k = np.arange(int(most.max()))[:, None]
-        rows.append(numbers.ratio(k < most, most))
+        k = np.arange(int(counts.max()))[:, None]
+        rows.append(numbers.ratio(k < counts, counts))
     return _product(draw, rows, np.int64)
 
 

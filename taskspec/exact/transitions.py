@@ -46,7 +46,7 @@ class Steps:
         self.states = Space(task.state, Role.STATE)
         self.actions = Space(task.action, Role.ACTION)
         self.reward = expected(task.reward, task.builder, draws((*task.next, task.terminal)))
-        self.roots = (*task.next, self.reward, task.terminal)
+        self.roots = (*task.raw_next, self.reward, task.terminal)
 
     @cached_property
     def draws(self) -> tuple[Draw, ...]:
@@ -93,7 +93,7 @@ class Steps:
         """Codes (N,) of the first states and their probabilities (N,), each code once."""
         codes, weights = [], []
         for branch in branches(draws(self.task.initial), {}, 1, numbers):
-            values = evaluate(self.task.initial, {}, branch.sample)
+            values = evaluate(self.task.raw_initial, {}, branch.sample)
             size = 1 if branch.origin is None else len(branch.origin)
             code, outside = self.states.encode(values, size)
             inside = slice(None) if outside is None else ~outside

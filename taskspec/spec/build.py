@@ -146,6 +146,8 @@ class _Build:
             name=self.merged.name, suite=suite, version=int(self.data.get("version", 0)), variant=self.merged.variant,
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
             horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
+            raw_initial=tuple(sections.raw_initial[c.name] for c in context.state),
+            raw_next=tuple(self.names.raw_next[c.name] for c in context.state),
             terminal=terminal, expert=expert, claims=claims, absorbing_reward=absorbing, builder=context.builder,
             reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
             surface=Surface(context.exprs, self.data, context.named_scopes), document=self.merged.document,

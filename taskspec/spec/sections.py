@@ -18,7 +18,7 @@ from taskspec.spec.names import Names, poison
 from taskspec.spec.observe import Observed
 from taskspec.spec.reach import reach
 from taskspec.spec.task import FINITE_SPACES, Claim, Component, Observation, Soft
-from taskspec.spec.widths import saturated, widest
+from taskspec.spec.widths import kept, saturated, widest
 
 MAX_ONE_HOT = 1_000_000
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
@@ -30,6 +30,8 @@ class Sections:
     def __init__(self, context: Context, names: Names) -> None:
         self.context, self.names = context, names
         self.collector, self.checker, self.builder = context.collector, context.checker, context.builder
+        self.raw_initial: dict[str, Node] = {}
+        """Initial values as they are written, in and out of range."""
 
     def parse(self) -> None:
         """Read the expressions of every section, reporting all syntax errors."""
@@ -58,14 +60,15 @@ class Sections:
             c = components.get(name)
             node = None if expr is None or c is None else context.assign(expr, scope, c)
             if node is not None and c is not None:
-                found[name] = node
-                self.names.define(scope, name, Value(node, c.domain))
+                self.raw_initial[name] = node
+                found[name] = kept(self.builder, c, node)
+                self.names.define(scope, name, Value(found[name], c.domain, late=True))
             elif c is not None:
                 self.names.define(scope, name, Lazy(poison))
         for c in context.state:
             if c.name not in context.exprs["initial"] and c.low == c.high:  # there is nothing to choose
                 flat = c.low if c.type.kind is Kind.REAL else tuple(map(int, c.low))
-                found[c.name] = self.builder.const(flat if c.type.shape else flat[0], c.type)
+                found[c.name] = self.raw_initial[c.name] = self.builder.const(flat if c.type.shape else flat[0], c.type)
             elif c.name not in context.exprs["initial"]:
                 self._without_start(c.name)
         return [found[c.name] for c in context.state if c.name in found]
@@ -109,7 +112,7 @@ class Sections:
         found = saturated(self.builder, context.state, initial, following, context.horizon)
         for c, old, new in zip(context.state, following, found, strict=True):
             if new is not old:
-                self.names.set_next(c.name, Value(new, c.domain))
+                self.names.set_next(c.name, Value(new, c.domain, late=True))
         return found
 
     def check_widths(self, **sections: Sequence[Node]) -> None:
