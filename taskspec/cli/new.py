@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from taskspec.cli.console import say
 from taskspec.cli.failures import refuse
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
@@ -73,7 +74,7 @@ def new(
     if path.is_dir():
         path = path / f"{_words(name, '_')}.yaml"
     _write(path, SCAFFOLD.format(name=name, title=_words(name, " ").capitalize()))
-    typer.echo(
+    say(
         f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render"
     )
 

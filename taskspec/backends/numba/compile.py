@@ -26,6 +26,7 @@ import numpy as np
 import taskspec
 from taskspec.backends.numba import store
 from taskspec.backends.numba.store import Store
+from taskspec.visible import visible
 
 Array = np.ndarray[Any, Any]
 _LIBRARY = ("basics", "build", "draws", "lanes", "operators")
@@ -68,7 +69,7 @@ def _kept() -> Iterator[Store | None]:
         try:
             found = stack.enter_context(store.opened(cache_folder() / "numba")) if store.SUPPORTED else None
         except store.NotPrivateError as error:
-            _say_once(f"taskspec: compiled kernels are not kept, since {error}")
+            _say_once(f"taskspec: compiled kernels are not kept, since {visible(str(error))}")
         except OSError:
             pass
         yield found
