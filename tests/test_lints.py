@@ -147,3 +147,20 @@ def test_a_variant_bears_its_errata_out() -> None:
     document = source.read_text(text, "path.yaml")
     found = {v: [d.code for d in check(build(document, v)).diagnostics] for v in (None, "one", "two", "three")}
     assert found == {None: [], "one": [], "two": ["W521"], "three": []}
+
+
+@pytest.mark.parametrize("observed", ["", "observation: {o: k}\n"])
+def test_a_next_value_that_is_paid_is_used(observed: str) -> None:
+    """Nothing reads `hit`, but the reward reads `hit'`."""
+    text = f"""
+taskspec: 1
+name: Shot
+state: {{hit: {{type: bool}}, k: {{type: int, low: 0, high: 3}}}}
+action: {{a: {{type: bool}}}}
+horizon: 3
+initial: {{hit: false, k: 0}}
+dynamics: {{hit': Bernoulli(1/2), k': "min(k + a, 3)"}}
+{observed}reward: hit' + k
+"""
+    report = check(build(source.read_text(text, "shot.yaml")))
+    assert "W519" not in [d.code for d in report.diagnostics]

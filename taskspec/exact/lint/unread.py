@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from taskspec.diagnostics import Collector
 from taskspec.exact.lint.case import Case
-from taskspec.lang.ir import Node, Role, draws, reads
+from taskspec.lang.ir import Node, Role, draws, reads, walk
 from taskspec.spec.task import Task
 
 
@@ -26,10 +26,12 @@ def unread(case: Case, collector: Collector) -> None:
 
 
 def _followed(task: Task, roots: tuple[Node, ...]) -> set[str]:
-    """Components that some nodes depend on, at this step or later."""
+    """Components that some nodes depend on, at this step or later; a node may hold the next value of a component."""
     nexts = {c.name: node for c, node in zip(task.state, task.next, strict=True)}
+    inside = {id(node) for node in walk(roots)}
     found: set[str] = set()
     fresh = {name for role, name in reads(roots) if role is Role.STATE}
+    fresh |= {name for name, node in nexts.items() if id(node) in inside}
     while fresh:
         found |= fresh
         fresh = {name for role, name in reads([nexts[n] for n in fresh]) if role is Role.STATE} - found
