@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from taskspec.cli.console import say
-
 if TYPE_CHECKING:
     from taskspec.exact.benchmark import Timing
 
@@ -16,6 +14,7 @@ TARGETS = {"storm": 3.0, "loops": 100.0}
 
 def bench(rounds: int, json: bool) -> bool:
     """Measure, print, and say whether every target is met."""
+    import typer
 
     from taskspec.cli.console import write_json
     from taskspec.exact import benchmark
@@ -24,7 +23,7 @@ def bench(rounds: int, json: bool) -> bool:
     if json:
         write_json(benchmark.record(timings))
     else:
-        say(benchmark.table(timings))
+        typer.echo(benchmark.table(timings))
     return all(_met(timings, name, factor) for name, factor in TARGETS.items())
 
 

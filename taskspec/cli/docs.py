@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, Parameters, Targets, TaskArgument, Variant
 
@@ -86,7 +85,7 @@ def docs(
     if json:
         write_json([str(path) for path in written])
     else:
-        say(f"wrote {plural(len(written), 'file')} on {plural(len(tasks), 'task')} to {near(output)}")
+        typer.echo(f"wrote {plural(len(written), 'file')} on {plural(len(tasks), 'task')} to {near(output)}")
 
 
 def figure(
@@ -106,7 +105,7 @@ def figure(
     found = task_of(task, variant, parameters or [])
     wanted = _named("--overlay", overlays or [], appendix.OVERLAYS)
     output.parent.mkdir(parents=True, exist_ok=True)
-    say(f"wrote {appendix.figure(found, output, wanted)}")
+    typer.echo(f"wrote {appendix.figure(found, output, wanted)}")
 
 
 def tasks_of(targets: Sequence[str]) -> list[Task]:

@@ -74,6 +74,4 @@ def _words(error: Exception) -> str:
 
 
 def _say(text: str) -> None:
-    from taskspec.cli.console import say
-
-    say(text, err=True)
+    typer.echo(text, err=True)

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec.cli.console import say
+import typer
+
 from taskspec.cli.failures import misuse, refuse
 
 if TYPE_CHECKING:
@@ -51,7 +52,9 @@ def watching(kind: str | None, path: Path) -> Iterator[Watch | None]:
 
 
 def _print(env: Environment, note: str, last: bool) -> None:
-    say((f"{env.render()}\n  {note}" if note else str(env.render())) + "\n")
+    from taskspec.cli.console import clean
+
+    typer.echo(clean(f"{env.render()}\n  {note}" if note else str(env.render())) + "\n")
 
 
 class Film:
@@ -107,4 +110,4 @@ def warn_unseen() -> None:
     from taskspec.appendix.extras import need
 
     if need("matplotlib", "figures").get_backend().lower() == "agg":
-        say("no display was found, so no window is shown; --render gif makes a film", err=True)
+        typer.echo("no display was found, so no window is shown; --render gif makes a film", err=True)

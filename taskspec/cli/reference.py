@@ -8,8 +8,6 @@ from typing import Annotated
 
 import typer
 
-from taskspec.cli.console import say
-
 
 class Page(StrEnum):
     """Which page."""
@@ -31,8 +29,8 @@ def reference(page: Which, output: Output = None) -> None:
 
     text = manual.language() if page is Page.language else manual.errors()
     if output is None:
-        say(text, nl=False)
+        typer.echo(text, nl=False)
         return
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text, encoding="utf-8")
-    say(f"wrote {output}", err=True)
+    typer.echo(f"wrote {output}", err=True)

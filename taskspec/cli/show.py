@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from taskspec.cli.console import say
 from taskspec.cli.options import Json, Parameters, TaskArgument, Variant
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ def _print_source(task: Task, json: bool) -> None:
 
         console(wide=True).print(Syntax(code, "python", theme="ansi_dark", background_color="default", word_wrap=True))
     else:
-        say(code, nl=not code.endswith("\n"))
+        typer.echo(code, nl=not code.endswith("\n"))
 
 
 def _print_json(task: Task) -> None:

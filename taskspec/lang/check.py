@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import NoReturn, TypeVar, assert_never
 
 from taskspec.diagnostics import Collector, nearest, suggest
-from taskspec.lang import calls, comparisons, sets, subscripts, tables
+from taskspec.lang import calls, comparisons, sets, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
@@ -36,7 +36,6 @@ class Checker:
     def __init__(self, builder: Builder, collector: Collector) -> None:
         self.builder = builder
         self.collector = collector
-        self.moved: dict[int, subscripts.Moved] = {}  # by id of the node
         self._expanded = 0
         self._times = 1  # how often the present expression is written out by comprehensions around it
 
@@ -86,7 +85,7 @@ class Checker:
             case s.Call():
                 return calls.call(self, expr, scope, want)
             case s.Subscript():
-                return Value(subscripts.subscript(self, expr, scope))
+                return Value(calls.subscript(self, expr, scope))
             case s.Vector(items=items):
                 return Value(self._vector(items, expr, scope))
             case s.Comprehension(is_set=False):
@@ -191,10 +190,8 @@ class Checker:
     # -- leaves ---------------------------------------------------------------------------------------------------
 
     def _number(self, number: int | float, want: Domain | None) -> Value:
-        if want is not None and want.values is not None:
-            for index, value in enumerate(want.values):
-                if value == number:
-                    return Value(self.builder.scalar(index), want)
+        if want is not None and want.values is not None and want.values.count(number) == 1:
+            return Value(self.builder.scalar(want.values.index(number)), want)
         if want is not None and str(number) in want.labels:
             return Value(self.builder.scalar(want.labels.index(str(number))), want)
         return Value(self.builder.scalar(number))

@@ -44,7 +44,7 @@ def uniform(
     table, domain = _table(checker, expr, scope, want)
     count = table.type.shape[0]
     index = b.draw("index", (b.scalar(count),), Type(Kind.INT))
-    return Value(b.structure("index", [table, index]), domain)
+    return Value(b.structure("index", [table, b.position(index, count)]), domain)
 
 
 def _table(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) -> tuple[Node, Domain | None]:
@@ -73,8 +73,9 @@ def member(checker: Checker, value: Value, left: s.Expr, right: s.Expr, scope: S
     if not isinstance(right, s.SetOf | s.Comprehension) or (isinstance(right, s.Comprehension) and not right.is_set):
         checker.fail("E306", right, "`in` needs a set written out: `x in {a, b}`")
     table, domain = _table(checker, right, scope, value.domain)
-    same = domain is not None and domain == value.domain
-    node = value.node if same else checker.number_of(value, left)
+    node = value.node
+    if domain is None or domain != value.domain:  # numbers, or what labels stand for in arithmetic
+        node, table = checker.number_of(value, left), checker.number_of(Value(table, domain), right)
     if node.type.shape != table.type.shape[1:]:
         checker.fail("E307", left, f"{node.type} cannot be an element of this set")
     if node.type.is_scalar:

@@ -27,7 +27,6 @@ from taskspec.appendix.render.suite import Suite
 from taskspec.appendix.sections import Line, Section
 from taskspec.printers import tree as m
 from taskspec.printers.latex import latex
-from taskspec.visible import ON_PAGES, visible
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
 _NUMBERED = re.compile(r"^(\d+)([.)])")
@@ -43,7 +42,7 @@ def markdown(suite: Suite) -> dict[str, str]:
     files = {f"{page.anchor}.md": writer.page(page) for page in suite.pages}
     rows = [(escape(p.name), p.anchor, escape(p.capability), writer.prose(p.summary)) for p in suite.pages]
     files["index.md"] = env.get_template("index.md").render(title=escape(suite.title), rows=rows)
-    return {name: visible(text, ON_PAGES) for name, text in files.items()}
+    return files
 
 
 def escape(text: str) -> str:

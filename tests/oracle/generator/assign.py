@@ -1,0 +1,140 @@
+"""Values for components: random ones that stay inside their bounds, in all the forms that may stand in an expression's place."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tests.oracle.generator import conditions, draws, scalars
+from tests.oracle.generator.declarations import Component
+from tests.oracle.generator.terms import Context, Term
+
+
+def fitted(c: Context, to: Component, depth: int) -> Any:
+    """What may be assigned to a component: sometimes an expression, sometimes cases, tables or draws."""
+    if to.kind == "choice":
+        return labelled(c, to, depth)
+    if c.chance(0.12):
+        return [
+            {"if": conditions.condition(c, 1).text, "then": single(c, to, 0)},
+            *([{"if": conditions.condition(c, 1).text, "then": single(c, to, 1)}] if c.chance(0.4) else []),
+            {"else": single(c, to, depth)},
+        ]
+    if c.chance(0.08) and to.shape == ():
+        return by_table(c, to)
+    if c.may_draw and to.shape == () and c.chance(0.15):
+        return two_outcomes(c, to)
+    return single(c, to, depth)
+
+
+def two_outcomes(c: Context, to: Component) -> Any:
+    """`{value: probability, ...}`: one of the values may be read from the state."""
+    p = draws.probability(c.without_draws(), 1)
+    if to.kind == "bool":
+        return {True: p.text, False: f"1 - ({p.text})"}
+    first = float(to.low) if to.kind == "real" else int(to.low)
+    moved = scalars.term(c.without_draws(), to.kind, (), 1)
+    if not moved.finite or not moved.reads:
+        return {first: 1}
+    return {first: p.text, f"max(min({moved.text}, {to.high}), {to.low})": f"1 - ({p.text})"}
+
+
+def by_table(c: Context, to: Component) -> Any:
+    asked = [n for n in c.names if (n.kind in ("label", "bool") and n.shape == ())]
+    if not asked:
+        return single(c, to, 1)
+    name = c.rng.choice(asked)
+    keys = list(name.labels) if name.kind == "label" else [True, False]
+    rows: dict[Any, Any] = {k: single(c, to, 1) for k in keys[: c.rng.randint(1, len(keys))]}
+    if len(rows) < len(keys) or c.chance(0.2):
+        rows["else"] = single(c, to, 0)
+    return {"by": name.text, "rows": rows}
+
+
+def single(c: Context, to: Component, depth: int) -> str:
+    """One expression within the bounds of the component."""
+    same = [n for n in c.names if n.text.rstrip("'") == to.name and n.kind == to.kind]
+    twins = [n for n in c.names if n.kind == to.kind and n.shape == to.shape and n.size <= 1]
+    if to.kind == "bool":
+        options = [n for n in c.names if n.kind == "bool" and n.shape == to.shape]
+        if options and c.chance(0.35):
+            return c.rng.choice(options).text
+        return scalars.term(c, "bool", to.shape, depth).text
+    if same and c.chance(0.15):
+        return same[0].text
+    if twins and to.low == "0" and to.kind == "int" and c.chance(0.2) and to.high in "123":
+        return c.rng.choice(twins).text
+    made = scalars.term(c, to.kind, to.shape, depth)
+    if not made.finite:
+        made = scalars.integer(c, 1) if to.shape == () else Term(to.low, "int")
+    return within(c, to, made)
+
+
+def within(c: Context, to: Component, made: Term) -> str:
+    """The term, brought within the bounds of the component."""
+    if to.kind == "int" and c.chance(0.25) and to.low == "0" and not to.high.startswith("("):
+        return f"{made.at(6)} % ({to.high} + 1)"
+    if c.chance(0.2):
+        return f"max(min({made.text}, {to.high}), {to.low})"
+    return f"clip({made.text}, {to.low}, {to.high})"
+
+
+# ------------------------------------------------------------------------------ labels
+
+
+def labelled(c: Context, to: Component, depth: int) -> Any:
+    """A label: written, copied, chosen by cases or a table, or drawn."""
+    labels = to.labels
+    copies = [n.text for n in c.names if n.kind == "label" and n.labels == labels and same_meaning(n, to)]
+    if copies and c.chance(0.3):
+        return c.rng.choice(copies)
+    one, other = (label(c, c.rng.choice(labels)) for _ in range(2))
+    match c.rng.randrange(5 if c.may_draw else 4):
+        case 0:
+            return one
+        case 1:
+            return f"{one} if {conditions.condition(c, depth).at(1)} else {other}"
+        case 2:
+            return [{"if": conditions.condition(c, depth).text, "then": one}, {"else": other}]
+        case 3:
+            asked = [n for n in c.names if n.kind == "label"]
+            return table_of(c, asked, "label", [label(c, x) for x in labels])
+    shares = {1: ["1"], 2: ["1/2", "1/2"], 3: ["1/2", "1/3", "1/6"]}[len(labels)]
+    if c.chance(0.4):
+        return f"Categorical({{{', '.join(f'{label(c, x)}: {p}' for x, p in zip(labels, shares, strict=True))}}})"
+    return dict(zip(labels, shares, strict=True))
+
+
+def same_meaning(name: Term, to: Component) -> bool:
+    """Whether a choice with these labels can be copied: it must stand for the same numbers."""
+    return name.text.rstrip("'") == to.name or (name.size == 1 and not to.numbers)
+
+
+def label(c: Context, text: str) -> str:
+    return conditions.label_text(c, text)
+
+
+def table_of(c: Context, asked: list[Term], what: str, labels: list[str] | None = None) -> Any:
+    """A decision table over one or two choices; rows that end early, and `else`."""
+
+    def cell() -> Any:
+        if labels:
+            return c.rng.choice(labels)
+        made = scalars.integer(c, 1)
+        return made.text
+
+    if not asked:
+        return cell()
+    by = c.rng.sample(asked, min(len(asked), c.rng.choice((1, 1, 2))))
+    made = rows(c, by, cell)
+    made = made if isinstance(made, dict) else {"else": made}
+    return {"by": by[0].text if len(by) == 1 and c.chance(0.5) else [b.text for b in by], "rows": made}
+
+
+def rows(c: Context, by: list[Term], cell: Any) -> Any:
+    if not by or c.chance(0.15):
+        return cell()
+    keys = c.rng.sample(by[0].labels, c.rng.randint(1, len(by[0].labels)))
+    made = {k: rows(c, by[1:], cell) for k in keys}
+    if len(keys) < len(by[0].labels) or c.chance(0.1):
+        made["else"] = rows(c, by[1:], cell)
+    return made
