@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from taskspec.registry import task_ids as task_ids
     from taskspec.spec.task import Task as Task
 
-_DOORS = {
+_PUBLIC = {
     "Diagnostic": "taskspec.diagnostics",
     "SpecError": "taskspec.diagnostics",
     "TaskspecError": "taskspec.diagnostics",
@@ -43,18 +43,18 @@ __version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> object:
-    """Import each door on first use, so that `import taskspec` costs next to nothing."""
-    if name not in _DOORS:
+    """Import each public name on first use, so that `import taskspec` costs next to nothing."""
+    if name not in _PUBLIC:
         raise AttributeError(f"module 'taskspec' has no attribute {name!r}")
     from importlib import import_module
 
-    value: object = getattr(import_module(_DOORS[name]), name)
+    value: object = getattr(import_module(_PUBLIC[name]), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_DOORS])
+    return sorted([*globals(), *_PUBLIC])
 
 
 # Importing the package registers its tasks, too. By name: as an import it would put the package above all its layers.

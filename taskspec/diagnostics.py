@@ -10,14 +10,17 @@ import difflib
 import re
 import textwrap
 import unicodedata
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import accumulate
 from typing import Literal, Protocol
 
 from taskspec.codes import CODES as CODES
 from taskspec.codes import Code as Code
 from taskspec.codes import Severity as Severity
+from taskspec.visible import visible, visible_json
 
 Format = Literal["text", "json", "github"]
 
@@ -193,7 +196,7 @@ def render(
         case "text":
             return "\n".join(_text(each, color, width) for each in diagnostics)
         case "json":
-            return _json(diagnostics)
+            return visible_json([_record(each) for each in diagnostics])
         case "github":
             return "\n".join(_github(each) for each in diagnostics)
     raise ValueError(f"unknown format {format!r}: one of 'text', 'json', 'github'")
@@ -203,10 +206,10 @@ def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
     code = CODES[diagnostic.code]
     room = _EXCERPT_WIDTH if width is None else min(_EXCERPT_WIDTH, max(20, width - _GUTTER))
     paint = _COLORS if color else dict.fromkeys(_COLORS, "")
-    place = "" if diagnostic.span is None else f"{_printable(str(diagnostic.span))}: "
+    place = "" if diagnostic.span is None else f"{visible(str(diagnostic.span), keep='')}: "
     title = f"{paint[code.severity]}{code.severity}[{code.code} {code.slug}]{paint['reset']}"
     used = len(f"{place}{code.severity}[{code.code} {code.slug}]: ")
-    lines = [f"{place}{title}: {_broken(_clean(diagnostic.message), width, used, 4)}"]
+    lines = [f"{place}{title}: {_broken(visible(diagnostic.message), width, used, 4)}"]
     remarks = [("note", note) for note in diagnostic.notes]
     hint = diagnostic.hint
     if diagnostic.span is not None:
@@ -214,8 +217,8 @@ def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
         marks = paint[code.severity] + pad + paint["reset"]
         number = str(diagnostic.span.line)
         margin = " " * max(5, len(number))
-        if hint is not None and "\n" not in hint and len(pad) + len(hint) < room:
-            marks, hint = f"{marks} {_clean(hint)}", None
+        if hint is not None and "\n" not in hint and len(pad) + len(visible(hint)) < room:
+            marks, hint = f"{marks} {visible(hint)}", None
         lines += [f"{number:>5} | {excerpt}".rstrip(), f"{margin} | {marks}"]
     if hint is not None:
         remarks.insert(0, ("hint", hint))
@@ -225,7 +228,7 @@ def _text(diagnostic: Diagnostic, color: bool, width: int | None) -> str:
 def _remark(kind: str, text: str, paint: dict[str, str], width: int | None) -> str:
     lead = f"      {paint['dim']}={paint['reset']} {kind}: "
     under = len(f"      = {kind}: ")
-    lines = [_broken(line, width, under, under) for line in _clean(text).split("\n")]
+    lines = [_broken(line, width, under, under) for line in visible(text).split("\n")]
     return lead + f"\n{' ' * under}".join(lines)
 
 
@@ -243,38 +246,24 @@ def _broken(text: str, width: int | None, used: int, indent: int) -> str:
 def _excerpt(span: Span, room: int) -> tuple[str, str]:
     """The line a span starts on (a window of it when long) and the carets that go under it."""
     line = span.origin.line(span.line)
-    start = min(span.column - 1, len(line))
-    end = min(span.end_column - 1, len(line)) if span.end_line == span.line else len(line)
-    first = 0 if len(line) <= room or end <= room // 2 else max(0, start - room // 2)
-    last = min(len(line), first + room)
-    before, marked = _printable(line[first:start]), _printable(line[start : min(end, last)])
-    head, tail = ("…" if first else ""), ("…" if last < len(line) else "")
-    excerpt = head + _printable(line[first:last]) + tail
-    return excerpt, " " * _width(head + before) + "^" * max(1, _width(marked))
-
-
-def _printable(text: str) -> str:
-    """One column per tab, and nothing that a terminal would obey."""
-    return "".join(" " if char == "\t" else "\N{REPLACEMENT CHARACTER}" if _is_control(char) else char for char in text)
-
-
-def _clean(text: str) -> str:
-    return "\n".join(_printable(line) for line in text.split("\n"))
-
-
-def _is_control(char: str) -> bool:
-    return unicodedata.category(char) in {"Cc", "Cf", "Cs", "Zl", "Zp"}
+    skipped = max(0, span.column - 1 - 2 * room)  # a line may have a million characters
+    near = line[skipped : skipped + 5 * room]
+    start = min(span.column - 1 - skipped, len(near))
+    end = min(span.end_column - 1 - skipped, len(near)) if span.end_line == span.line else len(near)
+    cells = [" " if char == "\t" else visible(char, keep="") for char in near]
+    edges = [0, *accumulate(map(_width, cells))]  # columns before each character
+    whole = not skipped and ((len(near) == len(line) and edges[-1] <= room) or edges[end] <= room // 2)
+    first = 0 if whole else bisect_left(edges, edges[start] - room // 2)
+    last = max(first + 1, bisect_right(edges, edges[first] + room) - 1)
+    head, tail = ("…" if skipped + first else ""), ("…" if skipped + last < len(line) else "")
+    marked = edges[max(start, min(end, last))] - edges[start]
+    pad = " " * (len(head) + edges[start] - edges[first])
+    return head + "".join(cells[first:last]) + tail, pad + "^" * max(1, marked)
 
 
 def _width(text: str) -> int:
     """Columns that a terminal gives to a text: wide characters take two, combining ones none."""
     return sum(0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in "WF") for char in text)
-
-
-def _json(diagnostics: Iterable[Diagnostic]) -> str:
-    import json
-
-    return json.dumps([_record(each) for each in diagnostics], indent=2, ensure_ascii=False)
 
 
 def _record(diagnostic: Diagnostic) -> dict[str, object]:
@@ -295,7 +284,7 @@ def _record(diagnostic: Diagnostic) -> dict[str, object]:
 
 
 def _github(diagnostic: Diagnostic) -> str:
-    """One workflow command, `::error file=...,line=...::message`, escaped as GitHub asks."""
+    """One workflow command, `::error file=...,line=...::message`, visible, and escaped as GitHub asks."""
     code, span = CODES[diagnostic.code], diagnostic.span
     fields: dict[str, object] = {}
     if span is not None:
@@ -309,7 +298,7 @@ def _github(diagnostic: Diagnostic) -> str:
 
 
 def _escape_data(text: str) -> str:
-    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+    return visible(text, keep="\r\n").replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
 
 
 def _escape_property(text: str) -> str:

@@ -41,7 +41,7 @@ Evaluate = Callable[[Builder, Node, Values], np.ndarray]
 
 def on_numpy(b: Builder, root: Node, reads: Values) -> np.ndarray:
     names = {key: f"x_{key[1]}" for key in reads}
-    form = ArrayForm(names, b.bounds, lambda d, a: "", scratch=Scratch())
+    form = ArrayForm(names, lambda d, a: "", scratch=Scratch())
     (value,) = form.emit([root])
     n = next(iter(reads.values())).shape[-1]
     lines = [*(form.scratch.declarations if form.scratch else []), *form.lines, f"result = {value}"]
@@ -59,7 +59,7 @@ def on_jax(b: Builder, root: Node, reads: Values) -> np.ndarray:
     from taskspec.backends.jax import library, program
 
     names = {key: f"x_{key[1]}" for key in reads}
-    form = ArrayForm(names, b.bounds, lambda d, a: "")
+    form = ArrayForm(names, lambda d, a: "")
     (value,) = form.emit([root])
     body = "\n".join(f"    {line}" for line in [*form.lines, f"return {value}"])
     space = {**program._NAMESPACE, **arrays(form.constants, program._array), "rt": library.RUNTIME}
@@ -78,7 +78,7 @@ def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
         names[role, name] = Value([f"x_{name}_{k}" for k in range(len(rows))])
         arguments += [(f"r_{name}_{k}", np.ascontiguousarray(row)) for k, row in enumerate(rows)]
         loads += [f"x_{name}_{k} = r_{name}_{k}[j]" for k in range(len(rows))]
-    lane = KernelLane(names, {}, b.bounds, unrolled=EVERYTHING)
+    lane = KernelLane(names, {}, b.certain, unrolled=EVERYTHING)
     (value,) = lane.emit([root])
     stores = [f"out[{k}, j] = {atom}" for k, atom in enumerate(value.atoms or [])]
     body = "\n".join(f"        {line}" for line in [*loads, *lane.lines, *stores])

@@ -66,7 +66,8 @@ def test_color_only_adds_escapes() -> None:
     ("text", "column", "end", "excerpt", "carets"),
     [
         ("\tab", 2, 4, " ab", " ^^"),
-        ("a\x1b[31mb", 7, 8, "a\N{REPLACEMENT CHARACTER}[31mb", "      ^"),
+        ("a\x1b[31mb", 7, 8, r"a\x1b[31mb", "         ^"),
+        ("a\x1b\u202e\udcffb", 2, 5, r"a\x1b\u202e\udcffb", " ^^^^^^^^^^^^^^^^"),
         ("漢字 x", 4, 5, "漢字 x", "     ^"),
         ("e\u0301x", 3, 4, "e\u0301x", " ^"),
         ("ab", 3, 3, "ab", "  ^"),

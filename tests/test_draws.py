@@ -20,6 +20,7 @@ from scipy import stats
 
 from taskspec import draws
 from taskspec.draws import polynomials, threefry
+from taskspec.draws.sample import bernoulli_threshold
 
 ALPHA = 1e-4
 TOP = 2**32 - 1
@@ -297,16 +298,24 @@ def test_certain_events_at_the_extreme_words(w: int) -> None:
     assert draws.poisson_table(0) == (0, ())
 
 
-@pytest.mark.parametrize("weights", [[], [0, 0], [-1, 2], [math.nan, 1], [math.inf, 1]])
-def test_probabilities_that_make_no_sense(weights: list[float]) -> None:
-    with pytest.raises(ValueError, match="probabilit"):
-        draws.thresholds(weights)
+@pytest.mark.parametrize("w", [2**8, 2**31, TOP])
+@pytest.mark.parametrize("weights", [[0, 0], [0, 0, 0], [-1, 2], [2, -1, 2], [math.nan, 1], [1, math.nan], [math.inf, 1],
+                                     [1, math.inf, 1], [1e308, 1e308, 1e308], [-1, -1], [math.nan]])  # fmt: skip
+def test_what_is_no_distribution_means_the_same_as_a_constant_and_at_run_time(weights: list[float], w: int) -> None:
+    with np.errstate(over="ignore"):
+        at_run_time = draws.weighted_categorical(w, weights)
+    assert draws.categorical(w, draws.thresholds(weights)) == at_run_time
 
 
-@pytest.mark.parametrize("rate", [-1, math.nan, 100_001])
-def test_rates_that_make_no_sense(rate: float) -> None:
-    with pytest.raises(ValueError, match="Poisson rate"):
-        draws.poisson_table(rate)
+@pytest.mark.parametrize("w", [0, 2**31, TOP])
+@pytest.mark.parametrize("p", [-1, -math.inf, math.nan, 1.5, math.inf, 10**400, Fraction(3, 2)])
+def test_what_is_no_probability_means_the_same_as_a_constant_and_at_run_time(p: float, w: int) -> None:
+    assert (w < bernoulli_threshold(p)) == draws.bernoulli(w, math.inf if p == 10**400 else float(p))
+
+
+@pytest.mark.parametrize(("rate", "limited"), [(-1, 0), (math.nan, 0), (100_001, 100_000), (math.inf, 100_000)])
+def test_rates_are_limited(rate: float, limited: float) -> None:
+    assert draws.poisson_table(rate) == draws.poisson_table(limited)
 
 
 # ------------------------------------------------------------------------------ distributions

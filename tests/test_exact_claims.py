@@ -190,9 +190,9 @@ def test_everything_in_the_vocabulary_is_understood() -> None:
 
 def test_claims_by_simulation() -> None:
     found = verdict("random_return == 1/4", SIMULATED)
-    assert (found.status, found.episodes) == ("supported", 1000)
+    assert (found.status, found.episodes) == ("tested", 1000)
     found = verdict("{claim: abs(random_return - 1/4) < 0.02, episodes: 20000}", SIMULATED)
-    assert (found.status, found.episodes) == ("supported", 20000)
+    assert (found.status, found.episodes) == ("tested", 20000)
     found = verdict("random_return > 1/2", SIMULATED)
     assert found.diagnostic is not None
     assert found.diagnostic.code == "E604"

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from taskspec import exact, source
+from taskspec.cli.checking import check_file
+from taskspec.cli.targets import File
 from taskspec.diagnostics import CODES
-from taskspec.spec.build import build
 
 FOLDER = Path(__file__).parent / "errors"
 FILES = sorted([*FOLDER.glob("W5*.yaml"), *FOLDER.glob("E6*.yaml")])
@@ -19,7 +19,7 @@ FILES = sorted([*FOLDER.glob("W5*.yaml"), *FOLDER.glob("E6*.yaml")])
 def test_one_diagnostic_at_its_place(path: Path) -> None:
     expected = re.match(r"# expect: ([EW]\d+) (\d+:\d+)\n", path.read_text(encoding="utf-8"))
     assert expected is not None
-    (found,) = exact.check(build(source.read(path))).diagnostics
+    (found,) = check_file(File(path, "")).diagnostics
     assert found.span is not None
     assert (found.code, f"{found.span.line}:{found.span.column}") == expected.groups()
 

@@ -136,6 +136,15 @@ def test_what_was_sampled_is_never_called_exact(obeys: bool, deterministic: bool
     assert low <= risky_return(0.3) <= high
 
 
+def test_a_policy_that_may_explore_now_and_then_is_simulated_unless_asked_not_to() -> None:
+    class Explores(Policy):
+        def predict(self, observation: Any, deterministic: bool = False) -> tuple[Any, None]:
+            return np.full(len(observation), int(not deterministic and self.rng.random() < 0.001)), None
+
+    assert score(RISKY, Explores(0), episodes=50).asked == "samples"
+    assert score(RISKY, Explores(0), deterministic=True).value.exact
+
+
 def test_a_function_that_varies_is_simulated() -> None:
     rng = np.random.default_rng(0)
     found = score(RISKY, lambda state, t: {"a": (rng.random(state["s"].shape) < 0.3).astype(int)}, episodes=4000)

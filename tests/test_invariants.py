@@ -14,7 +14,7 @@ from taskspec.lang.types import BOOL, INT, REAL, Kind, Type
 from taskspec.source import read_text
 from taskspec.spec.build import build, build_abstract
 from taskspec.spec.invariants import OF_NODES, OF_TASKS, ON_REQUEST, broken
-from taskspec.spec.task import Task
+from taskspec.spec.task import Figure, Task
 
 ROOT = Path(__file__).parents[1]
 SPECS = sorted(
@@ -89,6 +89,7 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
         t, observation=dataclasses.replace(t.observation, nodes=(ACTION, t.observation.nodes[1]))
     ),
     "an expert reads state and time": lambda t: damaged(t, expert=(ACTION,)),
+    "a figure reads what a step reads": lambda t: damaged(t, figure=Figure("bars", values=read(Role.NEXT, "s"))),
     "the absorbing reward reads state and time": lambda t: damaged(t, absorbing_reward=read(Role.ACTION, "a", REAL)),
     "the absorbing reward draws nothing": lambda t: damaged(t, absorbing_reward=Draw("normal", (), REAL, 98)),
     "what is read is a component": lambda t: damaged(t, terminal=read(Role.STATE, "nobody", BOOL)),
@@ -96,6 +97,13 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
     "equal operations are one node": lambda t: damaged(
         t, terminal=Apply("not", (ACTION,), BOOL), expert=(Apply("not", (ACTION,), BOOL),)
     ),
+    "an index is certain to lie in its vector": lambda t: damaged(
+        t, reward=Apply("index", (t.next[1], read(Role.STATE, "s")), REAL)
+    ),
+    "a draw of an index has one value to draw from at least": lambda t: damaged(
+        t, initial=(Draw("index", (Const(0, INT),), INT, 97), t.initial[1])
+    ),
+    "a state int is certain to keep to its range": lambda t: damaged(t, next=(read(Role.STATE, "s"), t.next[1])),
     "a horizon has a step at least": lambda t: damaged(t, horizon=0),
     "the discount is between 0 and 1": lambda t: damaged(t, discount=1.5),
 }

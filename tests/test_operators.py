@@ -91,7 +91,7 @@ def by_lane(b: Builder, node: Node, arguments: Sequence[Argument], words: Sequen
     }
     layout = Layout.of([node])
     word_names = {d.site: [f"w{layout.first[d.site] + k}" for k in range(words_of(d))] for d in layout.draws}
-    lane = Lane(names, word_names, b.bounds)
+    lane = Lane(names, word_names, b.certain)
     (value,) = lane.emit([node])
     result = f"({value.atoms[0]},)" if node.type.is_scalar and value.atoms else f"tuple({lane.packed(node)})"
     parameters = [f"a{i}" for i in range(len(arguments))] + [f"w{k}" for k in range(layout.count)]

@@ -120,7 +120,7 @@ MISTAKES = [
     ("accept: {E302: it is meant}\n", "E206", "3:10", "`E302` is not the code of a warning", ""),
     ("accept: {W509: ' '}\n", "E218", "3:16", "expected a reason", ""),
     ("accept: [W509]\n", "E201", "3:9", "named entries", ""),
-    ("variants: {v: {accept: {W59: it is meant}}}\n", "E206", "3:25", "`W59`", "W509"),
+    ("variants: {v: {accept: {W59: it is meant}}}\n", "E206", "3:25", "`W59`", "did you mean 'W5"),
     ("observation: {space: boxes}\n", "E206", "3:22", "`boxes`", "one_hot"),
     ("state: {s: {type: float}}\n", "E206", "3:19", "int, real, bool, choice", ""),
     ("reward: {by: [], rows: {a: 1}}\n", "E208", "3:14", "what the table looks at", "[s, a]"),

@@ -6,6 +6,7 @@ found (scores, verdicts on claims) comes in as `Facts`; without them the page le
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +18,7 @@ from taskspec.appendix.prose import Block, Cite, Inlines, blocks, inlines
 from taskspec.appendix.sections import Line, Section
 from taskspec.appendix.writing import Writing
 from taskspec.spec.task import Task
+from taskspec.visible import visible
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ def anchor(name: str) -> str:
 def make_line(task: Task) -> str:
     """The line of Python that makes the environment, with the parameters that differ from their defaults."""
     changed = "".join(f", {p.name}={p.value!r}" for p in task.parameters if p.value != p.default)
-    return f'gymnasium.make("{task.id}"{changed})'
+    return visible(f"gymnasium.make({json.dumps(task.id, ensure_ascii=False)}{changed})", keep="")
 
 
 def column_title(values: Mapping[str, Any]) -> str:

@@ -16,7 +16,6 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, pla
 from taskspec.lang.ops import OPS, Op
 from taskspec.lang.types import Kind, Type
 
-Bounds = Callable[[Node], tuple[float, float]]
 Drawn = Callable[[Draw, Sequence[str]], str]
 """The source of a draw from the sources of its arguments."""
 
@@ -93,7 +92,6 @@ class ArrayForm:
     """
 
     names: Mapping[tuple[Role, str], str]
-    bounds: Bounds
     drawn: Drawn
     constants: dict[str, Any] = field(default_factory=dict)
     scratch: Scratch | None = None
@@ -217,10 +215,6 @@ class ArrayForm:
         return out
 
     def _template(self, node: Apply, entry: Op) -> str:
-        if entry.nonzero is not None and entry.array_fast is not None:
-            low, high = self.bounds(node.args[entry.nonzero])
-            if low > 0 or high < 0:
-                return entry.array_fast
         real = any(a.type.kind is Kind.REAL for a in node.args)
         return entry.real_array if real and entry.real_array else entry.array
 
@@ -238,8 +232,6 @@ class ArrayForm:
                 return self._assign(f"{args[0]}.reshape({shape}-1)")
             case "fill":
                 return self._assign(f"rt.fill({args[0]}, {static!r})")
-            case "position":
-                return self._assign(f"rt.position({args[0]}, {static[0]})")
             case "index" if self._is_look_up(node):
                 return self._look_up(node, args)
             case "vector" | "concat":

@@ -94,7 +94,6 @@ def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Ho
     names |= {(Role.VARIABLE, v): v for v in (*hoisted.names, *hoisted.word_numbers)}
     return ArrayForm(
         names,
-        task.builder.bounds,
         lambda draw, args: _drawn(draw, args, hoisted.words[draw.site]),
         scratch=Scratch(),
     )
@@ -113,7 +112,7 @@ def _drawn(draw: Draw, args: Sequence[str], words: Sequence[str]) -> str:
         case "bernoulli":
             text = f"bernoullis({stacked}, {flat})"
         case "index":
-            text = f"indices({stacked}, np.maximum({flat}, 1)).astype(np.int64)"
+            text = f"indices({stacked}, {flat}).astype(np.int64)"
         case "categorical":
             text = f"weighted_categoricals({stacked}, {args[0]}[:, None]).astype(np.int64)"
         case "poisson":

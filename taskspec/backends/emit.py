@@ -101,7 +101,7 @@ def _lane(
         names[Role.VARIABLE, name] = _held(name, node.type)
     for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True) if phase else ():
         names[Role.VARIABLE, name] = _held(name, node.type)
-    return Lane(names, phase.words if phase else {}, task.builder.bounds, constants)
+    return Lane(names, phase.words if phase else {}, task.builder.certain, constants)
 
 
 def _unpack(phase: Phase, call: str) -> list[str]:

@@ -80,7 +80,7 @@ def _one_hot(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, li
     name = lane.name()
     statements = [f"{name} = np.zeros({layout.size}, np.float32)"]
     offset = 0
-    bounds = [lane.bounds(node) for node in nodes for _ in range(node.type.size)]
+    bounds = [lane.certain(node) for node in nodes for _ in range(node.type.size)]
     places = zip(_all_atoms(lane, nodes), bounds, layout.starts, layout.counts, strict=True)
     for atom, (low, high), start, count in places:
         inside = "" if start <= low and high < start + count else f"if {start} <= {atom} < {start + count}: "
@@ -91,7 +91,7 @@ def _one_hot(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, li
 
 def _may_overflow(lane: Lane, node: Node) -> bool:
     """Whether a number may be finite, and infinite in float32, which NumPy warns of."""
-    return max(map(abs, lane.bounds(node))) > _LARGEST
+    return max(map(abs, lane.certain(node))) > _LARGEST
 
 
 def _array(lane: Lane, node: Node, source: str) -> str:

@@ -1,7 +1,7 @@
 """What a vector program takes out of its steps: values that depend on draws alone, and draws as comparisons of words.
 
 Both rewrite core nodes into core nodes, so that every backend gains: what draws give becomes a read of a named
-value with known bounds.
+value with bounds that are certain.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def hoist(b: Builder, roots: Sequence[Node], layout: Layout, bias: int = 0) -> H
     def leaf(node: Node) -> Node | None:
         if id(node) not in names:
             return None
-        low, high = b.bounds(node)
+        low, high = b.certain(node)
         return b.read(Role.VARIABLE, names[id(node)], node.type, low, high)
 
     rest = rewrite(roots, leaf, b.remake)

@@ -78,7 +78,7 @@ class KernelLane(Lane):
 
     def is_narrow(self, node: Node) -> bool:
         """Whether every element is an int that fits 32 bits."""
-        low, high = self.bounds(node)
+        low, high = self.certain(node)
         return node.type.kind is Kind.INT and low >= -INT_MAX and high <= INT_MAX
 
     def _const(self, node: Const) -> Value:
@@ -97,7 +97,7 @@ class KernelLane(Lane):
     def _whole_division(self, node: Apply) -> str:
         """Without signs, division is one instruction that vectorises; ints of 32 bits are quicker still."""
         sign = "//" if node.op == "floordiv" else "%"
-        (a_low, a_high), (b_low, b_high) = map(self.bounds, node.args)
+        (a_low, a_high), (b_low, b_high) = map(self.certain, node.args)
         if a_low >= 0 and b_low > 0 and a_high <= INT_MAX and b_high <= INT_MAX:
             return f"(u32({{0}}) {sign} u32({{1}}))"
         return INT_LANE[node.op]
@@ -166,10 +166,6 @@ class KernelLane(Lane):
     def _structure(self, node: Apply) -> Value:
         special = _STRUCTURE.get(node.op)
         return special(self, node) if special is not None else super()._structure(node)
-
-    def _position(self, node: Apply) -> Value:
-        n = node.static[0]
-        return Value([self.assign(f"i32(position({self.assign(a)}, {n}))") for a in self.atoms(node.args[0])])
 
     def _index(self, node: Apply) -> Value:
         x, i = node.args
@@ -289,16 +285,13 @@ _REDUCE: dict[str, Reduce] = {
     "cumsum": lambda k, node, a: k._running(a),
 }
 _STRUCTURE: dict[str, Callable[[KernelLane, Apply], Value]] = {
-    "position": KernelLane._position,
     "index": KernelLane._index,
     "put": KernelLane._put,
     "swap": KernelLane._swap,
 }
 _DRAW: dict[str, Callable[[KernelLane, Draw, Sequence[str]], list[str]]] = {
     "uniform": lambda k, node, words: [f"uniform({w})" for w in words],
-    "index": lambda k, node, words: [
-        f"i32(index({w}, max2({n}, 1)))" for w, n in zip(words, k._arguments(node), strict=True)
-    ],
+    "index": lambda k, node, words: [f"i32(index({w}, {n}))" for w, n in zip(words, k._arguments(node), strict=True)],
     "bernoulli": lambda k, node, words: [
         f"bernoulli({w}, {p})" for w, p in zip(words, k._arguments(node), strict=True)
     ],

@@ -15,7 +15,7 @@ from taskspec.backends.source import literal, without_unused
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.draws.layout import words_of
 from taskspec.lang.ir import Const, Draw, Node, Role
-from taskspec.lang.types import Kind, Type
+from taskspec.lang.types import INT_MAX, Kind, Type
 
 SHOWN = 8
 """Draws of this many elements or more that are observed as they are go to the observations in one piece."""
@@ -44,7 +44,7 @@ def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting:
     for draw in words.draws:
         for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
             names[Role.VARIABLE, name] = Value([f"i64({number})"])
-    lane = KernelLane(names, numbers, p.task.builder.bounds, p.constants, unrolled=EVERYTHING)
+    lane = KernelLane(names, numbers, p.task.builder.certain, p.constants, unrolled=EVERYTHING)
     lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
     shown = _shown(p, roots, words)
     hidden = {len(roots) - len(p.observation.components) + i for i in shown}
@@ -190,10 +190,15 @@ def advance(p: Program) -> tuple[list[str], list[Row], Shown]:
         "@apart",
         f"def advance({', '.join([*arguments, *(r.name for r in rows)])}):",
         *indent(["count = 0", "for j in range(n):"]),
-        *indent(["t = i32(time[j])", *_read_actions(p), *loads, *body], 2),
+        *indent([f"t = {_time(p)}", *_read_actions(p), *loads, *body], 2),
         *indent(["    count += i64(e)", "return count"]),
     ]
     return text, rows, loop.shown
+
+
+def _time(p: Program) -> str:
+    """The time as 32 bits hold it; without a horizon it stops at the largest."""
+    return "i32(time[j])" if p.task.horizon is not None else f"i32(min(time[j], {INT_MAX}))"
 
 
 def _ending(p: Program, terminal: str) -> tuple[list[str], str]:

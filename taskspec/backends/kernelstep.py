@@ -106,8 +106,8 @@ def _choose(p: Program) -> list[str]:
 
 def _step(p: Program, rows: Sequence[Row], shown: Shown) -> list[str]:
     """The step of a block; `late` becomes the number of lanes that begin again, and `lanes` has theirs."""
-    body = ["late = gather(n, ended, lanes)"] if p.mode == "next_step" else []
-    body += [f"part = {_actions(p, 'first')}"]
+    body = _LATE if p.mode == "next_step" else []
+    body = [*body, f"part = {_actions(p, 'first')}"]
     body += _fill(p, p.step_words, "step_words(n", "k0, k1, steps", "n")
     arguments = ["n", "part", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
     body += [f"count = advance({', '.join([*arguments, *(r.name for r in rows)])})"]
@@ -121,6 +121,8 @@ def _step(p: Program, rows: Sequence[Row], shown: Shown) -> list[str]:
     return [*body, "total += count"]
 
 
+_LATE = ["late = gather(n, ended, lanes)", "for i in range(late):", "    time[u64(lanes[i])] = 0"]
+"""What the step makes of lanes that begin again is dropped; but it may look things up by the time."""
 _UNDO = [
     "for i in range(late):",
     "    j = u64(lanes[i])",

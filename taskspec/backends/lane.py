@@ -46,13 +46,13 @@ class Lane:
     """Emits statements for nodes.
 
     Subclasses emit for other targets; with `unrolled` large enough, every element is an expression of its own.
-    `names` gives the source of every read; `words` the names of the random words of every draw, by site. `constants`
-    collects the arrays that the statements refer to.
+    `names` gives the source of every read; `words` the names of the random words of every draw, by site. `certain`
+    gives bounds of a node (`Builder.certain`); `constants` collects the arrays that the statements refer to.
     """
 
     names: Mapping[tuple[Role, str], Value]
     words: Mapping[int, Sequence[str]]
-    bounds: Callable[[Node], tuple[float, float]]
+    certain: Callable[[Node], tuple[float, float]]
     constants: dict[str, Any] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
     values: dict[int, Value] = field(default_factory=dict)
@@ -171,15 +171,20 @@ class Lane:
         return Value(packed=self.assign(f"[{body} {loop}]"))
 
     def _template(self, node: Apply, entry: Op) -> str:
-        if entry.nonzero is not None and entry.lane_fast is not None:
-            low, high = self.bounds(node.args[entry.nonzero])
-            finite = (
-                all(map(math.isfinite, self.bounds(node.args[0]))) or node.type.kind is Kind.INT or entry.name == "div"
-            )
-            if (low > 0 or high < 0) and finite:
-                return entry.lane_fast
+        if entry.lane_divides is not None and self._never_zero(node.args[1]):
+            return entry.lane_divides
         real = any(a.type.kind is Kind.REAL for a in node.args)
         return entry.real_lane if real and entry.real_lane else entry.lane
+
+    def _never_zero(self, divisor: Node) -> bool:
+        """Whether a divisor is finite and not 0, whatever reals come to be."""
+        match divisor:
+            case Const():
+                return all(v and math.isfinite(v) for v in divisor.flat)
+            case Apply(op="to_real", args=(whole,)):
+                divisor = whole
+        low, high = self.certain(divisor)
+        return low > 0 or high < 0
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
         """A template over arguments; one that is named twice gets a name of its own first."""
@@ -261,11 +266,6 @@ class Lane:
             return Value([atom] * node.type.size)
         return Value(packed=self.assign(f"({atom},) * {node.type.size}"))
 
-    def _position(self, node: Apply) -> Value:
-        n = node.static[0]
-        atoms = [self.assign(a) for a in self.atoms(node.args[0])]
-        return Value([f"({a} if 0 <= {a} < {n} else position({a}, {n}))" for a in atoms])
-
     def _index(self, node: Apply) -> Value:
         x, i = node.args
         row = strided(x.type.shape)
@@ -333,8 +333,7 @@ class Lane:
             case "bernoulli":
                 return Value([f"bernoulli({w}, {p})" for w, p in zip(words, ps, strict=True)])
             case "index":
-                high = self.bounds(node.args[0])[0] >= 1
-                return Value([f"({w} * {n if high else f'max(1, {n})'} >> 32)" for w, n in zip(words, ps, strict=True)])
+                return Value([f"({w} * {n} >> 32)" for w, n in zip(words, ps, strict=True)])
             case _:
                 step = len(words) // size
                 extra = f", {poisson_bound(node)!r}" if node.base == "poisson" else ""
@@ -368,7 +367,6 @@ _STRUCTURE: dict[str, Callable[[Lane, Apply], Value]] = {
     "element": Lane._element,
     "reshape": lambda lane, node: lane.values[id(node.args[0])],
     "fill": Lane._fill_shape,
-    "position": Lane._position,
     "index": Lane._index,
     "put": Lane._put,
     "swap": Lane._swap,

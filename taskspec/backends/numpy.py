@@ -215,6 +215,7 @@ class _Block:
         late = b.ended.nonzero()[0] if over else None
         if late is not None:
             self._ahead.part_ways()
+            b.time[late] = 0  # what the step makes of these lanes is dropped; but it may look things up by the time
         ended = self._over = self._step(*actions, *self._ahead.take())
         if self._mode == "same_step":
             if ended and not self._module.begins:

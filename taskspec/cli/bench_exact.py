@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from taskspec.cli.console import say
+
 if TYPE_CHECKING:
     from taskspec.exact.benchmark import Timing
 
@@ -14,7 +16,6 @@ TARGETS = {"storm": 3.0, "loops": 100.0}
 
 def bench(rounds: int, json: bool) -> bool:
     """Measure, print, and say whether every target is met."""
-    import typer
 
     from taskspec.cli.console import write_json
     from taskspec.exact import benchmark
@@ -23,7 +24,7 @@ def bench(rounds: int, json: bool) -> bool:
     if json:
         write_json(benchmark.record(timings))
     else:
-        typer.echo(benchmark.table(timings))
+        say(benchmark.table(timings))
     return all(_met(timings, name, factor) for name, factor in TARGETS.items())
 
 

@@ -41,9 +41,8 @@ class Progress:
 
 def matrix(rates: Sequence[Rate]) -> Any:
     """Million steps per second: a row for each task, a column for each program and number of lanes."""
-    from rich.text import Text
-
     from taskspec.cli.console import columns
+    from taskspec.cli.terminal import Text
 
     places = list(dict.fromkeys((r.contestant.program, r.contestant.lanes) for r in rates))
     headers = [f"{short(program)}\n{lanes}" for program, lanes in places]
@@ -56,9 +55,8 @@ def matrix(rates: Sequence[Rate]) -> Any:
 
 def sections(rates: Sequence[Rate]) -> Any:
     """Million steps per second: a heading for each task, a row for each program, a column for each number of lanes."""
-    from rich.text import Text
-
     from taskspec.cli.console import columns
+    from taskspec.cli.terminal import Text
 
     lanes = sorted({r.contestant.lanes for r in rates})
     beside = any(r.contestant.rival for r in rates)
@@ -81,7 +79,7 @@ def short(program: str) -> str:
 
 
 def cell(rate: Rate | None) -> Any:
-    from rich.text import Text
+    from taskspec.cli.terminal import Text
 
     if rate is None:
         return ""
@@ -123,9 +121,8 @@ def _ratios(rates: Iterable[Rate], group: Sequence[Rate]) -> str:
 
 def starts(found: Sequence[Start], memories: Sequence[Memory]) -> Any:
     """Seconds to the first step, and bytes for each lane."""
-    from rich.text import Text
-
     from taskspec.cli.console import columns
+    from taskspec.cli.terminal import Text
 
     sizes = {(m.task, m.program): m for m in memories}
     table = columns("first step after", "cold s", "warm s", "bytes/lane", right=(1, 2, 3))

@@ -75,9 +75,8 @@ def _raced(
 
 
 def _print(results: Sequence[Result], lanes: int | None) -> None:
-    from rich.text import Text
-
     from taskspec.cli.console import columns, console
+    from taskspec.cli.terminal import Text
 
     target = ["target"] if lanes is None else []
     table = columns("", "task", "taskspec", "±", "seals", "±", "ratio", "spread", *target, right=range(2, 9))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, refuse
 from taskspec.cli.options import CHARTS
 from taskspec.cli.targets import checked_choice
@@ -231,12 +232,10 @@ def _show(wanted: Wanted, found: Found) -> None:
     else:
         _print(wanted, found)
     if wanted.chart is not None and found.rates:
-        import typer
-
         from taskspec.cli.bench_chart import draw
 
         draw(found.rates, wanted.chart)
-        typer.echo(f"wrote {wanted.chart}", err=wanted.json)
+        say(f"wrote {wanted.chart}", err=wanted.json)
     if found.errors:
         _report(found.errors)
 
@@ -251,7 +250,7 @@ def _report(errors: Sequence[TaskspecError]) -> None:
     show(dict.fromkeys(d for error in errors if isinstance(error, SpecError) for d in error.diagnostics))
     for error in errors:
         if not isinstance(error, SpecError):
-            typer.echo(f"error: {error}", err=True)
+            say(f"error: {error}", err=True)
     raise typer.Exit(1)
 
 

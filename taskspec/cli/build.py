@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.cli.console import say
 from taskspec.cli.options import Targets
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
     out.print()
     out.print(verdict(reports, errors, warnings, time.perf_counter() - start))
     if errors:
-        typer.echo("nothing was written", err=True)
+        say("nothing was written", err=True)
         raise typer.Exit(1)
     for path, what in write(_tasks(reports), output):
         out.print(line("wrote ", (str(path), "name"), (f"  {what}", "quiet")))
@@ -57,7 +58,7 @@ def _print_problems(reports: Sequence[Report]) -> None:
     problems = [d for report in reports for d in report.diagnostics]
     failures.show(problems, err=False)
     if problems:
-        typer.echo()
+        say("")
 
 
 def _tasks(reports: Sequence[Report]) -> list[Task]:
@@ -66,11 +67,10 @@ def _tasks(reports: Sequence[Report]) -> list[Task]:
 
 def _table(reports: Sequence[Report], width: int) -> Any:
     """Every task with its size and how it was checked."""
-    from rich.text import Text
-
     from taskspec.cli.check import mark
     from taskspec.cli.console import columns
     from taskspec.cli.records import horizon, size
+    from taskspec.cli.terminal import Text
 
     headers = ["", "task", "size", *(["horizon"] if width >= WIDE else []), "sound by", "claims"]
     table = columns(*headers, right=(2, 3) if width >= WIDE else (2,))
@@ -96,7 +96,7 @@ def _results(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
     from importlib.util import find_spec
 
     if find_spec("scipy") is None:
-        typer.echo('scores and documentation need scipy: pip install "taskspec[exact]"', err=True)
+        say('scores and documentation need scipy: pip install "taskspec[exact]"', err=True)
         return []
     return [_scores(tasks, folder), *_docs(tasks, folder)]
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.cli.console import say
 from taskspec.cli.options import Json, Parameters, Targets, Variant
 
 if TYPE_CHECKING:
@@ -86,9 +87,8 @@ def _print_text(reports: Sequence[Report], errors: int, warnings: int, seconds: 
 
 def table_of(reports: Sequence[Report]) -> Table:
     """What was checked, file by file, and how."""
-    from rich.text import Text
-
     from taskspec.cli.console import columns
+    from taskspec.cli.terminal import Text
 
     built = any(each.task is not None for report in reports for each in report.tasks)
     table = columns("", "", *(("sound by", "ranges", "claims") if built else ("", "", "")), fold=(1,))
@@ -110,9 +110,8 @@ def remarks(reports: Sequence[Report]) -> list[str]:
 
 def mark(diagnostics: Sequence[Any]) -> Any:
     """A sign for errors, for warnings, for neither."""
-    from rich.text import Text
-
     from taskspec.cli.checking import counts
+    from taskspec.cli.terminal import Text
 
     errors, warnings = counts(diagnostics)
     if errors:
@@ -178,7 +177,7 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
         "id": each.title if each.task else None,
         "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
         "method": each.finding.method, "other_parameter_values": each.finding.cases,
-        "claims_proved": each.finding.proved, "claims_supported": each.finding.supported, "skipped": each.finding.skipped,
+        "claims_proved": each.finding.proved, "claims_tested": each.finding.tested, "skipped": each.finding.skipped,
         "seconds": round(each.seconds, 6),
     }  # fmt: skip
 
@@ -189,7 +188,7 @@ def _print_github(reports: Sequence[Report], errors: int, warnings: int, seconds
 
     text = render([d for report in reports for d in report.diagnostics], "github")
     if text:
-        typer.echo(text)
+        say(text)
     console(err=True).print(verdict(reports, errors, warnings, seconds))
 
 

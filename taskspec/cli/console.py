@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import shutil
 import sys
-import unicodedata
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from taskspec.visible import visible, visible_json
+
 if TYPE_CHECKING:
-    from rich.console import Console
     from rich.table import Table
-    from rich.text import Text
+
+    from taskspec.cli.terminal import Console, Text
 
 STYLES = {
     "title": "bold",
@@ -41,10 +41,9 @@ def console(err: bool = False, wide: bool = False) -> Console:
         err: for standard error.
         wide: for tables, which may fill a terminal and keep to one line a row in a pipe; prose is set to `PAGE`.
     """
-    from rich.console import Console
     from rich.theme import Theme
 
-    from taskspec.cli.piped import PipedConsole
+    from taskspec.cli.terminal import Console, PipedConsole
 
     stream = sys.stderr if err else sys.stdout
     theme = Theme(STYLES)
@@ -80,11 +79,11 @@ def terminal_width(err: bool = False) -> int | None:
 
 def write_json(data: Any) -> None:
     """Print data as JSON; what JSON cannot hold (infinities) becomes text."""
-    typer.echo(to_json(data))
+    say(to_json(data))
 
 
 def to_json(data: Any) -> str:
-    return json.dumps(_finite(data), indent=2, ensure_ascii=False, default=str)
+    return visible_json(_finite(data))
 
 
 def _finite(data: Any) -> Any:
@@ -99,14 +98,14 @@ def _finite(data: Any) -> Any:
             return data
 
 
-def clean(text: str) -> str:
-    """A spec's words without anything that a terminal would obey."""
-    return "".join(c if c == "\n" or unicodedata.category(c) not in ("Cc", "Cf", "Cs") else " " for c in text)
+def say(text: str, err: bool = False, nl: bool = True) -> None:
+    """Print plain text."""
+    typer.echo(visible(text), err=err, nl=nl)
 
 
 def line(*parts: tuple[str, str] | str) -> Text:
     """A line of text in several styles: `("words", "style")` or plain words."""
-    from rich.text import Text
+    from taskspec.cli.terminal import Text
 
     return Text.assemble(*parts, no_wrap=False)
 

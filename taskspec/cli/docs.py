@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, Parameters, Targets, TaskArgument, Variant
 
@@ -85,7 +86,7 @@ def docs(
     if json:
         write_json([str(path) for path in written])
     else:
-        typer.echo(f"wrote {plural(len(written), 'file')} on {plural(len(tasks), 'task')} to {near(output)}")
+        say(f"wrote {plural(len(written), 'file')} on {plural(len(tasks), 'task')} to {near(output)}")
 
 
 def figure(
@@ -105,7 +106,7 @@ def figure(
     found = task_of(task, variant, parameters or [])
     wanted = _named("--overlay", overlays or [], appendix.OVERLAYS)
     output.parent.mkdir(parents=True, exist_ok=True)
-    typer.echo(f"wrote {appendix.figure(found, output, wanted)}")
+    say(f"wrote {appendix.figure(found, output, wanted)}")
 
 
 def tasks_of(targets: Sequence[str]) -> list[Task]:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rich.table import Table
-from rich.text import Text
 
+from taskspec.cli.terminal import Text
 from taskspec.lang import syntax as s
 from taskspec.printers import text as written
 

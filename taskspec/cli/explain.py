@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from taskspec.cli.console import say
 from taskspec.cli.failures import refuse
 from taskspec.cli.options import Json
 from taskspec.diagnostics import CODES, Code, suggest
@@ -79,13 +80,12 @@ def _print_one(code: Code) -> None:
     if colored():
         out.print(Markdown(code.explanation.strip(), code_theme="ansi_dark"))
     else:
-        typer.echo(code.explanation.strip())
+        say(code.explanation.strip())
 
 
 def _print_all(codes: list[Code]) -> None:
-    from rich.text import Text
-
     from taskspec.cli.console import columns, console
+    from taskspec.cli.terminal import Text
 
     table = columns("", "", "", fold=(2,))
     for prefix, members in groupby(codes, lambda c: c.code[:2]):

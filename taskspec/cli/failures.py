@@ -74,4 +74,6 @@ def _words(error: Exception) -> str:
 
 
 def _say(text: str) -> None:
-    typer.echo(text, err=True)
+    from taskspec.cli.console import say
+
+    say(text, err=True)

@@ -7,8 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
+from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, refuse
 
 if TYPE_CHECKING:
@@ -52,9 +51,7 @@ def watching(kind: str | None, path: Path) -> Iterator[Watch | None]:
 
 
 def _print(env: Environment, note: str, last: bool) -> None:
-    from taskspec.cli.console import clean
-
-    typer.echo(clean(f"{env.render()}\n  {note}" if note else str(env.render())) + "\n")
+    say((f"{env.render()}\n  {note}" if note else str(env.render())) + "\n")
 
 
 class Film:
@@ -110,4 +107,4 @@ def warn_unseen() -> None:
     from taskspec.appendix.extras import need
 
     if need("matplotlib", "figures").get_backend().lower() == "agg":
-        typer.echo("no display was found, so no window is shown; --render gif makes a film", err=True)
+        say("no display was found, so no window is shown; --render gif makes a film", err=True)

@@ -79,10 +79,10 @@ def _print(tasks: list[Task]) -> None:
 def _wide(tasks: list[Task], width: int) -> Table:
     """One row a task, with as much of its summary as there is room for."""
     from rich.cells import cell_len
-    from rich.text import Text
 
     from taskspec.cli.console import columns
     from taskspec.cli.records import defaults, horizon, size
+    from taskspec.cli.terminal import Text
 
     headers = ("task", "isolates", "parameters", "size", "horizon")
     rows = [(task.id, _words(task, "capability"), defaults(task), size(task), horizon(task)) for task in tasks]
@@ -98,17 +98,16 @@ def _wide(tasks: list[Task], width: int) -> Table:
 
 
 def _words(task: Task, key: str) -> str:
-    from taskspec.cli.console import clean
+    from taskspec.visible import visible
 
-    return clean(str(task.surface.data.get(key) or ""))
+    return visible(str(task.surface.data.get(key) or ""))
 
 
 def _narrow(tasks: list[Task]) -> Table:
     """For 80 columns: the capability is a heading, so that rows have room."""
-    from rich.text import Text
-
     from taskspec.cli.console import columns
     from taskspec.cli.records import defaults, horizon, size
+    from taskspec.cli.terminal import Text
 
     table = columns("task", "parameters", "size", "horizon", right=(2, 3), fold=(1,))
     for title, members in groupby(tasks, lambda task: _words(task, "capability") or "other"):

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from taskspec.cli.console import say
 from taskspec.cli.failures import refuse
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
@@ -26,7 +27,7 @@ capability: exploration              # the one thing this task isolates
 # sources:                           # where the task comes from
 #   - {{key: author2020title, where: section 3}}
 
-parameters:                          # knobs: `taskspec run FILE -p L=8`, and gym.make(..., L=8)
+parameters:                          # parameters: `taskspec run FILE -p L=8`, and gym.make(..., L=8)
   L: {{type: int, default: 5, low: 1, high: 100, doc: length of the corridor}}
 
 state:                               # types: int, real, bool, choice; bounds are inclusive
@@ -73,7 +74,7 @@ def new(
     if path.is_dir():
         path = path / f"{_words(name, '_')}.yaml"
     _write(path, SCAFFOLD.format(name=name, title=_words(name, " ").capitalize()))
-    typer.echo(
+    say(
         f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render"
     )
 

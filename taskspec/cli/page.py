@@ -12,14 +12,14 @@ from rich.console import Console, Group, RenderableType
 from rich.markdown import Markdown
 from rich.padding import Padding
 from rich.table import Table
-from rich.text import Text
 
-from taskspec.cli.console import clean
 from taskspec.cli.equations import body, colored
 from taskspec.cli.records import domain_words, show_value, space_words
 from taskspec.cli.targets import near
+from taskspec.cli.terminal import Text
 from taskspec.spec.spaces import action_layout, observation_layout
 from taskspec.spec.task import Component, Parameter, Soft, Task
+from taskspec.visible import visible
 
 _MATH = re.compile(r"\$([^$\n]+)\$")
 _KEYS = ("definitions", "noise", "initial", "dynamics")
@@ -54,9 +54,9 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
 
 
 def _title(task: Task, width: int) -> RenderableType:
-    title = clean(str(task.surface.data.get("title") or task.name))
+    title = visible(str(task.surface.data.get("title") or task.name))
     left = Text.assemble((task.id, "bold cyan"), "  ", (title, "bold"))
-    right = Text(clean(str(task.surface.data.get("capability") or "")), style="quiet")
+    right = Text(visible(str(task.surface.data.get("capability") or "")), style="quiet")
     line = Table.grid(expand=True, padding=(0, 2, 0, 0))
     line.add_column(ratio=1)
     line.add_column(justify="right")
@@ -77,7 +77,7 @@ def _indented(content: RenderableType, top: int = 0) -> Padding:
 
 def _words(text: Any) -> str:
     """A spec's prose, with `$mathematics$` as plain characters."""
-    return _MATH.sub(lambda m: _plain(m[1]), clean(str(text))).strip()
+    return _MATH.sub(lambda m: _plain(m[1]), visible(str(text))).strip()
 
 
 def _plain(tex: str) -> str:
@@ -99,7 +99,7 @@ def _parameters(parameters: Sequence[Parameter]) -> RenderableType | None:
     table = _grid()
     for p in parameters:
         value = Text(show_value(p.value), style="bold green" if p.value != p.default else "green")
-        table.add_row(p.name, value, domain_words(p), clean(p.doc or ""))
+        table.add_row(p.name, value, domain_words(p), visible(p.doc or ""))
     return table
 
 
@@ -108,7 +108,7 @@ def _components(components: Sequence[Component]) -> RenderableType:
     for style in ("cyan", "default", "quiet"):
         table.add_column(style=style, overflow="fold")
     for c in components:
-        table.add_row(c.name, domain_words(c), clean(c.doc or ""))
+        table.add_row(c.name, domain_words(c), visible(c.doc or ""))
     return table
 
 
@@ -157,7 +157,7 @@ def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
     """Sections in the order of a paper's appendix, with their lines."""
     data, sections = task.surface.data, task.surface.sections
     if data.get("constants"):
-        yield "constants", [_Shown(clean(str(name)), _constant(value)) for name, value in data["constants"].items()]
+        yield "constants", [_Shown(visible(str(name)), _constant(value)) for name, value in data["constants"].items()]
     for key in _KEYS:
         if sections.get(key):
             yield key, _named(sections[key])
@@ -196,9 +196,9 @@ def _constant(value: Any) -> RenderableType:
     if isinstance(value, Mapping) and "grid" in value:
         grid = value["grid"]
         rows = grid.splitlines() if isinstance(grid, str) else grid
-        legend = "  ".join(f"{letter} {clean(str(meaning))}" for letter, meaning in value.get("legend", {}).items())
-        return Text("\n".join([*(clean(str(row)) for row in rows), legend]))
-    text = clean(str(value))
+        legend = "  ".join(f"{letter} {visible(str(meaning))}" for letter, meaning in value.get("legend", {}).items())
+        return Text("\n".join([*(visible(str(row)) for row in rows), legend]))
+    text = visible(str(value))
     return colored(text if len(text) <= 300 else text[:300] + " …")
 
 
@@ -211,7 +211,7 @@ def _claims(task: Task) -> RenderableType | None:
     lines = []
     for claim in task.claims:
         cases = "; ".join(", ".join(f"{k}={show_value(v)}" for k, v in case.items()) for case in claim.cases)
-        lines.append(Text.assemble(colored(clean(claim.text)), (f"  for {cases}" if cases else "", "quiet")))
+        lines.append(Text.assemble(colored(visible(claim.text)), (f"  for {cases}" if cases else "", "quiet")))
     return Group(*lines)
 
 
@@ -234,7 +234,8 @@ def _sources(sources: Sequence[Mapping[str, Any]]) -> RenderableType | None:
     if not sources:
         return None
     lines = [
-        Text.assemble((clean(str(x.get("key", ""))), "cyan"), f"  {clean(str(x.get('where') or ''))}") for x in sources
+        Text.assemble((visible(str(x.get("key", ""))), "cyan"), f"  {visible(str(x.get('where') or ''))}")
+        for x in sources
     ]
     return Group(*lines)
 

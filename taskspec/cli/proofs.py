@@ -18,7 +18,7 @@ class Finding:
     """What was found about one task.
 
     `how` says in a few words how soundness was decided, `method` in full. `cases` counts the other parameter values that
-    were tried, `proved` the claims that hold by the exact model, `supported` those that simulation did not contradict.
+    were tried, `proved` the claims that hold by the exact model, `tested` those that simulation did not contradict.
     `accepted` are the warnings that the spec gives a reason for, which are not among the `diagnostics`.
     """
 
@@ -28,18 +28,18 @@ class Finding:
     cases: int = 0
     claims: int = 0
     proved: int = 0
-    supported: int = 0
+    tested: int = 0
     skipped: str | None = None
     accepted: tuple[Accepted, ...] = ()
 
     @property
     def claims_words(self) -> str:
         """`8 proved`, or what became of them otherwise; `3 (2 tested)` are three of which one is proved."""
-        if self.claims > self.proved + self.supported:
-            return f"{self.claims - self.proved - self.supported} failed"
-        if self.proved and self.supported:
-            return f"{self.claims} ({self.supported} tested)"
-        return f"{self.proved} proved" if self.proved else f"{self.supported} tested" if self.supported else ""
+        if self.claims > self.proved + self.tested:
+            return f"{self.claims - self.proved - self.tested} failed"
+        if self.proved and self.tested:
+            return f"{self.claims} ({self.tested} tested)"
+        return f"{self.proved} proved" if self.proved else f"{self.tested} tested" if self.tested else ""
 
 
 def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
@@ -56,7 +56,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
     statuses = [verdict.status for verdict in report.verdicts]
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
-        statuses.count("proved"), statuses.count("supported"), report.skipped, report.accepted,
+        statuses.count("proved"), statuses.count("tested"), report.skipped, report.accepted,
     )  # fmt: skip
 
 

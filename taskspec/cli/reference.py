@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from taskspec.cli.console import say
+
 
 class Page(StrEnum):
     """Which page."""
@@ -29,8 +31,8 @@ def reference(page: Which, output: Output = None) -> None:
 
     text = manual.language() if page is Page.language else manual.errors()
     if output is None:
-        typer.echo(text, nl=False)
+        say(text, nl=False)
         return
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text, encoding="utf-8")
-    typer.echo(f"wrote {output}", err=True)
+    say(f"wrote {output}", err=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, Parameters, TaskArgument, Variant, complete_paths
 
@@ -96,7 +97,7 @@ def run(
     else:
         _print(found, policy, seed, summary)
     if kind in film.FILMS:
-        typer.echo(f"wrote {path}", err=json)
+        say(f"wrote {path}", err=json)
 
 
 def _episodes(
@@ -156,10 +157,10 @@ def _print_json(task: Task, policy: str, seed: int, summary: Summary, done: list
 
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
     from rich.table import Table
-    from rich.text import Text
 
     from taskspec.cli.console import console, line, number
     from taskspec.cli.records import defaults
+    from taskspec.cli.terminal import Text
 
     out = console()
     settings = f" {defaults(task)}" if task.parameters else ""

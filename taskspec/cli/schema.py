@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from taskspec.cli.console import say
+
 Output = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="Write to this file.", dir_okay=False, show_default=False),
@@ -29,8 +31,8 @@ def schema(output: Output = None) -> None:
 
     text = to_json(json_schema())
     if output is None:
-        typer.echo(text)
+        say(text)
         return
     output.parent.mkdir(parents=True, exist_ok=True)
     output.write_text(text + "\n", encoding="utf-8")
-    typer.echo(f"wrote {output}", err=True)
+    say(f"wrote {output}", err=True)

@@ -165,7 +165,8 @@ def _print_scores(task: Task, found: Scores) -> None:
 
 def _score_table(found: Scores) -> Table:
     from rich.table import Table
-    from rich.text import Text
+
+    from taskspec.cli.terminal import Text
 
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(style="quiet")

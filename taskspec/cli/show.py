@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from taskspec.cli.console import say
 from taskspec.cli.options import Json, Parameters, TaskArgument, Variant
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def _print_source(task: Task, json: bool) -> None:
 
         console(wide=True).print(Syntax(code, "python", theme="ansi_dark", background_color="default", word_wrap=True))
     else:
-        typer.echo(code, nl=not code.endswith("\n"))
+        say(code, nl=not code.endswith("\n"))
 
 
 def _print_json(task: Task) -> None:

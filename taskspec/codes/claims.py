@@ -27,6 +27,10 @@ claims:
 The claim needs an exact model, and the task has none: its state space is infinite, or too large. A
 claim about returns can be tested by simulation; give it `episodes`, or an `abstraction` that makes
 the task finite.
+
+Or the numbers are too close: what is known of them, with the error that was computed, neither proves
+nor contradicts the claim, as `optimal_return <= 1` where ten times 0.1 is paid, which floats add up to
+a little more than 1. A `tolerance` says how closely a claim is meant.
 """,
     ),
     Code(

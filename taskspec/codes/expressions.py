@@ -213,7 +213,8 @@ initial: {x: "UniformInt(0, 999, shape=4)"}             # right: the same law
         "an index outside the vector",
         """
 A vector of `n` components has the indices `0` to `n - 1`, and `-n` to `-1` counted from the end. An
-index that is known before the task runs must be one of them.
+index that is known before the task runs must be one of them; one that depends on the state is moved
+to the nearest end, `0` where it is negative.
 
 ```yaml
 reward: x[3]    # wrong when x has three components

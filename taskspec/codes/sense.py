@@ -12,7 +12,9 @@ TABLE = (
         """
 A component of the state never takes some of its values, whatever the actions and the draws, however
 long an episode lasts, and in whichever of the variants under `roles`. Often a bound is too wide or a
-transition is missing. Combinations of values that do not occur together are not reported.
+transition is missing. Combinations of values that do not occur together are not reported. Where there is no exact
+model, and for reals, it is the ends of the range that are looked at: `high: 2` where intervals prove that 1 is never
+passed, or no `low` beside a `high`, though nothing goes below 0.
 """,
     ),
     Code(
@@ -95,6 +97,91 @@ looking or by remembering, that is how it should be.
         """
 The section `accept` gives a reason for a warning that no task which has the entry is given. Remove the
 entry: kept, it would hide the warning once there is cause for it.
+""",
+    ),
+    Code(
+        "W512",
+        "certain-draw",
+        "a draw that can only come out one way",
+        """
+A distribution has a single outcome, whatever the parameters: `Bernoulli(1)`, `Uniform({3})`, `UniformInt(n, n)`. Either
+an argument is wrong, or the value itself should stand there.
+""",
+    ),
+    Code(
+        "W513",
+        "whole-real",
+        "a real that only takes whole values",
+        """
+A component of the state is declared `type: real`, starts as a whole number, and all that happens to it keeps it one. As an
+int it would be exact, and the task might have an exact model; or a factor has been forgotten.
+""",
+    ),
+    Code(
+        "W514",
+        "slice-past-end",
+        "a slice that goes past the end",
+        """
+A slice asks for more elements than the vector has, and silently gets fewer: `v[:9]` of a vector of 5 is all of `v`.
+""",
+    ),
+    Code(
+        "W515",
+        "uneven-parts",
+        "two parts of a vector that do not fit together",
+        """
+An expression uses a first and a last part of one vector, `v[:i]` and `v[j:]`, and the two overlap or leave elements out.
+Neighbours side by side (`v[1:] - v[:-1]`) and pieces put together by `concat` are taken to be meant.
+""",
+    ),
+    Code(
+        "W516",
+        "constant-observation",
+        "an observation that never changes",
+        """
+A part of the observation has the same value in every state of every episode, so it tells the agent nothing.
+""",
+    ),
+    Code(
+        "W517",
+        "duplicate-observation",
+        "an observation that is shown twice",
+        """
+Two parts of the observation are the same expression. One of them was probably meant to show something else.
+""",
+    ),
+    Code(
+        "W518",
+        "hidden-from-observation",
+        "a reward that depends on what is hidden",
+        """
+The reward names a component of the state, and the observation does not. Where the task is to find out about it, accept the
+warning and say so.
+""",
+    ),
+    Code(
+        "W519",
+        "component-without-effect",
+        "a component of the state that makes no difference",
+        """
+Neither rewards nor the end of episodes ever depend on a component of the state, and the agent does not see it; or it sees it, as
+part of the state, but it is drawn for nothing. A distraction that is meant is better made by the observation.
+""",
+    ),
+    Code(
+        "W520",
+        "equal-actions",
+        "two actions that do the same",
+        """
+Two labels of an action lead to the same next states, rewards and ends from every state. Often a value was copied and not changed.
+""",
+    ),
+    Code(
+        "W521",
+        "idle-erratum",
+        "an erratum about a section that is unchanged",
+        """
+An erratum of a variant says in `about` which sections it is about, and the variant does not change one of them.
 """,
     ),
 )

@@ -39,7 +39,7 @@ hit: Bernoulli(min(s/5, 1))       # right, if that is what is meant
         """
 The dynamics lead from an allowed state, by an allowed action, to a value that the component cannot
 have. The message shows one such step. Widen the bounds, stop at them with `clip`, or end the
-episode before.
+episode before. (An environment that is run all the same moves an int to the nearest bound.)
 
 ```yaml
 state: {s: {type: int, low: 0, high: 9}}

@@ -64,7 +64,7 @@ def _poisson(draw: Draw, args: list[Array], words: Array) -> Array:
 
 
 def _index(draw: Draw, args: list[Array], words: Array) -> Array:
-    return draws.indices(words, np.maximum(1, _rows(draw, args[0]))).astype(np.int64)
+    return draws.indices(words, _rows(draw, args[0])).astype(np.int64)
 
 
 def _categorical(draw: Draw, args: list[Array], words: Array) -> Array:

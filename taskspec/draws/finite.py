@@ -1,6 +1,6 @@
 """Finite draws: categorical, index, permutation and Poisson, from integer comparisons of words.
 
-Names and shapes are those of `draws`, which is the door to this module.
+Names and shapes are those of `draws`, which re-exports them.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ def thresholds(probabilities: Sequence[Fraction | float]) -> tuple[int, ...]:
     where it comes last, it begins at 2^32 (`NEVER`), which no word reaches. Thresholds that must
     fit 32 bits may drop the `NEVER` at their end, or go through `threshold_table`.
 
-    ValueError: no probabilities, a negative or non-finite one, or a total of 0.
+    What is no distribution means what it means to `weighted_categoricals`: a negative weight and NaN
+    count as 0; where all do, or the total is infinite, the outcome is the last one.
     """
-    if not all(0 <= p < math.inf for p in probabilities):
-        raise ValueError("a probability is negative or not finite")
-    cumulative = list(accumulate(Fraction(p) for p in probabilities))
-    if not cumulative or not cumulative[-1]:
-        raise ValueError("the probabilities add up to nothing")
+    weights = [p if p > 0 else Fraction(0) for p in probabilities]
+    if not 0 < sum(weights) < math.inf:
+        return (0,) * (len(weights) - 1)
+    cumulative = list(accumulate(Fraction(p) for p in weights))
     return tuple(round(NEVER * c / cumulative[-1]) for c in cumulative[:-1])
 
 
@@ -142,10 +142,9 @@ def poisson_table(rate: float) -> tuple[int, tuple[int, ...]]:
     """``(first, thresholds)``: a draw is first + categorical(word, thresholds).
 
     The weights run down and up from the mode by + * / alone, so the table is the same everywhere;
-    it holds every count that has a word. ValueError: a rate outside [0, 100000].
+    it holds every count that has a word. The rate is limited to [0, 100000], NaN to 0.
     """
-    if not 0 <= rate <= POISSON_LIMIT:
-        raise ValueError(f"a Poisson rate must lie in [0, {POISSON_LIMIT}]")
+    rate = min(rate, POISSON_LIMIT) if rate > 0 else 0.0
     below = list(_poisson_below(rate))
     table = thresholds([*reversed(below), 1.0, *_poisson_above(rate)])
     empty = table.count(0)

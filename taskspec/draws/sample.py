@@ -51,7 +51,7 @@ def _poisson(draw: Draw, args: list[Flat], words: Words) -> Flat:
 
 def _index(draw: Draw, args: list[Flat], words: Words) -> Flat:
     counts = _stretch(args[0], draw.type.size)
-    return tuple(draws.index(w, max(1, int(n))) for w, n in zip(words, counts, strict=False))
+    return tuple(draws.index(w, int(n)) for w, n in zip(words, counts, strict=False))
 
 
 def _categorical(draw: Draw, args: list[Flat], words: Words) -> Flat:
@@ -75,8 +75,8 @@ def _bernoulli(draw: Draw, args: list[Flat], words: Words) -> Flat:
 
 
 def bernoulli_threshold(p: Fraction | float) -> int:
-    """A condition of constant probability holds for the words below this."""
-    return round(Fraction(p) * draws.NEVER)
+    """A condition of constant probability (limited to [0, 1], NaN to 0) holds for the words below this."""
+    return round(Fraction(min(p, 1)) * draws.NEVER) if p > 0 else 0
 
 
 def _permutation(draw: Draw, args: list[Flat], words: Words) -> Flat:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.spec.task import Task
+from taskspec.visible import visible
 
 
 def text(task: Task, state: dict[str, Any], time: int) -> str:
@@ -23,4 +24,4 @@ def heading(task: Task, time: int) -> str:
 def _shown(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return np.array2string(value, precision=4, suppress_small=True, threshold=32)
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value:.6g}" if isinstance(value, float) else visible(str(value), keep="")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Diagnostic
-from taskspec.exact.outcomes import branches
+from taskspec.exact.outcomes import branches, is_finite
 from taskspec.exact.places import Section
 from taskspec.exact.rollout import Rollout, at_random, reads_of
 from taskspec.exact.space import shown
@@ -63,11 +63,19 @@ def unfaithful(found: Abstraction, seed: int = 0) -> Diagnostic | None:
     Rewards and ends of the stand-in must agree at every step, and the mapped next state must be one
     that it can reach. Start frequencies may be off by six standard errors.
     """
-    problem = _start_problem(found, seed) or _step_problem(found, seed)
+    problem = _endless(found.stand_in) or _start_problem(found, seed) or _step_problem(found, seed)
     if problem is None:
         return None
     expr = next(iter(found.task.surface.sections["abstraction"].values()))
     return Diagnostic("E604", expr.place.span, f"the abstraction is not faithful: {problem}")
+
+
+def _endless(task: Task) -> str | None:
+    """What of a stand-in has endlessly many outcomes, so that none can be found among them."""
+    for draw in draws((*task.initial, *task.next, task.reward, task.terminal)):
+        if not is_finite(draw):
+            return f"it draws from a {draw.base} distribution, which has infinitely many outcomes"
+    return None
 
 
 def _start_problem(found: Abstraction, seed: int) -> str | None:

@@ -105,7 +105,12 @@ class Asked:
         return found, remembered
 
     def constant_actions(self, state: State, t: int) -> dict[str, Array] | None:
-        """Actions by component, (*shape, N), where the policy gives the same ones each time and remembers nothing; else None."""
+        """Actions by component, (*shape, N), where the policy gives the same ones each time and remembers nothing; else None.
+
+        A policy that could have been asked to be deterministic, and was not, may explore now and then: it is not tabulated.
+        """
+        if "deterministic" in self._takes and not self.deterministic:
+            return None
         first, memory = self.actions(state, t, np.random.default_rng(0))
         if memory is not None:
             return None

@@ -8,12 +8,12 @@ interval is equal to what it contains.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.exact.claim_values import Undecidable, Unfit
-from taskspec.exact.evaluator import Evaluator, Truth
+from taskspec.exact.evaluator import Evaluator, Terms, Truth
+from taskspec.exact.refusals import Undecidable, Unfit
 from taskspec.exact.returns import EPISODES, Results
 from taskspec.exact.space import words
 from taskspec.lang import syntax as s
@@ -21,7 +21,7 @@ from taskspec.spec.build import build
 from taskspec.spec.task import Claim, Task
 
 CONFIDENCE = 0.999
-Status = Literal["proved", "supported", "false", "contradicted", "undecidable", "broken"]
+Status = Literal["proved", "tested", "false", "contradicted", "undecidable", "broken"]
 _CODES: dict[Status, str] = {
     "false": "E601", "contradicted": "E604", "undecidable": "E602", "broken": "E603",
 }  # fmt: skip
@@ -31,7 +31,7 @@ _CODES: dict[Status, str] = {
 class Verdict:
     """What became of a claim for one choice of parameters.
 
-    `proved` holds by the exact model; `supported` was not contradicted by `episodes` of simulation at
+    `proved` holds by the exact model; `tested` was not contradicted by `episodes` of simulation at
     the stated confidence. The other statuses come with a diagnostic.
     """
 
@@ -44,7 +44,7 @@ class Verdict:
 
     @property
     def holds(self) -> bool:
-        return self.status in ("proved", "supported")
+        return self.status in ("proved", "tested")
 
 
 def verdicts(task: Task, results: Results | None = None) -> Iterator[Verdict]:
@@ -81,26 +81,55 @@ def _results(task: Task, values: dict[str, Any]) -> Results | SpecError:
 def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None) -> Verdict:
     """The verdict on a claim about the task of some results."""
     case = case or {}
-    evaluator = Evaluator(results, claim.options, CONFIDENCE, int(claim.options.get("episodes") or EPISODES))
     try:
-        truth = evaluator.truth(claim.expr)
+        truth, episodes = _looked_at(claim, results)
     except Undecidable as error:
         return _failed(claim, case, "undecidable", str(error), error.place or claim.expr)
     except Unfit as error:
         return _failed(claim, case, "broken", str(error), error.place or claim.expr, hint=error.hint)
     except SpecError as error:
         return _failed(claim, case, "undecidable", error.diagnostics[0].message, claim.expr)
-    return _settled(claim, case, truth, evaluator)
+    return _settled(claim, case, truth, episodes)
 
 
-def _settled(claim: Claim, case: Mapping[str, Any], truth: Truth, evaluator: Evaluator) -> Verdict:
-    episodes = evaluator.simulated
+def _looked_at(claim: Claim, results: Results) -> tuple[Truth, int]:
+    """What becomes of a claim, and the episodes that it took.
+
+    A claim about a model is decided where it comes out the same by both readings of floats. One about episodes is
+    contradicted by intervals that hold for any distribution; where these leave it open it stands, unless normal
+    intervals speak against it.
+    """
+    episodes = int(claim.options.get("episodes") or EPISODES)
+    terms = Terms(confidence=CONFIDENCE, episodes=episodes)
+    evaluator = Evaluator(results, claim.options, terms)
+    truth = evaluator.truth(claim.expr)
+    if truth.holds is None and evaluator.simulated:
+        other = Evaluator(results, claim.options, replace(terms, soundly=False)).truth(claim.expr)
+        return replace(other, holds=None if other.holds is False else True), evaluator.simulated
+    if truth.holds is not None and not evaluator.simulated and evaluator.ambiguous:
+        other = Evaluator(results, claim.options, replace(terms, as_written=True)).truth(claim.expr)
+        if other.holds is not truth.holds:
+            detail = f"it depends on how decimals are rounded to floats: {truth.detail}"
+            return Truth(None, detail, truth.place or other.place), 0
+    return truth, evaluator.simulated
+
+
+def _settled(claim: Claim, case: Mapping[str, Any], truth: Truth, episodes: int) -> Verdict:
+    place = truth.place or claim.expr
     if truth.holds:
-        return Verdict(claim, case, "supported" if episodes else "proved", truth.detail, episodes)
+        return Verdict(claim, case, "tested" if episodes else "proved", truth.detail, episodes)
+    if truth.holds is None:
+        hint = "a `tolerance` says how closely it is meant" if _compares(claim.expr) and not episodes else None
+        message = f"this claim is neither proved nor contradicted: {truth.detail}"
+        return _failed(claim, case, "undecidable", message, place, episodes, hint)
     if not episodes:
-        return _failed(claim, case, "false", f"this claim does not hold: {truth.detail}", truth.place or claim.expr)
+        return _failed(claim, case, "false", f"this claim does not hold: {truth.detail}", place)
     how = f"{episodes:,} episodes contradict this claim at {CONFIDENCE:.1%} confidence: {truth.detail}"
-    return _failed(claim, case, "contradicted", how, truth.place or claim.expr, episodes)
+    return _failed(claim, case, "contradicted", how, place, episodes)
+
+
+def _compares(expr: s.Expr) -> bool:
+    return isinstance(expr, s.Compare) or (isinstance(expr, s.Logical) and any(map(_compares, expr.operands)))
 
 
 def _failed(

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.claim_values import Undecidable, Unfit
+from taskspec.exact.certified.bounded import UNKNOWN
+from taskspec.exact.certified.solver import Rule, Solver
+from taskspec.exact.failure import refuse
 from taskspec.exact.model import Model
-from taskspec.exact.plans import Plan
+from taskspec.exact.refusals import Undecidable, Unfit
 from taskspec.exact.returns import Results
-from taskspec.exact.solve import TIE
 from taskspec.exact.transitions import TIME
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
@@ -23,6 +24,8 @@ from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
 Timed = Callable[[int], Array]
+MOST_LEVELS = 2**32
+"""States times steps of which is kept, in half a gigabyte, whether episodes act there."""
 
 
 def node_of(expr: s.Expr, task: Task) -> Node:
@@ -69,6 +72,8 @@ def condition_over_actions(expr: s.Expr, model: Model) -> Timed:
         return np.broadcast_to(value, (size,)).reshape(model.n_actions, model.n_states)
 
     if TIME in used:
+        if model.horizon is None:
+            raise Undecidable("this condition depends on the time, and there is no horizon", expr)
         return at
     fixed = at(0)
     return lambda t: fixed
@@ -82,20 +87,31 @@ def condition_over_times(expr: s.Expr, model: Model) -> Timed:
     return lambda t: found(t)[0]
 
 
-def preferred(model: Model, plan: Plan, wanted: Timed, at: Timed | None) -> tuple[bool, str]:
-    """Whether the most frequent actions of a plan are wanted ones, wherever episodes act and `at` holds."""
-    asked = np.zeros(model.n_states, np.bool_)
-    settled = np.zeros(model.n_states, np.bool_)
-    for t, level in model.levels():
+def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed | None) -> tuple[bool | None, str]:
+    """Whether the most frequent actions of a rule are wanted ones, wherever episodes act and `at` holds.
+
+    None where errors of the values leave it open.
+    """
+    asked, settled, unknown = (np.zeros(model.n_states, np.bool_) for _ in range(3))
+    problem: str | None = None
+    levels = _levels(model)
+    for t, policy in solver.policies(rule):
+        level = np.unpackbits(levels[t], count=model.n_states).astype(np.bool_) if t < len(levels) else settled & False
         here = level if at is None else level & at(t)
-        if not here.any():
-            continue
-        asked |= here
-        good, bad = _sides(plan(t), wanted(t))
-        wrong = here & (bad > good + TIE)
-        if wrong.any():
-            return False, _counterexample(model, plan, t, int(np.flatnonzero(wrong)[0]))
-        settled |= here & (good > bad + TIE)
+        if here.any():
+            found = solver.numbers.preference(policy, wanted(t))
+            asked, settled, unknown = asked | here, settled | here & (found == 1), unknown | here & (found == UNKNOWN)
+            if (wrong := here & (found == -1)).any():
+                problem = _counterexample(model, solver.numbers.table(policy), t, int(np.flatnonzero(wrong)[0]))
+    if problem is not None:
+        return False, problem
+    return _conclusion(model, asked, settled, unknown)
+
+
+def _conclusion(model: Model, asked: Array, settled: Array, unknown: Array) -> tuple[bool | None, str]:
+    """What follows where no unwanted action is preferred."""
+    if unknown.any():
+        return None, f"its values are too close to tell in {model.state_name(int(np.flatnonzero(unknown)[0]))}"
     if not asked.any():
         return False, "no episode acts where this is asked"
     undecided = asked & ~settled
@@ -104,15 +120,17 @@ def preferred(model: Model, plan: Plan, wanted: Timed, at: Timed | None) -> tupl
     return True, f"in {int(asked.sum())} state{'s' if asked.sum() > 1 else ''}"
 
 
-def _sides(policy: Array, wanted: Array) -> tuple[Array, Array]:
-    """The probability of the most frequent wanted and unwanted action in each state, both (S,)."""
-    good = np.where(wanted, policy, -1.0).max(axis=0)
-    bad = np.where(wanted, -1.0, policy).max(axis=0)
-    return good, bad
+def _levels(model: Model) -> list[Array]:
+    """In which states episodes act at each time, as bits: policies come in the opposite order. One entry without an end."""
+    if model.horizon is None:
+        return [np.packbits(model.acting)]
+    if model.horizon * model.n_states > MOST_LEVELS:
+        refuse("there are too many states and times to look at each", "choose smaller parameters")
+    return [np.packbits(level) for _, level in model.levels()]
 
 
-def _counterexample(model: Model, plan: Plan, t: int, state: int) -> str:
-    column = plan(t)[:, state]
+def _counterexample(model: Model, table: Array, t: int, state: int) -> str:
+    column = table[:, state]
     action = int(column.argmax())
     name = model.action_name(action)
     return f"in {model.state_name(state)} at t = {t} it takes {name} with probability {column[action]:.6g}"

@@ -56,6 +56,7 @@ def extract(task: Task, reachable: bool | None = None, limit: int = MAX_ENTRIES)
     start[np.searchsorted(codes, first)] = weight
     model = Model(task, steps.states, steps.actions, codes, start, _steps(steps, codes, times))
     _check_inside(model)
+    _check_rewards(model)
     return model
 
 
@@ -70,6 +71,19 @@ def _check_inside(model: Model) -> None:
             when = f" at t = {t}" if model.is_timed else ""
             place = f"{model.state_name(state)} with {model.action_name(action)}{when}"
             refuse(f"the next state is outside the state space, from {place}")
+
+
+def _check_rewards(model: Model) -> None:
+    """Refuse a model in which an episode can be paid what is no number; where no episode acts, nothing is paid."""
+    for t, step in enumerate(model.steps):
+        wrong = ~np.isfinite(step.reward.reshape(model.n_actions, model.n_states))
+        if not wrong.any():
+            continue
+        if (wrong & model.acting).any():
+            action, state = (int(i[0]) for i in np.nonzero(wrong & model.acting))
+            when = f" at t = {t}" if model.is_timed else ""
+            refuse(f"the reward is not finite, from {model.state_name(state)} with {model.action_name(action)}{when}")
+        step.reward[wrong.reshape(-1)] = 0.0
 
 
 def _check_finite(steps: Steps) -> None:

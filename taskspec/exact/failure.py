@@ -27,6 +27,11 @@ def scipy_sparse() -> Any:
     return _needed("scipy.sparse", "exact", "exact models are sparse matrices of scipy")
 
 
+def scipy_module(name: str) -> Any:
+    """A part of `scipy.sparse`, imported on first use."""
+    return _needed(f"scipy.sparse.{name}", "exact", "exact models are sparse matrices of scipy")
+
+
 def _needed(module: str, extra: str, why: str) -> Any:
     try:
         return importlib.import_module(module)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from taskspec.exact.certified.bounded import Bound, Bounded
 from taskspec.exact.model import Model, Step
 
 Array = np.ndarray[Any, Any]
@@ -21,19 +22,24 @@ BLOCK = 1024
 MOST_OUTCOMES = 64
 
 
-def extreme_values(model: Model, largest: bool) -> Array:
-    """The best (or worst) values (S,) at the first time of a model with a horizon."""
-    assert model.horizon is not None
-    value, spare = np.zeros(model.n_states), np.empty(model.n_states)
+def extreme_values(numbers: Bounded, largest: bool) -> Bound:
+    """The best (or worst) values (S,) at the first time of a model with a horizon, and bounds of their errors."""
+    model, sign = numbers.model, 1.0 if largest else -1.0
+    value, spare = np.zeros((model.n_states, 2)), np.empty((model.n_states, 2))
     before: Step | None = None
-    for t in range(model.horizon - 1, -1, -1):
-        step = model.step(t)
-        if step is not before:
-            kernel, arrays, blocks = _prepared(model, step)
+    c = max(numbers.part(t).c for t in range(len(model.steps)))
+    changed = active = np.ones(0, np.bool_)
+    for t in range(numbers.horizon - 1, -1, -1):
+        part = numbers.part(t)
+        if part.step is not before:
+            kernel, arrays, blocks = _prepared(model, part.step)
             changed = np.ones(len(blocks), np.bool_)
-        changed = _sweep(kernel, arrays, blocks, changed, value, spare, model.discount, 1.0 if largest else -1.0)
-        value, spare, before = spare, value, step
-    return value
+        lost = numbers.lost(part, value[:, 0], value[:, 1])
+        constants = (model.discount, sign, c, part.inflate, numbers.rounding, lost, numbers.floor)
+        active = _active(blocks, changed | (lost > 0))
+        changed = kernel(arrays, part.reward, part.reward_error, active, changed, value, spare, constants)
+        value, spare, before = spare, value, part.step
+    return Bound(value[:, 0].copy(), value[:, 1].copy())
 
 
 def _prepared(model: Model, step: Step) -> tuple[Any, tuple[Array, ...], Array]:
@@ -41,19 +47,8 @@ def _prepared(model: Model, step: Step) -> tuple[Any, tuple[Array, ...], Array]:
     blocks = _successors(going.indptr, going.indices, model.n_states, model.n_actions)
     if slots is not None and slots.size <= MOST_OUTCOMES:
         columns = going.indices.reshape(model.n_actions, model.n_states, -1)
-        return _slots(*slots.shape), (columns, slots, step.reward), blocks
-    return _rows, (going.indptr, going.indices, going.data, step.reward), blocks
-
-
-def _sweep(
-    kernel: Any, arrays: tuple[Array, ...], blocks: Array, changed: Array, value: Array, out: Array, discount: float,
-    sign: float,
-) -> Array:  # fmt: skip
-    """One step back: writes `out`, and gives which blocks differ from `value`."""
-    active = _active(blocks, changed)
-    after = np.zeros(len(blocks), np.bool_)
-    kernel(arrays, active, value, out, after, discount, sign)
-    return after
+        return _slots(*slots.shape), (columns, slots), blocks
+    return _rows, (going.indptr, going.indices, going.data), blocks
 
 
 @njit(cache=True)
@@ -87,51 +82,75 @@ def _active(blocks: Array, changed: Array) -> Array:
 
 @njit(cache=True, fastmath={"contract"})
 def _rows(
-    arrays: tuple[Array, ...], active: Array, value: Array, out: Array, changed: Array, discount: float, sign: float
-) -> None:
-    indptr, columns, weights, reward = arrays
+    arrays: tuple[Array, ...], reward: Array, reward_error: Array, active: Array, changed: Array, value: Array,
+    out: Array, constants: tuple[float, ...],
+) -> Array:  # fmt: skip
+    """One step back: writes `out`, and gives which blocks differ from `value`.
+
+    Beside a value is kept its error, and on top what the rounding of a row adds for it. The error of the best action is
+    at most the largest of all. `changed` are the blocks in which `value` differs from what `out` still holds.
+    """
+    indptr, columns, weights = arrays
+    discount, sign, c, inflate, rounding, lost, floor = constants
     states = len(out)
     actions = len(reward) // states
+    after = np.zeros(len(active), np.bool_)
     for b in range(len(active)):
         first, last = b * BLOCK, min(states, (b + 1) * BLOCK)
         if not active[b]:
-            out[first:last] = value[first:last]
+            if changed[b]:
+                out[first:last] = value[first:last]
             continue
         for s in range(first, last):
-            best = -np.inf
+            best, worst = -np.inf, 0.0
             for a in range(actions):
                 row = a * states + s
-                after = 0.0
+                ahead, error = 0.0, 0.0
                 for k in range(indptr[row], indptr[row + 1]):
-                    after += weights[k] * value[columns[k]]
-                best = max(best, sign * (reward[row] + discount * after))
-            out[s] = sign * best
-            changed[b] |= out[s] != value[s]
+                    ahead += weights[k] * value[columns[k], 0]
+                    error += weights[k] * value[columns[k], 1]
+                q = reward[row] + discount * ahead
+                off = reward_error[row] + rounding * (abs(q) + abs(reward[row])) + discount * (error + lost)
+                best, worst = max(best, sign * q), max(worst, off + (floor if error > 0 else 0.0))
+            out[s, 0] = sign * best
+            out[s, 1] = worst * inflate + c * abs(best) + (floor if best != 0 else 0.0)
+            after[b] |= out[s, 0] != value[s, 0] or out[s, 1] != value[s, 1]
+    return after
 
 
 @cache
-def _slots(actions: int, outcomes: int) -> Callable[..., None]:
-    """The sweep for fixed numbers of actions and outcomes: loops of known length are unrolled, twice as fast."""
+def _slots(actions: int, outcomes: int) -> Callable[..., Array]:
+    """`_rows` for fixed numbers of actions and outcomes: loops of known length are unrolled, twice as fast."""
 
     @njit(cache=True, fastmath={"contract"})
     def kernel(
-        arrays: tuple[Array, ...], active: Array, value: Array, out: Array, changed: Array, discount: float, sign: float
-    ) -> None:
-        columns, weights, reward = arrays
+        arrays: tuple[Array, ...], reward: Array, reward_error: Array, active: Array, changed: Array, value: Array,
+        out: Array, constants: tuple[float, ...],
+    ) -> Array:  # fmt: skip
+        columns, weights = arrays
+        discount, sign, c, inflate, rounding, lost, floor = constants
         states = len(out)
+        after = np.zeros(len(active), np.bool_)
         for b in range(len(active)):
             first, last = b * BLOCK, min(states, (b + 1) * BLOCK)
             if not active[b]:
-                out[first:last] = value[first:last]
+                if changed[b]:
+                    out[first:last] = value[first:last]
                 continue
             for s in range(first, last):
-                best = -np.inf
+                best, worst = -np.inf, 0.0
                 for a in range(actions):
-                    after = 0.0
+                    row = a * states + s
+                    ahead, error = 0.0, 0.0
                     for k in range(outcomes):
-                        after += weights[a, k] * value[columns[a, s, k]]
-                    best = max(best, sign * (reward[a * states + s] + discount * after))
-                out[s] = sign * best
-                changed[b] |= out[s] != value[s]
+                        ahead += weights[a, k] * value[columns[a, s, k], 0]
+                        error += weights[a, k] * value[columns[a, s, k], 1]
+                    q = reward[row] + discount * ahead
+                    off = reward_error[row] + rounding * (abs(q) + abs(reward[row])) + discount * (error + lost)
+                    best, worst = max(best, sign * q), max(worst, off + (floor if error > 0 else 0.0))
+                out[s, 0] = sign * best
+                out[s, 1] = worst * inflate + c * abs(best) + (floor if best != 0 else 0.0)
+                after[b] |= out[s, 0] != value[s, 0] or out[s, 1] != value[s, 1]
+        return after
 
     return kernel

@@ -17,10 +17,14 @@ and the policy that acts as such trajectories do, given the state they are in, i
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
+from taskspec.exact.certified.bounded import Bound, Bounded, Policy
+from taskspec.exact.certified.slack import UNIT
+from taskspec.exact.certified.solver import Rule
 from taskspec.exact.failure import refuse, scipy_sparse
 from taskspec.exact.model import Model
 from taskspec.exact.transitions import Steps
@@ -28,54 +32,66 @@ from taskspec.exact.transitions import Steps
 Array = np.ndarray[Any, Any]
 
 
-def maxent_policy(model: Model, beta: float = 1.0) -> list[Array]:
-    """The policy (A, S) at each time of trajectories drawn in proportion to P(tau) exp(beta R(tau)).
+@dataclass(frozen=True)
+class MaxEnt(Rule):
+    """The policy of trajectories drawn in proportion to P(tau) exp(beta R(tau)), from the last time to the first.
 
-    Raises:
-        SpecError: (E712) without a horizon.
+    Between times goes log Z (S,) with a bound of its error, and the table of the time that is worked on.
     """
-    if model.horizon is None:
-        refuse("trajectories without a horizon have no maximum-entropy distribution", "give the task a horizon")
-    log_z = np.zeros(model.n_states)
-    policies: list[Array] = []
-    tables: dict[int, _Table] = {}
-    for t in range(model.horizon - 1, -1, -1):
-        key = id(model.step(t))
-        if key not in tables:
-            tables[key] = _table(model, t, beta)
-        log_q = tables[key].log_q(log_z, model)
-        top = log_q.max(axis=0)
-        weights = np.exp(log_q - top)
-        total = weights.sum(axis=0)
-        policies.append(weights / total)
-        log_z = top + np.log(total)
-    return policies[::-1]
+
+    beta: float = 1.0
+    is_rational: ClassVar[bool] = False
+
+    def start(self, numbers: Bounded) -> tuple[Bound, _Table | None]:
+        """Raises SpecError (E712) where such trajectories have no distribution that could be worked out."""
+        model = numbers.model
+        if model.horizon is None:
+            refuse("trajectories without a horizon have no maximum-entropy distribution", "give the task a horizon")
+        if Steps(model.task).reward is not model.task.reward:
+            refuse("maximum entropy depends on the whole distribution of a reward, and this one is continuous")
+        return numbers.zero(), None
+
+    def back(self, numbers: Bounded, t: int, inner: Any) -> tuple[Policy, Any]:
+        log_z, table = inner
+        if table is None or table.step is not numbers.model.step(t):
+            table = _Table(numbers, t, self.beta)
+        policy, value = numbers.boltzmann(table.log_q(log_z), 1.0)
+        return policy, (value, table)
+
+    def settled(self, numbers: Any) -> Any:
+        return self.start(numbers)
 
 
 class _Table:
     """Every outcome of one time: rows, columns, log probability plus beta times the reward, whether it ends."""
 
-    def __init__(self, rows: Array, columns: Array, log_weight: Array, ends: Array, count: int) -> None:
+    def __init__(self, numbers: Bounded, t: int, beta: float) -> None:
+        model = numbers.model
+        rows, columns, weights, rewards, ends = outcome_table(model, t)
         order = np.argsort(rows, kind="stable")
-        self.columns, self.log_weight, self.ends = columns[order], log_weight[order], ends[order]
-        self.starts = np.searchsorted(rows[order], np.arange(count))
+        self.step, self.shape = model.step(t), (model.n_actions, model.n_states)
+        self.columns, self.ends, size = columns[order], ends[order], model.n_actions * model.n_states
+        paid = beta * np.where(model.acting[rows % model.n_states], rewards, 0.0)[order]
+        logs, slack = np.log(weights[order]), numbers.slack
+        self.log_weight = logs + paid
+        off = slack.relative + 2 * slack.absolute / weights[order] + 8 * UNIT * (np.abs(logs) + np.abs(paid) + 1)
+        self.error = off if not slack.missing else np.full_like(off, np.inf)  # what is left out may pay anything
+        self.starts = np.searchsorted(rows[order], np.arange(size))
         self.counts = np.diff(np.append(self.starts, len(rows)))
 
-    def log_q(self, log_z: Array, model: Model) -> Array:
-        """log Z(s, a), (A, S), from log Z (S,) at the next time; -inf for rows without outcomes."""
-        terms = self.log_weight + np.where(self.ends, 0.0, log_z[self.columns])
+    def log_q(self, log_z: Bound) -> Bound:
+        """log Z(s, a), (A, S), from log Z (S,) at the next time; 0 for rows without outcomes, where nobody acts."""
+        terms = self.log_weight + np.where(self.ends, 0.0, log_z.value[self.columns])
+        errors = self.error + np.where(self.ends, 0.0, log_z.error[self.columns])
         some = self.counts > 0
         starts = self.starts[some]
         top = np.maximum.reduceat(terms, starts)
         total = np.add.reduceat(np.exp(terms - np.repeat(top, self.counts[some])), starts)
-        found = np.full(len(self.counts), -np.inf)
+        found, error = np.zeros(len(self.counts)), np.zeros(len(self.counts))
         found[some] = top + np.log(total)
-        return found.reshape(model.n_actions, model.n_states)
-
-
-def _table(model: Model, t: int, beta: float) -> _Table:
-    rows, columns, weights, rewards, ends = outcome_table(model, t)
-    return _Table(rows, columns, np.log(weights) + beta * rewards, ends, model.n_actions * model.n_states)
+        rounding = (16 * self.counts[some] + 32) * UNIT * (1 + np.abs(found[some]))
+        error[some] = np.maximum.reduceat(errors, starts) + rounding
+        return Bound(found.reshape(self.shape), error.reshape(self.shape))
 
 
 def outcome_table(model: Model, t: int = 0) -> tuple[Array, Array, Array, Array, Array]:

@@ -30,6 +30,9 @@ class Step:
     expected. Entries of a row may repeat a column. `escaping` (A*S,) marks rows that leave the state
     space, which only states that no episode acts in may have. Where every row of an action has the
     same probabilities in the same order, `slots` (A, K) holds them.
+
+    For bounds of rounding: `terms` is the largest number of outcomes that a row was made of, `scale` the largest
+    reward of any of them, and `spread` (A*S,) the expected size of the reward (None: that of the expected reward).
     """
 
     going: Sparse
@@ -37,6 +40,9 @@ class Step:
     reward: Array
     escaping: Array | None = None
     slots: Array | None = None
+    terms: int = 1
+    scale: float = 0.0
+    spread: Array | None = None
 
     def same(self, other: Step) -> bool:
         """Whether two times are alike, so that one can stand for both."""

@@ -2,55 +2,62 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Any
+from fractions import Fraction
 
-from taskspec.exact import plans
-from taskspec.exact.claim_values import Number, Unfit
-from taskspec.exact.plans import Plan
+from taskspec.exact.certified.enclosure import Enclosure
+from taskspec.exact.certified.solver import Rule
+from taskspec.exact.maxent import MaxEnt
+from taskspec.exact.plans import Boltzmann, Greedy, Uniform
+from taskspec.exact.refusals import Unfit
 from taskspec.exact.returns import Results
 from taskspec.exact.vocabulary import MODELS
 from taskspec.lang import syntax as s
 
-_PLAIN: dict[str, Callable[[Any], Plan]] = {
-    "uniform": plans.uniform_plan,
-    "optimal": plans.optimal_plan,
-    "maxent": plans.maxent_plan,
-    "zero_terminal_value": plans.zero_terminal_value_plan,
+_PLAIN: dict[str, Callable[[], Rule]] = {
+    "uniform": Uniform,
+    "optimal": Greedy,
+    "maxent": MaxEnt,
+    "zero_terminal_value": Greedy,
 }
-_WITH_NUMBER: dict[str, Callable[[Any, float], Plan]] = {
-    "soft": plans.soft_plan,
-    "maxent": plans.maxent_plan,
-    "zero_terminal_value": plans.zero_terminal_value_plan,
+_WITH_NUMBER: dict[str, Callable[[Fraction, s.Expr], Rule]] = {
+    "soft": lambda beta, expr: Boltzmann(_temperature(beta, expr)),
+    "maxent": lambda beta, expr: MaxEnt(_temperature(beta, expr)),
+    "zero_terminal_value": lambda shift, expr: Greedy(shift),
 }
 
 
-def model_named(
-    expr: s.Expr | None,
-    results: Results,
-    model: Callable[[s.Expr], Any],
-    number: Callable[[s.Expr], Number],
-) -> Plan:
-    """The plan of the decision model that an expression names; uniformly random actions for None.
+def rule_named(expr: s.Expr | None, results: Results, number: Callable[[s.Expr], Enclosure]) -> Rule:
+    """The rule of the decision model that an expression names; uniformly random actions for None.
 
     Raises:
         Unfit: when there is no such model.
     """
     match expr:
         case None:
-            plan = results.random_plan
-            assert plan is not None
-            return plan
+            return Uniform()
         case s.Name(id="expert"):
-            model(expr)
-            if results.expert_plan is None:
+            if results.expert_rule is None:
                 raise Unfit("the spec gives no expert", expr)
-            return results.expert_plan
+            return results.expert_rule
         case s.Name(id=name) if name in _PLAIN:
-            return _PLAIN[name](model(expr))
+            return _PLAIN[name]()
         case s.Call(function=name, args=(argument,)) if name in _WITH_NUMBER:
-            return _WITH_NUMBER[name](model(expr), float(number(argument).value))
+            found = number(argument)
+            if not (found.is_exact and isinstance(found.low, Fraction)):
+                raise Unfit("a decision model takes a number that is known exactly", argument)
+            return _WITH_NUMBER[name](found.low, argument)
         case _:
             raise Unfit(
                 f"a decision model is one of {', '.join(w.written.split(', ')[0] for w in MODELS.values())}", expr
             )
+
+
+def _temperature(beta: Fraction, expr: s.Expr) -> float:
+    """An inverse temperature as a float."""
+    if not 1e-9 <= beta <= 1e9:
+        raise Unfit("beta is a number between 1e-9 and 1e9", expr)
+    found = float(beta)
+    assert math.isfinite(found)
+    return found

@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -24,6 +24,37 @@ Array = np.ndarray[Any, Any]
 Reads = Mapping[tuple[Role, str], Array]
 LOOP_FROM = 4096
 """From this many points on, an outcome shared by all points is a pass of its own."""
+FAINTEST = 5e-324
+"""What possible outcomes weigh at least, so that a product of small probabilities does not make them impossible."""
+
+
+class Numbers(Protocol):
+    """The arithmetic in which probabilities are worked out: floats, or rationals (`certified.rational`)."""
+
+    def argument(self, draw: Draw, arg: Array) -> Array:
+        """The first argument of a draw, rates and probabilities, (*shape, N)."""
+
+    def ratio(self, part: Array, whole: Array) -> Array:
+        """Ints divided by ints."""
+
+    def times(self, a: Array, b: Array) -> Array:
+        """The product of two probabilities of which neither is 0."""
+
+
+class Floats:
+    """Probabilities as float64."""
+
+    def argument(self, draw: Draw, arg: Array) -> Array:
+        return arg
+
+    def ratio(self, part: Array, whole: Array) -> Array:
+        return np.asarray(part / whole)
+
+    def times(self, a: Array, b: Array) -> Array:
+        return np.asarray(np.maximum(a * b, FAINTEST))
+
+
+FLOATS = Floats()
 
 
 @dataclass(frozen=True)
@@ -38,6 +69,7 @@ class Branch:
     weight: Array
     origin: Array | None
     drawn: Mapping[int, Array]
+    numbers: Numbers = FLOATS
 
     def sample(self, draw: Draw, args: list[Array]) -> Array:
         return self.drawn[draw.site]
@@ -50,12 +82,12 @@ class Branch:
         return {k: v if v.shape[-1] == 1 else v[..., origin] for k, v in reads.items()}
 
 
-def count(draws: Sequence[Draw], known: dict[int, interval.Interval]) -> float:
+def count(draws: Sequence[Draw], known: dict[int, interval.Range]) -> float:
     """An upper bound on the outcomes at one point; infinite where a draw is not finite."""
     return math.prod(_outcomes(d, known) for d in draws)
 
 
-def _outcomes(draw: Draw, known: dict[int, interval.Interval]) -> float:
+def _outcomes(draw: Draw, known: dict[int, interval.Range]) -> float:
     shape = draw.type.shape
     match draw.base:
         case "bernoulli":
@@ -78,14 +110,9 @@ def is_finite(draw: Draw) -> bool:
     return BASES[draw.base].finite or draw.base == "poisson"
 
 
-def branches(
-    draws: Sequence[Draw], reads: Reads, lanes: int, fixed: Mapping[int, Array] | None = None
-) -> Iterator[Branch]:
-    """All outcomes of the finite draws among `draws` (in order of site) at `lanes` points.
-
-    `fixed` holds the values of draws that are not finite, (*shape, lanes), sampled beforehand.
-    """
-    start = Branch(np.ones(1), None, dict(fixed or {}))
+def branches(draws: Sequence[Draw], reads: Reads, lanes: int, numbers: Numbers = FLOATS) -> Iterator[Branch]:
+    """All outcomes of the finite draws among `draws` (in order of site) at `lanes` points."""
+    start = Branch(numbers.ratio(np.ones(1, np.int64), np.ones(1, np.int64)), None, {}, numbers)
     yield from _expand([d for d in draws if is_finite(d)], reads, lanes, start)
 
 
@@ -93,13 +120,13 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
     if not draws:
         yield so_far
         return
-    draw, rest = draws[0], draws[1:]
+    draw, rest, times = draws[0], draws[1:], so_far.numbers.times
     args = evaluate(draw.args, so_far.place(reads), so_far.sample)
-    values, p = _TABLES[draw.base](draw, args)
+    values, p = _TABLES[draw.base](draw, args, so_far.numbers)
     if p.shape[-1] == 1 and lanes >= LOOP_FROM and so_far.origin is None:
         for k in np.flatnonzero(p[:, 0] > 0):
             drawn = {**so_far.drawn, draw.site: values[k][..., None]}
-            yield from _expand(rest, reads, lanes, replace(so_far, weight=so_far.weight * p[k], drawn=drawn))
+            yield from _expand(rest, reads, lanes, replace(so_far, weight=times(so_far.weight, p[k]), drawn=drawn))
         return
     if len(p) == 1:  # nothing is left to chance
         drawn = {**so_far.drawn, draw.site: values[0][..., None]}
@@ -112,10 +139,15 @@ def _repeated(so_far: Branch, draw: Draw, values: Array, p: Array, lanes: int) -
     """Every point once for each outcome of positive probability, the outcomes of a point side by side."""
     n = lanes if so_far.origin is None else len(so_far.origin)
     point, outcome = np.nonzero(np.broadcast_to(p.T > 0, (n, len(p))))
-    weight = _at(so_far.weight, point) * (p[outcome, 0] if p.shape[-1] == 1 else p[outcome, point])
+    chance = p[outcome, 0] if p.shape[-1] == 1 else p[outcome, point]
+    weight = so_far.numbers.times(_at(so_far.weight, point), chance)
     drawn = {site: _at(v, point) for site, v in so_far.drawn.items()}
     drawn[draw.site] = np.moveaxis(values[outcome], 0, -1)
-    return Branch(weight, point if so_far.origin is None else so_far.origin[point], drawn)
+    return replace(so_far, weight=weight, origin=_at_origin(so_far.origin, point), drawn=drawn)
+
+
+def _at_origin(origin: Array | None, point: Array) -> Array:
+    return point if origin is None else origin[point]
 
 
 def _at(values: Array, point: Array) -> Array:
@@ -132,7 +164,7 @@ def _product(draw: Draw, rows: Sequence[Array], dtype: Any) -> tuple[Array, Arra
     if shape == ():
         return np.arange(len(rows[0]), dtype=dtype), rows[0]
     digits = np.array(list(itertools.product(*(range(len(r)) for r in rows))), dtype=np.int64)
-    p: Any = 1.0
+    p: Any = 1
     for e, row in enumerate(rows):
         p = p * row[digits[:, e]]
     return digits.reshape(-1, *shape).astype(dtype), p
@@ -143,65 +175,81 @@ def _stretched(arg: Array, size: int) -> list[Array]:
     return list(flat) * size if len(flat) == 1 else list(flat)
 
 
-def _index(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
+def _index(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
     rows = []
     for counts in _stretched(args[0], draw.type.size):
-        most = np.maximum(counts, 1)
-        k = np.arange(int(most.max()))[:, None]
-        rows.append((k < most) / most)
+        k = np.arange(int(counts.max()))[:, None]
+        rows.append(numbers.ratio(k < counts, counts))
     return _product(draw, rows, np.int64)
 
 
-def _bernoulli(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
+def _bernoulli(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
     rows = []
-    for p in _stretched(args[0], draw.type.size):
-        inside = np.clip(np.where(p == p, p, 0.0), 0.0, 1.0)
+    for p in _stretched(numbers.argument(draw, args[0]), draw.type.size):
+        inside = np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
         rows.append(np.stack([1 - inside, inside]))
     return _product(draw, rows, np.bool_)
 
 
-def _categorical(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
-    return _product(draw, [clean(args[0])] * draw.type.size, np.int64)
+def _categorical(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
+    return _product(draw, [clean(numbers.argument(draw, args[0]))] * draw.type.size, np.int64)
 
 
 def clean(p: Array) -> Array:
     """Rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total."""
-    p = np.where(p > 0, p, 0.0)
+    p = np.where(p > 0, p, 0)
     total = p.sum(axis=0)
-    off = np.abs(total - 1) > 1e-9
-    if off.any():
+    if (total != 1).any():
         empty = total == 0
-        p = p / np.where(off & ~empty, total, 1.0)
-        p[-1] = np.where(empty, 1.0, p[-1])
+        p = p / np.where(empty, 1, total)
+        p[-1] = np.where(empty, 1, p[-1])
     return p
 
 
-def _poisson_most(draw: Draw) -> int:
-    highest = draw.args[-1]  # a constant: the rates, or their bound
-    assert isinstance(highest, Const)
-    rate = max(map(float, highest.flat))
+def poisson_terms(rate: float) -> int:
+    """How many counts of a Poisson draw are enumerated: the tail that is left out weighs less than 1e-20."""
     return int(rate + 10 * math.sqrt(rate) + 25)
 
 
-def _poisson(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
-    k = np.arange(_poisson_most(draw))
-    faculty = np.array([math.lgamma(n + 1) for n in k])
-    rows = []
-    for rate in _stretched(args[0], draw.type.size):
-        positive = np.maximum(rate, 1e-300)
-        rows.append(clean(np.exp(k[:, None] * np.log(positive) - positive - faculty[:, None])))
+def _poisson_most(draw: Draw) -> int:
+    return poisson_terms(highest_rate(draw))
+
+
+def highest_rate(draw: Draw) -> float:
+    """The highest rate of a Poisson draw, from its last argument: the constant rates, or their bound."""
+    highest = draw.args[-1]
+    assert isinstance(highest, Const)
+    return max(map(float, highest.flat))
+
+
+def _poisson(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
+    terms = _poisson_most(draw)
+    rows = [_poisson_row(rate, terms) for rate in _stretched(numbers.argument(draw, args[0]), draw.type.size)]
     return _product(draw, rows, np.int64)
 
 
-def _permutation(draw: Draw, args: list[Array]) -> tuple[Array, Array]:
+def _poisson_row(rates: Array, terms: int) -> Array:
+    """Probabilities (K, N) of counts below `terms`: products of ratios up and down from the mode, over their total."""
+    rates = np.where(rates > 0, rates, 0.0)
+    mode, step = np.floor(rates), np.arange(1.0, terms)[:, None]
+    one = np.ones((1, len(rates)))
+    above = np.concatenate([one, np.cumprod(rates / (mode + step), axis=0)])
+    below = np.concatenate([one, np.cumprod(np.maximum(mode - step + 1, 0) / np.maximum(rates, 1.0), axis=0)])
+    away = np.arange(terms)[:, None] - mode.astype(np.int64)
+    found = np.where(away >= 0, np.take_along_axis(above, np.maximum(away, 0), 0),
+                     np.take_along_axis(below, np.maximum(-away, 0), 0))  # fmt: skip
+    return clean(found)
+
+
+def _permutation(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
     *outer, n = draw.type.shape
     one = np.array(list(itertools.permutations(range(n))), dtype=np.int64)
     every = list(itertools.product(range(len(one)), repeat=math.prod(outer)))
     values = one[np.array(every, dtype=np.int64)].reshape(len(every), *draw.type.shape)
-    return values, np.full((len(values), 1), 1 / len(values))
+    return values, numbers.ratio(np.ones((len(values), 1), np.int64), np.full((len(values), 1), len(values)))
 
 
-_TABLES: dict[str, Callable[[Draw, list[Array]], tuple[Array, Array]]] = {
+_TABLES: dict[str, Callable[[Draw, list[Array], Numbers], tuple[Array, Array]]] = {
     "index": _index,
     "bernoulli": _bernoulli,
     "categorical": _categorical,

@@ -121,7 +121,7 @@ def _times(task: Task, name: str) -> range:
 def _start_checks(task: Task) -> list[Check]:
     values = [
         Check("E404", node, c.low, c.high, "initial", c.name, c)
-        for c, node in zip(task.state, task.initial, strict=True)
+        for c, node in zip(task.state, task.raw_initial, strict=True)
     ]
     return values + _drawn(task, "initial", task.initial)
 
@@ -140,7 +140,7 @@ def _decision_checks(task: Task) -> list[Check]:
 
 
 def _step_checks(task: Task) -> list[Check]:
-    pairs = zip(task.state, task.next, strict=True)
+    pairs = zip(task.state, task.raw_next, strict=True)
     checks = [Check("E403", n, c.low, c.high, "dynamics", c.name + "'", c) for c, n in pairs]
     checks.append(Check("E406", task.reward, (-math.inf,), (math.inf,), "reward", what="the reward"))
     for section in ("noise", "dynamics", "reward", "terminal"):
@@ -199,7 +199,7 @@ def _probabilities(exprs: list[s.Expr], written: Written, where: Section, entry:
         return
     b = where.task.builder
     found = [b.cast(n, Kind.REAL) for n in nodes if n is not None]
-    total = b.apply("sum", b.structure("vector", found) if len(found) > 1 else found[0])
+    total = b.apply("sum", found[0] if found[0].type.shape else b.structure("vector", found))
     for expr, node in zip(exprs, found, strict=True):
         ends = (0.0,) * node.type.size, (1.0,) * node.type.size
         yield _check("E402", node, *ends, written, where, entry, "a probability", expr)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from statistics import NormalDist
 from typing import Any, NoReturn
@@ -12,12 +12,14 @@ from typing import Any, NoReturn
 import numpy as np
 
 from taskspec.diagnostics import SpecError
-from taskspec.exact import solve
 from taskspec.exact.abstraction import Abstraction, abstraction
+from taskspec.exact.certified.enclosure import Enclosure, NoNumber
+from taskspec.exact.certified.solver import Rule, Solvers
+from taskspec.exact.confidence import CUT, mean_interval, return_range
 from taskspec.exact.extract import MAX_ENTRIES, extract
 from taskspec.exact.failure import refuse
 from taskspec.exact.model import Model
-from taskspec.exact.plans import Plan, expert_plan, uniform_plan
+from taskspec.exact.plans import Greedy, Plan, Uniform, rule_of, tables
 from taskspec.exact.rollout import Choose, Rollout, at_random, by_expert
 from taskspec.lang.ir import Const
 from taskspec.spec.task import Task
@@ -31,19 +33,24 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, slots=True)
 class Return:
-    """An expected return. `error` is the standard error of an estimate from `episodes`; both are 0 when exact."""
+    """An expected return.
+
+    `error` is the standard error of an estimate from `episodes`; both are 0 when it was computed from a model, and the
+    truth then lies within `bound` of the value.
+    """
 
     value: float
     error: float = 0.0
     episodes: int = 0
+    bound: float = field(default=0.0, repr=False)
 
     @property
     def exact(self) -> bool:
         return self.episodes == 0
 
     def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
-        """A confidence interval (normal approximation); a point when exact."""
-        width = NormalDist().inv_cdf(0.5 + confidence / 2) * self.error
+        """A confidence interval (normal approximation); what is known for certain when exact."""
+        width = self.bound + NormalDist().inv_cdf(0.5 + confidence / 2) * self.error
         return self.value - width, self.value + width
 
     @classmethod
@@ -63,6 +70,8 @@ class Results:
     def __init__(self, task: Task, episodes: int = EPISODES, seed: int = 0, limit: int = MAX_ENTRIES) -> None:
         self.task, self.episodes, self.seed, self.limit = task, episodes, seed, limit
         self.unsettled: str | None = None
+        self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
+        self._samples: dict[tuple[str, int], Return | None] = {}
 
     @cached_property
     def abstraction(self) -> Abstraction | None:
@@ -90,44 +99,93 @@ class Results:
             return self.unsettled
         return " and ".join(filter(None, (found.diagnostics[0].message, self.unsettled)))
 
+    @cached_property
+    def solvers(self) -> Solvers:
+        assert self.model is not None
+        return Solvers(self.model)
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether some result depends on how floats are read."""
+        return self.model is not None and self.solvers.ambiguous
+
+    @cached_property
+    def expert_rule(self) -> Rule | None:
+        return None if self.model is None else rule_of(self.model)
+
     # -- returns ----------------------------------------------------------------------------------
 
     @cached_property
     def optimal(self) -> Return | None:
-        return self._solved(solve.optimal_return)
+        return self._return("optimal")
 
     @cached_property
     def worst(self) -> Return | None:
-        return self._solved(solve.worst_return)
+        return self._return("worst")
 
     @cached_property
     def random(self) -> Return | None:
         """Of uniformly random actions; None where the action has no finite range."""
-        if self.model is not None:
-            return self._solved(solve.random_return)
-        ends = [v for c in self.task.action for v in (*c.low, *c.high)]
-        return self._estimated(at_random(self.task)) if all(map(math.isfinite, ends)) else None
+        return self._return("random")
 
     @cached_property
     def expert(self) -> Return | None:
         """Of the spec's expert; None where there is none, or it cannot be worked out."""
-        plan = self.expert_plan
-        if plan is not None and self.model is not None:
-            return self._solved(lambda model: solve.policy_return(model, plan))
-        return self._estimated(by_expert(self.task)) if isinstance(self.task.expert, tuple) else None
+        return self._return("expert")
 
-    def _solved(self, how: Callable[[Model], float]) -> Return | None:
-        """A return on the model; None where there is none, or where it is infinite for want of a horizon."""
-        try:
-            return None if self.model is None else Return(how(self.model))
-        except SpecError as error:
-            self.unsettled = error.diagnostics[0].message
+    def _return(self, which: str) -> Return | None:
+        found = self.enclosure(which)
+        return self.sample(which) if found is None else Return(found.value, bound=found.error)
+
+    def enclosure(self, which: str, as_written: bool = False) -> Enclosure | None:
+        """The optimal, worst, random or expert return; None without a model, or where it is not known to be finite."""
+        key = (which, as_written)
+        if key not in self._enclosures:
+            try:
+                found = self._enclosed(which, as_written)
+            except (SpecError, NoNumber) as error:
+                self.unsettled = error.diagnostics[0].message if isinstance(error, SpecError) else str(error)
+                found = None
+            self._enclosures[key] = found
+        return self._enclosures[key]
+
+    def _enclosed(self, which: str, as_written: bool) -> Enclosure | None:
+        if self.model is None:
             return None
+        rule: Rule | None = {"random": Uniform(), "expert": self.expert_rule, "optimal": Greedy()}.get(which)
+        if rule is None and which == "expert":
+            return None
+        solver = self.solvers.of(rule, as_written)
+        found = solver.worst() if rule is None else solver.value(rule)
+        if math.isinf(found.low) or math.isinf(found.high):
+            refuse("it has no finite value that floats could hold")
+        return found
 
-    def _estimated(self, choose: Choose) -> Return | None:
+    def sample(self, which: str, episodes: int | None = None) -> Return | None:
+        """The random or expert return from episodes; None where these do not end, and for other returns."""
+        key = (which, episodes or self.episodes)
+        if key not in self._samples:
+            choose = self._chooser(which)
+            self._samples[key] = None if choose is None else self._estimated(choose, episodes)
+        return self._samples[key]
+
+    def _chooser(self, which: str) -> Choose | None:
+        if which == "expert":
+            return by_expert(self.task) if isinstance(self.task.expert, tuple) else None
+        ends = [v for c in self.task.action for v in (*c.low, *c.high)]
+        return at_random(self.task) if which == "random" and all(map(math.isfinite, ends)) else None
+
+    def interval(self, sample: Return, confidence: float, soundly: bool) -> Enclosure:
+        """Where the expectation behind a sample lies; `soundly`: whatever the distribution of the returns."""
+        if not soundly:
+            low, high = sample.interval(confidence)
+            return Enclosure.exactly(low).hull(Enclosure.exactly(high))
+        return mean_interval(sample.value, sample.error, sample.episodes, *return_range(self.task), confidence)
+
+    def _estimated(self, choose: Choose, episodes: int | None) -> Return | None:
         """A return from episodes; None where these do not end."""
         try:
-            return self.simulated(choose)
+            return self.simulated(choose, episodes)
         except SpecError as error:
             self.unsettled = error.diagnostics[0].message
             return None
@@ -136,14 +194,11 @@ class Results:
     def expert_plan(self) -> Plan | None:
         """The expert as probabilities of actions in the model; None where there is none."""
         try:
-            return None if self.model is None else expert_plan(self.model)
+            rule = self.expert_rule
+            return None if self.model is None or rule is None else tables(self.model, rule)
         except SpecError as error:
             self.unsettled = error.diagnostics[0].message
             return None
-
-    @property
-    def random_plan(self) -> Plan | None:
-        return None if self.model is None else uniform_plan(self.model)
 
     def simulated(self, choose: Choose, episodes: int | None = None) -> Return:
         """The return of a policy estimated from episodes."""
@@ -176,10 +231,10 @@ def _simulate(task: Task, choose: Choose, lanes: int, seed: int) -> Array:
         running = running & ~moved.terminal
         state = {n: np.where(running, moved.state[n], state[n]) for n in state}
         factor, t = factor * task.discount, t + 1
-        if t >= LONGEST or factor < 1e-12:
-            if task.discount == 1:
-                _refuse_endless(task)
+        if factor < CUT:
             break
+        if t >= LONGEST and running.any():
+            _refuse_endless(task)
     return total
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,7 +21,11 @@ TIDY = 2_000_000
 
 @dataclass(frozen=True)
 class Rows:
-    """Some consecutive rows: entries in each (n,), columns, probabilities, ends (or None), rewards (n,)."""
+    """Some consecutive rows: entries in each (n,), columns, probabilities, ends (or None), rewards (n,).
+
+    `spread` (n,) is the expected size of the reward, where outcomes of one row are paid with both signs; `scale` the
+    largest size of all.
+    """
 
     counts: Array
     columns: Array
@@ -30,6 +34,8 @@ class Rows:
     reward: Array
     escaping: Array | None = None
     slots: Array | None = None  # (k,) probabilities that all rows share
+    spread: Array | None = None
+    scale: float = 0.0
 
 
 class Sink:
@@ -39,8 +45,10 @@ class Sink:
         self.columns, self.weights = np.empty(entries, np.int32), np.empty(entries)
         self.counts, self.reward = np.empty(rows, np.int64), np.empty(rows)
         self.marked: dict[str, Array] = {}  # `ends` and `escaping`, once they occur
+        self.spread: Array | None = None
         self.slots: list[Array | None] = []
-        self.row = self.entry = 0
+        self.row = self.entry = self.terms = 0
+        self.scale = 0.0
 
     def add(self, rows: Rows) -> None:
         n, m = len(rows.counts), len(rows.columns)
@@ -49,12 +57,20 @@ class Sink:
         self.columns[there], self.weights[there] = rows.columns, rows.weights
         self._mark("ends", rows.ends, there, len(self.columns))
         self._mark("escaping", rows.escaping, here, len(self.counts))
+        self._spread(rows.spread, here)
         self.slots.append(rows.slots)
+        self.terms, self.scale = max(self.terms, int(rows.counts.max(initial=0))), max(self.scale, rows.scale)
         self.row, self.entry = self.row + n, self.entry + m
 
     def _mark(self, name: str, flags: Array | None, where: slice, size: int) -> None:
         if flags is not None:
             self.marked.setdefault(name, np.zeros(size, np.bool_))[where] = flags
+
+    def _spread(self, spread: Array | None, where: slice) -> None:
+        if spread is not None and self.spread is None:
+            self.spread = np.abs(self.reward)
+        if self.spread is not None:
+            self.spread[where] = np.abs(self.reward[where]) if spread is None else spread
 
     def step(self, states: int) -> Step:
         """The matrices of everything gathered."""
@@ -70,7 +86,9 @@ class Sink:
         if self.entry <= TIDY:
             built = [_tidy(matrix.copy()) for matrix in built]
         slots = None if self.entry <= TIDY or len(built) > 1 else self._shared(self.row // states)
-        return Step(built[0], built[1] if len(built) > 1 else None, self.reward, self.marked.get("escaping"), slots)
+        ending = built[1] if len(built) > 1 else None
+        escaping = self.marked.get("escaping")
+        return Step(built[0], ending, self.reward, escaping, slots, self.terms, self.scale, self.spread)
 
     def _shared(self, actions: int) -> Array | None:
         """The probabilities (A, K) that all rows of an action share, if they do; pieces are as many for each action."""
@@ -120,8 +138,9 @@ def _escaping(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows
             escaping[points[f.outside]] = True
             f = replace(f, weight=np.where(f.outside, 0.0, f.weight))
         kept.append(f)
-    paid = _irregular(steps, codes, found, n).reward
-    return replace(_irregular(steps, codes, kept, n), reward=paid, escaping=escaping)
+    paid = _irregular(steps, codes, found, n)
+    inside = _irregular(steps, codes, kept, n)
+    return replace(inside, reward=paid.reward, spread=paid.spread, scale=paid.scale, escaping=escaping)
 
 
 def _regular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
@@ -139,7 +158,16 @@ def _regular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
     if steps.ends:
         ends = np.stack([np.broadcast_to(f.terminal, (n,)) for f in found], axis=1).reshape(-1)
     slots = weights[0].copy() if all(f.weight.size == 1 for f in found) else None
-    return Rows(np.full(n, k), columns.reshape(-1), weights.reshape(-1), ends, reward, None, slots)
+    scale, mixed = _sizes([f.reward for f in found])
+    spread = np.broadcast_to(sum(f.weight * np.abs(f.reward) for f in found), (n,)) if mixed else None
+    return Rows(np.full(n, k), columns.reshape(-1), weights.reshape(-1), ends, reward, None, slots, spread, scale)
+
+
+def _sizes(rewards: Sequence[Array]) -> tuple[float, bool]:
+    """The largest size of finite rewards, and whether both signs occur."""
+    low = min(float(np.min(r, where=np.isfinite(r), initial=0.0)) for r in rewards)
+    high = max(float(np.max(r, where=np.isfinite(r), initial=0.0)) for r in rewards)
+    return max(-low, high), low < 0 < high
 
 
 def _irregular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
@@ -156,7 +184,9 @@ def _irregular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Row
         points, columns, weights, reward, ends = (x[order] for x in (points, columns, weights, reward, ends))
     counts = np.bincount(points, minlength=n)
     total = np.bincount(points, weights * reward, minlength=n)
-    return Rows(counts, columns, weights, ends if steps.ends else None, total)
+    scale, mixed = _sizes([reward])
+    spread = np.bincount(points, weights * np.abs(reward), minlength=n) if mixed else None
+    return Rows(counts, columns, weights, ends if steps.ends else None, total, spread=spread, scale=scale)
 
 
 def _columns(codes: Array, found: Outcomes) -> Array:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from taskspec.exact.expectation import expected
-from taskspec.exact.outcomes import branches, count
+from taskspec.exact.outcomes import FLOATS, Branch, Numbers, branches, count
 from taskspec.exact.space import Reads, Space
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Const, Draw, Role, draws, reads
+from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
 from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
@@ -45,7 +46,7 @@ class Steps:
         self.states = Space(task.state, Role.STATE)
         self.actions = Space(task.action, Role.ACTION)
         self.reward = expected(task.reward, task.builder, draws((*task.next, task.terminal)))
-        self.roots = (*task.next, self.reward, task.terminal)
+        self.roots = (*task.raw_next, self.reward, task.terminal)
 
     @cached_property
     def draws(self) -> tuple[Draw, ...]:
@@ -76,25 +77,43 @@ class Steps:
             found[TIME] = np.array([t], dtype=np.int64)
         return found
 
-    def outcomes(self, states: Array, actions: Array, t: int | None = None) -> Iterator[Outcomes]:
+    def outcomes(
+        self, states: Array, actions: Array, t: int | None = None, numbers: Numbers = FLOATS
+    ) -> Iterator[Outcomes]:
         """Every outcome of acting in states (N,) by actions (N,) or (1,) at time t."""
         lanes = len(states)
         given = self.reads(states, actions, t)
-        for branch in branches(self.draws, given, lanes):
+        for branch in branches(self.draws, given, lanes, numbers):
             values = evaluate(self.roots, branch.place(given), branch.sample)
             size = lanes if branch.origin is None else len(branch.origin)
             code, outside = self.states.encode(values[:-2], size)
             yield Outcomes(branch.weight, branch.origin, code, outside, values[-2], values[-1])
 
-    def starts(self) -> tuple[Array, Array]:
+    def starts(self, numbers: Numbers = FLOATS) -> tuple[Array, Array]:
         """Codes (N,) of the first states and their probabilities (N,), each code once."""
         codes, weights = [], []
-        for branch in branches(draws(self.task.initial), {}, 1):
-            values = evaluate(self.task.initial, {}, branch.sample)
+        for branch in branches(draws(self.task.initial), {}, 1, numbers):
+            values = evaluate(self.task.raw_initial, {}, branch.sample)
             size = 1 if branch.origin is None else len(branch.origin)
             code, outside = self.states.encode(values, size)
             inside = slice(None) if outside is None else ~outside
             codes.append(code[inside])
             weights.append(np.broadcast_to(branch.weight, (size,))[inside])
         distinct, which = np.unique(np.concatenate(codes), return_inverse=True)
-        return distinct, np.bincount(which, np.concatenate(weights), len(distinct))
+        return distinct, total(which, np.concatenate(weights), len(distinct))
+
+
+def total(which: Array, values: Array, size: int) -> Array:
+    """Sums (size,) of the values (N,) of each group, floats or rationals."""
+    if values.dtype != object:
+        return np.bincount(which, values, size)
+    sums = np.array([Fraction(0)] * size, dtype=object)
+    np.add.at(sums, which, values)
+    return sums
+
+
+def acted(actions: Space, nodes: Sequence[Node], given: Reads, branch: Branch, states: int) -> tuple[Array, Array]:
+    """Codes of the actions that expressions give in some states for an outcome of their draws, and the state of each."""
+    values = evaluate(nodes, branch.place(given), branch.sample)
+    at = np.arange(states) if branch.origin is None else branch.origin
+    return actions.encode(values, len(at))[0], at

@@ -56,12 +56,6 @@ class Runtime:
 
     # -- arithmetic at the awkward points -------------------------------------------------------------------------
 
-    def div(self, a: Array, b: Array) -> Array:
-        xp = self.xp
-        zero = b == 0
-        at_zero = xp.where((a == 0) | (a != a), xp.nan, xp.copysign(xp.inf, a) * xp.copysign(1.0, b))
-        return xp.where(zero, at_zero, a / xp.where(zero, 1, b))
-
     def _is_int(self, a: Array, b: Array) -> bool:
         return all(self.xp.asarray(v).dtype.kind in "iub" for v in (a, b))
 
@@ -72,7 +66,7 @@ class Runtime:
             return xp.where(zero, 0, a // xp.where(zero, 1, b))
         finite = xp.isfinite(a) & xp.isfinite(b)
         quotient = xp.where(finite, a, 0) // xp.where(finite & ~zero, b, 1)
-        return xp.where(zero, self.div(a, b), xp.where(finite, quotient, xp.nan))
+        return xp.where(zero, a / b, xp.where(finite, quotient, xp.nan))
 
     def mod(self, a: Array, b: Array) -> Array:
         xp = self.xp
@@ -182,9 +176,6 @@ class Runtime:
     def concat(self, *parts: Array) -> Array:
         lanes = max(p.shape[-1] for p in parts)
         return self.xp.concatenate([self.xp.broadcast_to(p, (*p.shape[:-1], lanes)) for p in parts])
-
-    def position(self, i: Array, n: int) -> Array:
-        return self.xp.clip(self.xp.where(i < 0, i + n, i), 0, n - 1)
 
     def index(self, x: Array, i: Array) -> Array:
         """Rows of x (n, ..., N) at the indices i (..., N) of each lane."""

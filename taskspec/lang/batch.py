@@ -87,8 +87,6 @@ def apply(node: Apply, args: Sequence[Array]) -> Any:
             return args[0].reshape(*static, args[0].shape[-1])
         case "fill":
             return np.broadcast_to(args[0], (*static, args[0].shape[-1]))
-        case "position":
-            return RUNTIME.position(args[0], static[0])
         case _:
             return getattr(RUNTIME, node.op)(*args)
 

@@ -22,8 +22,6 @@ N = TypeVar("N", bound=Node)
 MAX_ELEMENTS = 2_000_000
 MAX_NODES = 200_000
 MAX_BITS = 256
-_ROUNDING = ("floor", "ceil", "round")
-"""Operators that leave ints as they are."""
 _RATIONAL = ("add", "sub", "mul", "div", "neg")
 
 
@@ -32,7 +30,8 @@ class Builder:
 
     def __init__(self) -> None:
         self._nodes: dict[Any, Node] = {}
-        self._bounds: dict[int, interval.Interval] = {}
+        self._ranges: dict[int, interval.Range] = {}
+        self._certain: dict[int, interval.Range] = {}
         self._sites = 0
         self._written: list[dict[int, Draw]] = []
 
@@ -67,8 +66,9 @@ class Builder:
     def draw(self, base: str, args: Sequence[Node], type: Type) -> Node:
         """A new draw: never shared with another."""
         self.check_size(type.shape)
-        self._sites += 1
-        made = Draw(base, tuple(args), type, self._sites)
+        site = self._sites = self._sites + 1
+        # Kept, as all nodes are: what is known of a node is filed under its id, which must not be given to another.
+        made = self._intern((Draw, site), lambda: Draw(base, tuple(args), type, site))
         self.name_draws([made])
         return made
 
@@ -97,7 +97,7 @@ class Builder:
     def apply(self, name: str, *args: Node) -> Node:
         """An operator of the table on arguments of any kind that promotes."""
         op = OPS[name]
-        if name in _ROUNDING and args[0].type.kind is not Kind.REAL:
+        if name in interval.ROUNDING and args[0].type.kind is not Kind.REAL:
             return self.cast(args[0], Kind.INT)
         result = op.rule(tuple(a.type for a in args))
         if isinstance(result, str):
@@ -141,12 +141,19 @@ class Builder:
             return node
         return self.structure("fill", [node], shape)
 
+    def within(self, node: Node, low: float, high: float) -> Node:
+        """An int moved to the nearest of low, ..., high, unless it is certain to be one of them."""
+        least, most = self.certain(node)
+        if least < low:
+            node = self.apply("max2", node, self.scalar(int(low)))
+        return self.apply("min2", node, self.scalar(int(high))) if most > high else node
+
     def position(self, index: Node, length: int) -> Node:
-        """An index (int) brought into range(length)."""
-        low, high = self.bounds(index)
-        if low >= 0 and high <= length - 1:
-            return index
-        return self.structure("position", [index], (length,))
+        """An index (int) brought into range(length): a constant counts from the end when it is negative."""
+        if isinstance(index, Const):
+            flat = tuple(i + length if i < 0 else i for i in index.flat)
+            index = self.const(flat if index.type.shape else flat[0], index.type)
+        return self.within(index, 0, length - 1)
 
     def power(self, base: Node, exponent: Node) -> Node:
         """`base ** exponent`: exact for ints with a constant exponent >= 0, products for small ones, else C's pow."""
@@ -161,8 +168,16 @@ class Builder:
         return self.apply("pow", base, exponent)
 
     def bounds(self, node: Node) -> interval.Interval:
-        """An interval that holds every element of the node's value."""
-        return interval.bounds(node, self._bounds)
+        """An interval that holds every element of the node's value, in float64."""
+        return interval.bounds(node, self._ranges)
+
+    def finite(self, node: Node) -> bool:
+        """Whether every element is a finite number, whatever is read and drawn, as far as bounds can tell."""
+        return interval.ranges(node, self._ranges).finite
+
+    def certain(self, node: Node) -> interval.Interval:
+        """An interval that holds on every backend, however reals are rounded: what index clamps may be dropped for."""
+        return interval.certain(node, self._certain)
 
     def remake(self, node: Node, args: tuple[Node, ...]) -> Node:
         """The same node over other arguments (`ir.rewrite`)."""
@@ -214,7 +229,7 @@ class Builder:
             return tuple(self.cast(a, kind) for a in args)
         if name == "where":
             return (args[0], *(self.cast(a, result.kind) for a in args[1:]))
-        if name in _ROUNDING:
+        if name in interval.ROUNDING:
             return args
         if name in ("argmin", "argmax"):
             return tuple(self.cast(a, Kind.INT) for a in args)
@@ -279,7 +294,7 @@ class Builder:
                 return self.scalar(False)
             case ("or", (Const(value=True), _)) | ("or", (_, Const(value=True))) if type == BOOL:
                 return self.scalar(True)
-            case _, (Apply(op="to_real", args=(inner,)),) if name in _ROUNDING:
+            case _, (Apply(op="to_real", args=(inner,)),) if name in interval.ROUNDING:
                 return self.cast(inner, Kind.INT)
             case _:
                 return self._decided(name, args) if type == BOOL else None
@@ -288,7 +303,7 @@ class Builder:
         """A comparison that the bounds of its sides already settle."""
         if name not in ("lt", "le") or any(a.type.kind is Kind.REAL for a in args):
             return None
-        (a_low, a_high), (b_low, b_high) = self.bounds(args[0]), self.bounds(args[1])
+        (a_low, a_high), (b_low, b_high) = self.certain(args[0]), self.certain(args[1])
         if (a_high < b_low) if name == "lt" else (a_high <= b_low):
             return self.scalar(True)
         if (a_low >= b_high) if name == "lt" else (a_low > b_high):

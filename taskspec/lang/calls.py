@@ -1,4 +1,4 @@
-"""Calls and subscripts: functions of the table, distributions, an author's own definitions, indexing and slicing."""
+"""Calls: functions of the table, distributions, an author's own definitions."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 from typing import TYPE_CHECKING, NoReturn
 
 from taskspec.diagnostics import Collector, suggest
-from taskspec.lang import dists, sets, tables
+from taskspec.lang import dists, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
-from taskspec.lang.types import Domain, Kind, Refused, Shape
+from taskspec.lang.types import Domain, Kind, Shape
 
 if TYPE_CHECKING:
     from taskspec.lang.check import Checker
@@ -89,6 +89,8 @@ def _built_in(checker: Checker, expr: s.Call, scope: Scope) -> Node:
                 expr.args[index],
                 f"'{function.arguments[index]}' of {expr.function} must be a constant",
             )
+    for i in function.indices:
+        nodes[i] = subscripts.argument(checker, nodes[i], nodes[0], expr.args[i], scope)
     return function.build(checker.builder, nodes)
 
 
@@ -105,7 +107,8 @@ def _own(checker: Checker, function: FunctionDef, expr: s.Call, scope: Scope, wa
         checker.fail("E304", expr, f"{function.signature} was given {count_of(len(values))}")
     leave = function.enter(expr)
     try:
-        inner = function.scope.child(dict(zip(function.arguments, values, strict=True)))
+        given = [subscripts.named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
+        inner = function.scope.child(dict(zip(function.arguments, given, strict=True)))
         inner.draws = NO_DRAWS
         return checker.value(function.body, inner, want)
     finally:
@@ -245,73 +248,3 @@ def _check_parameters(checker: Checker, dist: dists.Dist, nodes: dict[str, Node]
             "UniformInt needs ints",
             "`floor(x)` gives an int; `Uniform(low, high)` draws a real",
         )
-
-
-# -- subscripts ---------------------------------------------------------------------------------------------------
-
-
-def subscript(checker: Checker, expr: s.Subscript, scope: Scope) -> Node:
-    """`x[i]`, `x[i, j]`, `x[a:b]`: constant indices are checked, others are brought into range."""
-    node = checker.numeric(expr.value, scope)
-    if len(expr.indices) > len(node.type.shape):
-        what = "a single value" if node.type.is_scalar else f"a vector of {len(node.type.shape)} axis"
-        checker.fail("E307", expr, f"{what} cannot take {len(expr.indices)} indices")
-    if len(expr.indices) == 2 and not any(isinstance(i, s.Slice) for i in expr.indices):
-        return _cell(checker, node, expr, scope)
-    if len(expr.indices) == 1:
-        return _row(checker, node, expr.indices[0], scope)
-    checker.fail(
-        "E307",
-        expr,
-        "a slice cannot be mixed with other indices",
-        "index twice: `x[a:b]`, then `[i]`",
-    )
-
-
-def _row(checker: Checker, node: Node, index: s.Expr | s.Slice, scope: Scope) -> Node:
-    b, n = checker.builder, node.type.shape[0]
-    if isinstance(index, s.Slice):
-        start, count, step = _slice_bounds(checker, index, n, scope)
-        return b.structure("slice", [node], (start, count, step))
-    i = _index(checker, index, n, scope)
-    if len(i.type.shape) > 1:
-        checker.fail("E307", index, "an index is an int or a vector of ints")
-    return b.structure("index", [node, i])
-
-
-def _cell(checker: Checker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
-    """One element of a matrix, through its rows laid end to end."""
-    b, (rows, columns) = checker.builder, node.type.shape[:2]
-    i, j = (_index(checker, x, n, scope) for x, n in zip(expr.indices, (rows, columns), strict=True))  # type: ignore[arg-type]
-    flat = b.structure("reshape", [node], (rows * columns, *node.type.shape[2:]))
-    return b.structure("index", [flat, b.apply("add", b.apply("mul", i, b.scalar(columns)), j)])
-
-
-def _index(checker: Checker, expr: s.Expr, length: int, scope: Scope) -> Node:
-    node = checker.numeric(expr, scope)
-    if node.type.kind is Kind.REAL:
-        checker.fail("E306", expr, "an index must be an int, not a real", "`floor(x)` gives an int")
-    node = checker.builder.cast(node, Kind.INT)
-    if isinstance(node, Const):
-        for i in node.flat:
-            if not -length <= i < length:
-                checker.fail(
-                    "E315",
-                    expr,
-                    f"index {i} is outside a vector of {length}",
-                    f"indices go from 0 to {length - 1}",
-                )
-    return checker.builder.position(node, length)
-
-
-def _slice_bounds(checker: Checker, index: s.Slice, length: int, scope: Scope) -> tuple[int, int, int]:
-    parts = [
-        None if part is None else checker.integer(part, scope, "the bounds of a slice")
-        for part in (index.start, index.stop, index.step)
-    ]
-    if parts[2] == 0:
-        checker.fail("E315", index, "the step of a slice cannot be 0")
-    chosen = range(length)[slice(*parts)]
-    if not chosen:
-        raise Refused("this slice is empty", "E315")
-    return chosen.start, len(chosen), chosen.step

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import NoReturn, TypeVar, assert_never
 
 from taskspec.diagnostics import Collector, nearest, suggest
-from taskspec.lang import calls, comparisons, sets, tables
+from taskspec.lang import calls, comparisons, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
@@ -36,6 +36,7 @@ class Checker:
     def __init__(self, builder: Builder, collector: Collector) -> None:
         self.builder = builder
         self.collector = collector
+        self.moved: dict[int, subscripts.Moved] = {}  # by id of the node
         self._expanded = 0
         self._times = 1  # how often the present expression is written out by comprehensions around it
 
@@ -85,7 +86,7 @@ class Checker:
             case s.Call():
                 return calls.call(self, expr, scope, want)
             case s.Subscript():
-                return Value(calls.subscript(self, expr, scope))
+                return Value(subscripts.subscript(self, expr, scope))
             case s.Vector(items=items):
                 return Value(self._vector(items, expr, scope))
             case s.Comprehension(is_set=False):

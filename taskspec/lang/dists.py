@@ -97,6 +97,7 @@ def _uniform_int(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     count = b.apply("add", b.apply("sub", a["high"], a["low"]), b.scalar(1))
     if INT_MAX < b.bounds(count)[1] < math.inf:  # no backend holds it, and its product with a word leaves 64 bits
         raise Refused(f"UniformInt takes one of at most {INT_MAX:,} values", "E408")
+    count = b.within(count, 1, INT_MAX)  # what it says where `high` comes to lie below `low` is reported by `check`
     return b.apply("add", a["low"], b.draw("index", (count,), Type(Kind.INT, shape)))
 
 

@@ -22,7 +22,8 @@ class Function:
     """A function of the language.
 
     `arguments` are names for the reference and for messages; the last may be `*rest`. `latex` is a template over
-    `{0}`, `{1}`, ...; `{*}` stands for all arguments with commas. `static` arguments must be constants.
+    `{0}`, `{1}`, ...; `{*}` stands for all arguments with commas. `static` arguments must be constants; `indices` are
+    arguments that say where in the first one.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Function:
     latex: str
     samples: tuple[tuple[Any, ...], ...]
     static: tuple[int, ...] = ()
+    indices: tuple[int, ...] = ()
 
     @property
     def signature(self) -> str:
@@ -185,9 +187,9 @@ FUNCTIONS: dict[str, Function] = {
                  ((_V3, _V3), (_V3, 7), (1.5, _V3))),
         Function("reverse", ("x",), _reverse, "Elements in the opposite order.", r"\operatorname{reverse}({0})", ((_V3,),)),
         Function("swap", ("x", "i", "j"), _swap, "The vector with elements i and j exchanged.",
-                 r"\operatorname{swap}_{{1},{2}}({0})", ((_V3, 0, 2), (_W3, 1, 1), (_V3, -1, 9))),
+                 r"\operatorname{swap}_{{1},{2}}({0})", ((_V3, 0, 2), (_W3, 1, 1), (_V3, 1, 9)), indices=(1, 2)),
         Function("put", ("x", "i", "value"), _put, "The vector with element i replaced.",
-                 r"{0}[{1} \leftarrow {2}]", ((_V3, 1, 9), (_W3, 0, 9), (_V3, 7, 0.5))),
+                 r"{0}[{1} \leftarrow {2}]", ((_V3, 1, 9), (_W3, 0, 9), (_V3, 7, 0.5)), indices=(1,)),
         Function("onehot", ("i", "n"), _onehot, "Zeros of length n with a 1 at i; all zeros when i is outside.",
                  r"e_{{0}}", ((1, 3), (5, 3)), static=(1,)),
         Function("len", ("x",), _len, "Number of rows, a constant.", r"\lvert {0} \rvert", ((_V3,),)),

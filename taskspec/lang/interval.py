@@ -1,69 +1,134 @@
 """Interval reasoning over core nodes: bounds that hold for every element of a value, whatever is read and drawn.
 
-Used to drop index clamps and zero guards that cannot matter, and to prove that next states stay in their domain
-where the state space cannot be enumerated. Sound, not tight: an operator without a rule gives (-inf, inf).
-Nan is outside every interval's promise: bounds speak of the numbers only.
+There are two kinds. `bounds` follow the arithmetic of float64, each operation rounded as the run time rounds it: they serve
+proofs, spaces and widths. `certain` bounds rest on integer arithmetic alone, so that they hold in any precision of reals, on
+every backend, and even if a real has left its declared range: only these may drop an index clamp or a zero guard.
+
+Sound, not tight: an operator without a rule gives (-inf, inf). Nan is outside every interval's promise: bounds speak of the
+numbers only, and `Range.finite` says whether there is nothing else.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
 
 from taskspec.lang import reference
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, children, walk
-from taskspec.lang.types import Kind
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
+from taskspec.lang.types import INT_MAX, INT_WIDEST, Kind
 
 INF = math.inf
 NORMAL_REACH = 6.67
 """No standard normal that is drawn lies further out: its radius comes from 31 bits."""
 Interval = tuple[float, float]
+"""Ends of an int are ints, or infinite; those of a real are floats."""
 EVERYTHING: Interval = (-INF, INF)
 _HUGE = 1e300
+_FACTORS = 10_000
+"""Products of more elements are not followed factor by factor."""
 
 
-def bounds(root: Node, known: dict[int, Interval]) -> Interval:
+class Range(NamedTuple):
+    """What is known of every element of a value: its bounds, and whether it is always a finite number."""
+
+    low: float
+    high: float
+    finite: bool = True
+
+    @property
+    def bounded(self) -> bool:
+        return math.isfinite(self.low) and math.isfinite(self.high)
+
+    def holds_zero(self) -> bool:
+        return self.low <= 0 <= self.high
+
+
+Args = Sequence[Range]
+
+
+def bounds(root: Node, known: dict[int, Range]) -> Interval:
     """Bounds of a node; `known` (by node id) carries results from call to call."""
-    if id(root) in known:
-        return known[id(root)]
-    for node in walk([root]):
-        if id(node) not in known:
-            known[id(node)] = step(node, [known[id(c)] for c in children(node)])
+    return ranges(root, known)[:2]
+
+
+def ranges(root: Node, known: dict[int, Range], rule: Callable[[Node, Args], Range] | None = None) -> Range:
+    """What is known of a node; `rule` gives that of a node from its arguments, `step` unless it is given."""
+    rule = rule or step
+    if id(root) not in known:
+        for node in walk([root]):
+            if id(node) not in known:
+                known[id(node)] = rule(node, [known[id(c)] for c in children(node)])
     return known[id(root)]
 
 
-def step(node: Node, args: list[Interval]) -> Interval:
-    """Bounds of a node from those of its arguments."""
+def step(node: Node, args: Args) -> Range:
+    """What is known of a node from what is known of its arguments."""
     match node:
         case Const():
-            numbers = [v for v in node.flat if v == v]
-            return (min(numbers), max(numbers)) if numbers else EVERYTHING
-        case Read(low=low, high=high):
-            return (0, 1) if node.type.kind is Kind.BOOL else (low, high)
-        case Draw(base=base):
-            return _draw_bounds(base, node, args)
+            return _constant(node)
+        case Read(role=role):
+            edge: Interval = (0, 1)
+            if node.type.kind is not Kind.BOOL:
+                edge = _tidy((node.low, node.high), node.type.kind)
+            # States, actions and times are numbers; a variable may stand for any value.
+            return Range(*edge, role is not Role.VARIABLE or all(map(math.isfinite, edge)))
+        case Draw():
+            return Range(*_tidy(_drawn(node, args), node.type.kind))
+        case Apply(type=t) if t.kind is Kind.BOOL:
+            return Range(0, 1)
         case Apply(op=op):
-            if node.type.kind is Kind.BOOL:
-                return (0, 1)
-            rule = _RULES.get(op)
-            return EVERYTHING if rule is None else _safe(rule(args, node))
+            rule = _RULES.get(op, _UNKNOWN)
+            found = _tidy(rule.bounds(args, node), node.type.kind)
+            return Range(*found, node.type.kind is Kind.INT or rule.finite(args, found))
 
 
-def _safe(value: Interval) -> Interval:
+def certain(root: Node, known: dict[int, Range]) -> Interval:
+    """Bounds that integer arithmetic alone gives: nothing is known of a real, nor of an int that may leave 64 bits."""
+    return ranges(root, known, _certain_step)[:2]
+
+
+def _certain_step(node: Node, args: Args) -> Range:
+    found = step(node, args)
+    match node:
+        case Apply(op=op) if op in ROUNDING:
+            return Range(-INT_MAX, INT_MAX)
+        case _ if node.type.kind is Kind.REAL:
+            return Range(*EVERYTHING, False)
+        case Draw() | Read(role=Role.TIME):  # counts, which stay within 32 bits
+            return Range(found.low, min(found.high, INT_MAX))
+        case Apply(op=op) if op in _WRAPPING and max(-found.low, found.high) > INT_WIDEST:
+            return Range(*EVERYTHING)
+        case _:
+            return found
+
+
+def _tidy(edge: Interval, kind: Kind) -> Interval:
     """Without nan, and without ints so large that computing with them takes long."""
-    low, high = value
+    low, high = edge
     low = -INF if low != low or low < -_HUGE else min(low, _HUGE)
     high = INF if high != high or high > _HUGE else max(high, -_HUGE)
-    return low, high
+    if kind is Kind.REAL:
+        return float(low), float(high)
+    return (low if math.isinf(low) else math.floor(low)), (high if math.isinf(high) else math.ceil(high))
 
 
-def _draw_bounds(base: str, node: Draw, args: list[Interval]) -> Interval:
-    match base:
+def _constant(node: Const) -> Range:
+    flat = [plain(v) for v in node.flat]
+    numbers = [v for v in flat if v == v]
+    edge = (min(numbers), max(numbers)) if numbers else EVERYTHING
+    return Range(*_tidy(edge, node.type.kind), all(map(math.isfinite, flat)))
+
+
+def _drawn(node: Draw, args: Args) -> Interval:
+    match node.base:
         case "uniform" | "bernoulli":
             return (0, 1)
         case "index":
-            return (0, max(0, args[0][1] - 1))
+            return (0, max(0, args[0].high - 1))
         case "categorical":
             return (0, node.args[0].type.shape[-1] - 1)
         case "permutation":
@@ -76,37 +141,51 @@ def _draw_bounds(base: str, node: Draw, args: list[Interval]) -> Interval:
             return EVERYTHING
 
 
+# -- bounds of operators --------------------------------------------------------------------------------------------
+# Rounding to nearest never turns the order of two numbers round. So where an operation grows, or falls, with each of its
+# arguments, its values at the corners, worked out as the run time does, bound all of its values.
+
+
 def _mul(a: float, b: float) -> float:
-    return 0.0 if a == 0 or b == 0 else a * b
+    return 0 if a == 0 or b == 0 else a * b
 
 
-def _product(args: list[Interval], node: Any) -> Interval:
-    (a, b), (c, d) = args
+def _product(args: Args, node: Apply) -> Interval:
+    (a, b), (c, d) = args[0][:2], args[1][:2]
     corners = [_mul(a, c), _mul(a, d), _mul(b, c), _mul(b, d)]
     return min(corners), max(corners)
 
 
-def _quotient(args: list[Interval], node: Any) -> Interval:
-    (a, b), (c, d) = args
-    if c <= 0 <= d or math.isinf(c) or math.isinf(d):
+def _quotient(args: Args, node: Apply) -> Interval:
+    if args[1].holds_zero() or not args[1].bounded:
         return EVERYTHING
+    (a, b), (c, d) = args[0][:2], args[1][:2]
     corners = [a / c, a / d, b / c, b / d]
     return min(corners), max(corners)
 
 
-def _floor_quotient(args: list[Interval], node: Any) -> Interval:
-    (a, b), (c, d) = args
-    if not all(map(math.isfinite, (a, b, c, d))):
+def _floor_quotient(args: Args, node: Apply) -> Interval:
+    (a, b), (c, d) = args[0][:2], args[1][:2]
+    if not (args[0].bounded and args[1].bounded):
         return EVERYTHING
-    if c <= 0 <= d:
+    if args[1].holds_zero():
         most = max(abs(a), abs(b))
         return (-most, most) if node.type.kind is Kind.INT else EVERYTHING
     corners = [a // c, a // d, b // c, b // d]
-    return min(corners), max(corners)
+    return _loose((min(corners), max(corners))) if node.type.kind is Kind.REAL else (min(corners), max(corners))
 
 
-def _remainder(args: list[Interval], node: Any) -> Interval:
-    (a, b), (c, d) = args
+def _loose(edge: Interval) -> Interval:
+    """Wider by what a quotient that is too large for its last digits may be off."""
+    low, high = edge
+    return (
+        low if abs(low) < 2**50 else low - abs(low) * 2**-50,
+        high if abs(high) < 2**50 else high + abs(high) * 2**-50,
+    )
+
+
+def _remainder(args: Args, node: Apply) -> Interval:
+    (a, b), (c, d) = args[0][:2], args[1][:2]
     integral = node.type.kind is Kind.INT
     if c > 0:
         return (a, b) if integral and a >= 0 and b < c else (0, d - 1 if integral else d)
@@ -115,128 +194,155 @@ def _remainder(args: list[Interval], node: Any) -> Interval:
     return EVERYTHING if not integral else (min(0, c + 1), max(0, d - 1))
 
 
-def _union(args: list[Interval], node: Any) -> Interval:
-    return min(a for a, _ in args), max(b for _, b in args)
+def _union(args: Args, node: Apply) -> Interval:
+    return min(a.low for a in args), max(a.high for a in args)
 
 
-def _extreme(pick: Callable[[float, float], float], args: list[Interval], node: Any) -> Interval:
+def _extreme(pick: Callable[[float, float], float]) -> Callable[[Args, Apply], Interval]:
     """Of two ints, or of two reals one of which may be nan and then gives way to the other."""
-    (a, b), (c, d) = args
-    found = [(pick(a, c), pick(b, d))]
-    if node.type.kind is Kind.REAL:
-        found += [other for own, other in ((0, (c, d)), (1, (a, b))) if not isinstance(node.args[own], Const)]
-    return min(low for low, _ in found), max(high for _, high in found)
 
-
-def _chosen(args: list[Interval], node: Any) -> Interval:
-    return _union(args[1:], node)
-
-
-def _magnitude(args: list[Interval], node: Any) -> Interval:
-    ((a, b),) = args
-    return (0 if a <= 0 <= b else min(abs(a), abs(b))), max(abs(a), abs(b))
-
-
-def _total(args: list[Interval], node: Any) -> Interval:
-    n = node.args[0].type.size
-    return _mul(args[0][0], n), _mul(args[0][1], n)
-
-
-def _running(args: list[Interval], node: Any) -> Interval:
-    (a, b), n = args[0], node.type.size
-    return min(a, _mul(a, n)), max(b, _mul(b, n))
-
-
-def _power(args: list[Interval], node: Any) -> Interval:
-    """Of all elements multiplied."""
-    (a, b), n = args[0], node.args[0].type.size
-    if not (math.isfinite(a) and math.isfinite(b)):
-        return EVERYTHING
-    most = max(abs(a), abs(b), 1)
-    beyond = INF if node.type.kind is Kind.REAL else _HUGE  # a real product may overflow; a wide int is refused
-    most = beyond if n * math.log2(most) > 990 else max(most, most**n)
-    return (0 if a >= 0 else -most), most
-
-
-def _to_int(function: Callable[[float], int]) -> Callable[[list[Interval], Any], Interval]:
-    """Of a monotone function to ints, 0 for nan: saturating where the bounds are finite."""
-
-    def rule(args: list[Interval], node: Any) -> Interval:
-        ((a, b),) = args
-        low, high = (function(x) if math.isfinite(x) else x for x in (a, b))
-        return (min(low, 0), max(high, 0)) if _may_be_nan(node.args[0], args[0]) else (low, high)
+    def rule(args: Args, node: Apply) -> Interval:
+        a, b = args
+        found = [(pick(a.low, b.low), pick(a.high, b.high))]
+        found += [other[:2] for own, other in ((a, b), (b, a)) if not own.finite]
+        return min(low for low, _ in found), max(high for _, high in found)
 
     return rule
 
 
-def _may_be_nan(node: Node, edge: Interval) -> bool:
-    """Whether a value within bounds may also be nan; not tight."""
-    return node.type.kind is Kind.REAL and (not all(map(math.isfinite, edge)) or any(map(_makes_nan, walk([node]))))
+def _magnitude(args: Args, node: Apply) -> Interval:
+    (a, b) = args[0][:2]
+    return (0 if a <= 0 <= b else min(abs(a), abs(b))), max(abs(a), abs(b))
 
 
-def _makes_nan(node: Node) -> bool:
-    match node:
-        case Const():
-            return not all(math.isfinite(v) for v in node.flat)
-        case Read():
-            return node.type.kind is Kind.REAL and not (math.isfinite(node.low) and math.isfinite(node.high))
-        case Apply(op="div", args=(_, Const() as divisor)):
-            return 0 in divisor.flat
-        case Apply(op=op):
-            return op in ("div", "floordiv", "mod", "pow", "log", "sqrt") and node.type.kind is Kind.REAL
-        case _:
-            return False
+def _sum_of(value: float, n: int) -> float:
+    """A number added n times, from left to right."""
+    if isinstance(value, int) or n == 0:
+        return _mul(value, n)
+    with np.errstate(over="ignore"):
+        return float(np.add.accumulate(np.full(n, value))[-1])
 
 
-def _same(args: list[Interval], node: Any) -> Interval:
-    return args[0]
+def _total(args: Args, node: Apply) -> Interval:
+    n = node.args[0].type.size
+    return _sum_of(args[0].low, n), _sum_of(args[0].high, n)
 
 
-_RULES: dict[str, Callable[[list[Interval], Any], Interval]] = {
-    "add": lambda a, n: (a[0][0] + a[1][0], a[0][1] + a[1][1]),
-    "sub": lambda a, n: (a[0][0] - a[1][1], a[0][1] - a[1][0]),
-    "neg": lambda a, n: (-a[0][1], -a[0][0]),
-    "mul": _product,
-    "div": _quotient,
-    "floordiv": _floor_quotient,
-    "mod": _remainder,
-    "abs": _magnitude,
-    "sign": _to_int(reference.sign),
-    "min2": lambda a, n: _extreme(min, a, n),
-    "max2": lambda a, n: _extreme(max, a, n),
-    "where": _chosen,
-    "floor": _to_int(reference.floor),
-    "ceil": _to_int(reference.ceil),
-    "round": _to_int(reference.round_),
-    "to_int": _same,
-    "to_real": _same,
-    "sqrt": lambda a, n: (
-        math.sqrt(max(0.0, a[0][0])),
-        math.sqrt(max(0.0, a[0][1])) if a[0][1] < INF else INF,
+def _running(args: Args, node: Apply) -> Interval:
+    (a, b), n = args[0][:2], node.type.size
+    return min(a, _sum_of(a, n)), max(b, _sum_of(b, n))
+
+
+def _power(args: Args, node: Apply) -> Interval:
+    """Of all elements multiplied, one after the other."""
+    n = node.args[0].type.size
+    if n == 0:
+        return (1, 1)
+    if not args[0].bounded or n > _FACTORS:
+        return EVERYTHING
+    beyond = INF if node.type.kind is Kind.REAL else _HUGE  # a real product may overflow; a wide int is refused
+    edge: Interval = args[0][:2]
+    for _ in range(n - 1):
+        wider = _product([Range(*edge), args[0]], node)
+        if wider == edge:
+            return edge
+        edge = wider
+        if max(abs(v) for v in edge) > _HUGE:
+            return (0 if args[0].low >= 0 else -beyond), beyond
+    return edge
+
+
+def _to_int(function: Callable[[float], int]) -> Callable[[Args, Apply], Interval]:
+    """Of a monotone function to ints, 0 for nan: saturating where the bounds are finite."""
+
+    def rule(args: Args, node: Apply) -> Interval:
+        low, high = (function(x) if math.isfinite(x) else x for x in args[0][:2])
+        return (low, high) if args[0].finite else (min(low, 0), max(high, 0))
+
+    return rule
+
+
+def _root(args: Args, node: Apply) -> Interval:
+    low, high = (math.sqrt(max(0.0, x)) if x < INF else INF for x in args[0][:2])
+    return low, high
+
+
+def _same(args: Args, node: Apply) -> Interval:
+    return args[0][:2]
+
+
+def _fixed(low: float, high: float) -> Callable[[Args, Apply], Interval]:
+    return lambda args, node: (low, high)
+
+
+def _place(args: Args, node: Apply) -> Interval:
+    """A place among the elements of the first argument."""
+    return 0, max(0, node.args[0].type.size - 1)
+
+
+# -- when values are finite numbers ---------------------------------------------------------------------------------
+
+
+def _closed(args: Args, found: Interval) -> bool:
+    return all(a.finite for a in args)
+
+
+def _bounded(args: Args, found: Interval) -> bool:
+    return _closed(args, found) and all(map(math.isfinite, found))
+
+
+def _divided(args: Args, found: Interval) -> bool:
+    return _bounded(args, found) and not args[1].holds_zero()
+
+
+def _never(args: Args, found: Interval) -> bool:
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """Bounds of an operator's value from what is known of its arguments, and whether the value is finite where these are."""
+
+    bounds: Callable[[Args, Apply], Interval]
+    finite: Callable[[Args, Interval], bool] = _closed
+
+
+_UNKNOWN = Rule(lambda args, node: EVERYTHING, _never)
+_WRAPPING = frozenset(("add", "sub", "mul", "neg", "abs", "floordiv", "sum", "prod", "cumsum"))
+"""Operators that may give an int which no argument is."""
+ROUNDING = ("floor", "ceil", "round")
+"""Operators from reals to ints."""
+_RULES: dict[str, Rule] = {
+    "add": Rule(lambda a, n: (a[0].low + a[1].low, a[0].high + a[1].high), _bounded),
+    "sub": Rule(lambda a, n: (a[0].low - a[1].high, a[0].high - a[1].low), _bounded),
+    "neg": Rule(lambda a, n: (-a[0].high, -a[0].low)),
+    "mul": Rule(_product, _bounded),
+    "div": Rule(_quotient, _divided),
+    "floordiv": Rule(_floor_quotient, _divided),
+    "mod": Rule(_remainder, _divided),
+    "abs": Rule(_magnitude),
+    "sign": Rule(_to_int(reference.sign)),
+    "min2": Rule(_extreme(min)),
+    "max2": Rule(_extreme(max)),
+    "where": Rule(lambda a, n: _union(a[1:], n)),
+    "floor": Rule(_to_int(reference.floor)),
+    "ceil": Rule(_to_int(reference.ceil)),
+    "round": Rule(_to_int(reference.round_)),
+    "sqrt": Rule(_root, lambda args, found: args[0].finite and args[0].low >= 0),
+    "exp": Rule(_fixed(0, INF), lambda args, found: args[0].finite and args[0].high < 700),
+    "log": Rule(_fixed(*EVERYTHING), lambda args, found: args[0].finite and args[0].low > 0),
+    "sin": Rule(_fixed(-1, 1)),
+    "cos": Rule(_fixed(-1, 1)),
+    "tanh": Rule(_fixed(-1, 1)),
+    "atan2": Rule(_fixed(-math.pi, math.pi)),
+    "sum": Rule(_total, _bounded),
+    "prod": Rule(_power, _bounded),
+    "cumsum": Rule(_running, _bounded),
+    "count": Rule(lambda a, n: (0, n.args[0].type.size)),
+    **dict.fromkeys(("argmin", "argmax", "argsort"), Rule(_place)),
+    **dict.fromkeys(("vector", "concat"), Rule(_union)),
+    "put": Rule(lambda a, n: _union((a[0], a[2]), n)),
+    **dict.fromkeys(
+        ("to_int", "to_real", "min", "max", "sort", "slice", "element", "reshape", "fill", "index", "swap"), Rule(_same)
     ),
-    "exp": lambda a, n: (0, INF),
-    "sin": lambda a, n: (-1, 1),
-    "cos": lambda a, n: (-1, 1),
-    "tanh": lambda a, n: (-1, 1),
-    "atan2": lambda a, n: (-math.pi, math.pi),
-    "sum": _total,
-    "prod": _power,
-    "cumsum": _running,
-    "count": lambda a, n: (0, n.args[0].type.size),
-    "min": _same,
-    "max": _same,
-    "argmin": lambda a, n: (0, n.args[0].type.size - 1),
-    "argmax": lambda a, n: (0, n.args[0].type.size - 1),
-    "sort": _same,
-    "argsort": lambda a, n: (0, max(0, n.args[0].type.size - 1)),
-    "vector": _union,
-    "concat": _union,
-    "slice": _same,
-    "element": _same,
-    "reshape": _same,
-    "fill": _same,
-    "index": _same,
-    "position": lambda a, n: (0, n.static[0] - 1),
-    "put": lambda a, n: _union([a[0], a[2]], n),
-    "swap": _same,
 }

@@ -7,8 +7,8 @@ its mathematics, its documentation and sample inputs on which all forms are test
 Every operator is total. The awkward points are decided here once, for every backend:
 reals follow IEEE 754 (1/0 is inf, 0/0 and sqrt(-1) are nan); an int divided by 0 with `//` or `%` gives 0;
 `min`, `max`, `argmin`, `argmax` pass over nan and give the first of equals; `sort` is stable and puts nan last;
-reals become ints by saturating at +-(2**31 - 1), nan becomes 0; an index counts from the end when negative and
-is then clamped into range.
+reals become ints by saturating at +-(2**31 - 1), nan becomes 0. An index is moved into range before it is used
+(`Builder.position`).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Op:
     """One operator of the core.
 
     `lane` and `array` are templates over `{0}`, `{1}`, ... For an elementwise operator they are scalar
-    expressions, applied per element (lanes) or broadcast (arrays). `nonzero` names the argument that must not
-    be zero for the shorter `lane_fast`/`array_fast` to hold.
+    expressions, applied per element (lanes) or broadcast (arrays). `lane_divides` is the shorter form that holds where the
+    second argument is never 0.
     """
 
     name: str
@@ -42,9 +42,7 @@ class Op:
     doc: str
     samples: tuple[tuple[Any, ...], ...]
     elementwise: bool = True
-    nonzero: int | None = None
-    lane_fast: str | None = None
-    array_fast: str | None = None
+    lane_divides: str | None = None
     real_lane: str | None = None  # where reals need another form than ints (nan)
     real_array: str | None = None
 
@@ -189,13 +187,14 @@ TABLE: tuple[Op, ...] = (
     Op("sub", arithmetic, ref.sub, "({0} - {1})", "({0} - {1})", "Difference.", _PAIRS + _NANS),
     Op("mul", arithmetic, ref.mul, "({0} * {1})", "({0} * {1})", "Product.", _PAIRS + _NANS),
     Op("neg", arithmetic, ref.neg, "(-{0})", "(-{0})", "Negation.", ((3,), (-2.5,), (0,), (math.nan,))),
-    Op("div", real, ref.div, "div({0}, {1})", "rt.div({0}, {1})", "Real division, IEEE at zero.",
-       _PAIRS + _ZEROS + _NANS, nonzero=1, lane_fast="({0} / {1})", array_fast="({0} / {1})"),
-    Op("floordiv", arithmetic, ref.floordiv, "floordiv({0}, {1})", "rt.floordiv({0}, {1})",
-       "Division rounded down; an int by 0 is 0.", _PAIRS + _ZEROS + _NANS[:1], nonzero=1, lane_fast="({0} // {1})"),
-    Op("mod", arithmetic, ref.mod, "mod({0}, {1})", "rt.mod({0}, {1})",
-       "Remainder with the sign of the divisor; an int by 0 is 0.", _PAIRS + _ZEROS + _NANS[:1], nonzero=1,
-       lane_fast="({0} % {1})"),
+    Op("div", real, ref.div, "({0} / {1} if {1} else div({0}, {1}))", "({0} / {1})", "Real division, IEEE at zero.",
+       _PAIRS + _ZEROS + _NANS, lane_divides="({0} / {1})"),
+    Op("floordiv", arithmetic, ref.floordiv, "({0} // {1} if {1} else 0)", "rt.floordiv({0}, {1})",
+       "Division rounded down; an int by 0 is 0.", _PAIRS + _ZEROS + _NANS[:1], lane_divides="({0} // {1})",
+       real_lane="floordiv({0}, {1})"),
+    Op("mod", arithmetic, ref.mod, "({0} % {1} if {1} else 0)", "rt.mod({0}, {1})",
+       "Remainder with the sign of the divisor; an int by 0 is 0.", _PAIRS + _ZEROS + _NANS[:1],
+       lane_divides="({0} % {1})", real_lane="({0} % {1} if {1} else nan)"),
     Op("pow", real, ref.pow_, "pow_({0}, {1})", "rt.pow({0}, {1})",
        "Power of reals (C's pow; a negative base with a fraction is nan).",
        ((2.0, 0.5), (-8.0, 3.0), (-8.0, 0.5), (0.0, 0.0), (0.0, -1.0), (10.0, 400.0), (1.5, -2.0), (math.nan, 0.0))),

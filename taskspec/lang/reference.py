@@ -243,8 +243,3 @@ def argsort(x: Vector) -> tuple[int, ...]:
 
 def cumsum(x: Vector) -> tuple[Number, ...]:
     return tuple(sum_(x[: i + 1]) for i in range(len(x)))
-
-
-def position(index: int, length: int) -> int:
-    """Where an index points: from the end when negative, then clamped into range."""
-    return max(0, min(length - 1, index + length if index < 0 else index))

@@ -12,10 +12,14 @@ from taskspec.lang.types import Domain
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A checked expression: its core node, and its domain when it is a choice (the node is then the label's index)."""
+    """A checked expression: its core node, and its domain when it is a choice (the node is then the label's index).
+
+    `late` is set for a name of what is known only when the task runs, even if it comes to a constant.
+    """
 
     node: Node
     domain: Domain | None = None
+    late: bool = False
 
 
 @dataclass(frozen=True, slots=True)

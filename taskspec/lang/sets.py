@@ -44,7 +44,7 @@ def uniform(
     table, domain = _table(checker, expr, scope, want)
     count = table.type.shape[0]
     index = b.draw("index", (b.scalar(count),), Type(Kind.INT))
-    return Value(b.structure("index", [table, b.position(index, count)]), domain)
+    return Value(b.structure("index", [table, index]), domain)
 
 
 def _table(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) -> tuple[Node, Domain | None]:

@@ -1,7 +1,7 @@
 """Operators that only move elements about: building, slicing and indexing vectors. Part of the operator table.
 
 Their result type follows from static arguments as well, so they have a reference on tuples here, and each backend
-arranges elements in its own way. `index`, `put` and `swap` take indices already brought into range by `position`.
+arranges elements in its own way. `index`, `put` and `swap` take indices that are in range (`Builder.position`).
 Vectors are nested by rows; flat tuples are row-major.
 """
 
@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec.lang.reference import position
 from taskspec.lang.types import Kind, Type, join
 
 Flat = tuple[Any, ...]
@@ -116,12 +115,6 @@ STRUCTURES: dict[str, Structure] = {
         Structure(
             "fill", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0] * Type(Kind.INT, s).size,
             "A scalar repeated in shape `static`.", (((2,), (3,)), ((math.nan,), (2, 2)), ((True,), (30,))),
-        ),
-        Structure(
-            "position", lambda t, s: Type(Kind.INT, t[0].shape),
-            lambda a, t, s: tuple(position(i, s[0]) for i in a[0]),
-            "An index brought into range(static[0]): from the end when negative, then clamped.",
-            (*(((i,), (3,)) for i in (-4, -3, -1, 0, 2, 3, 99)), ((_V,), (3,)), ((_LONG,), (7,))),
         ),
         Structure("index", _index_type, _index, "Rows of the first argument at the indices of the second.",
                   (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),

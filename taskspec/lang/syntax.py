@@ -241,15 +241,15 @@ def _cells(rows: tuple[Row, ...]) -> Iterator[Expr]:
 
 def names(root: Any) -> Iterator[Name | Call]:
     """Every name read and every function called anywhere below a node, in written order."""
-    return (node for node in _below(root) if isinstance(node, Name | Call))
+    return (node for node in below(root) if isinstance(node, Name | Call))
 
 
 def targets(root: Any) -> Iterator[str]:
     """The variables of all comprehensions below a node."""
-    return (name for node in _below(root) if isinstance(node, Clause) for name in node.targets)
+    return (name for node in below(root) if isinstance(node, Clause) for name in node.targets)
 
 
-def _below(root: Any) -> Iterator[Any]:
+def below(root: Any) -> Iterator[Any]:
     stack = [root]
     while stack:
         node = stack.pop()

@@ -141,8 +141,10 @@ def _column(checker: Checker, expr: s.Expr, scope: Scope) -> _Column:
     low, high = checker.builder.bounds(node)
     if value.domain is not None:
         low, high = 0, len(value.domain.labels) - 1
-    finite = high - low < MAX_CELLS
-    return _Column(expr, node, value.domain, range(int(low), int(high) + 1) if finite else None)
+    if not high - low < MAX_CELLS:
+        return _Column(expr, node, value.domain, None)
+    node = checker.builder.within(node, low, high)
+    return _Column(expr, node, value.domain, range(int(low), int(high) + 1))
 
 
 def _leaves(checker: Checker, rows: Sequence[s.Row], columns: Sequence[_Column], scope: Scope) -> list[_Leaf]:

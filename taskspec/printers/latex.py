@@ -36,7 +36,7 @@ def _character(char: str) -> str:
     if char in _SPECIAL:
         return _SPECIAL[char]
     if char.isascii():
-        return char if char.isprintable() or char == "\t" else ""
+        return char if char.isprintable() or char in "\t\n" else f"[U+{ord(char):04X}]"
     if char in c.TEX_LETTER or (char in c.TEX_SYMBOL and c.TEX_SYMBOL[char].isalpha()):
         return rf"\ensuremath{{{_glyph(char)}}}"
     if "\u00a1" <= char <= "\u017f":  # what T1 fonts hold
@@ -55,7 +55,8 @@ def _glyph(char: str) -> str:
     if char in _MATH_CHAR:
         return _MATH_CHAR[char]
     # what TeX reads as its own (^^5c is a backslash) goes through text mode, where it is written out
-    return char if (char.isascii() and char not in _SPECIAL) or char in "<>'" else rf"\text{{{_character(char)}}}"
+    plain = char.isascii() and char.isprintable() and char not in _SPECIAL
+    return char if plain or char in "<>'" else rf"\text{{{_character(char)}}}"
 
 
 def latex(node: m.Math) -> str:

@@ -1,4 +1,4 @@
-"""The only door to PyYAML: a YAML text becomes a tree of nodes, within bounds set beforehand.
+"""The one module that imports PyYAML: a YAML text becomes a tree of nodes, within bounds set beforehand.
 
 The parser's events are used rather than its loader: they come one at a time, so that a text of ten
 thousand brackets is refused at the hundredth, and nothing in the text can name a Python object.

@@ -18,7 +18,7 @@ from taskspec.lang.uncalled import check_uncalled
 from taskspec.source import Document, Path, read_text
 from taskspec.spec.context import Context
 from taskspec.spec.declare import INSTANCE_SEED
-from taskspec.spec.figure import check_figure
+from taskspec.spec.figure import figure
 from taskspec.spec.forms import is_word
 from taskspec.spec.invariants import check_on_request
 from taskspec.spec.merge import Merged, abstracted, merge
@@ -131,27 +131,27 @@ class _Build:
             observation = sections.observation(initial, following)
         expert = sections.expert()
         self._check_unused()
-        sections.abstraction()
-        check_figure(context, scope("figure"))
+        mapped = sections.abstraction()
+        drawn = figure(context, scope("figure"))
         claims = tuple(sections.claims())
         scope("claims")
         self.collector.raise_if_errors()
         assert reward is not None and terminal is not None and absorbing is not None
-        sections.check_widths("initial", initial)
-        sections.check_widths("dynamics", changed)
-        sections.check_widths("reward", [reward])
-        sections.check_widths("terminal", [terminal])
-        sections.check_widths("observation", observation.nodes)
-        sections.check_widths("expert", expert if isinstance(expert, tuple) else ())
+        sections.check_widths(
+            initial=initial, dynamics=changed, reward=[reward], terminal=[terminal], absorbing_reward=[absorbing],
+            abstraction=mapped, observation=observation.nodes, expert=expert if isinstance(expert, tuple) else (),
+        )  # fmt: skip
         self.collector.raise_if_errors()
         return Task(
             name=self.merged.name, suite=suite, version=int(self.data.get("version", 0)), variant=self.merged.variant,
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
             horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
+            raw_initial=tuple(sections.raw_initial[c.name] for c in context.state),
+            raw_next=tuple(self.names.raw_next[c.name] for c in context.state),
             terminal=terminal, expert=expert, claims=claims, absorbing_reward=absorbing, builder=context.builder,
             reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
             surface=Surface(context.exprs, self.data, context.named_scopes), document=self.merged.document,
-            content_hash=self._hash(),
+            content_hash=self._hash(), figure=drawn,
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:
@@ -179,6 +179,11 @@ class _Build:
             span = self.merged.key_span(("parameters", name))
             message = f"'{name}' is an option of `gym.make` and of `taskspec.load`; a parameter cannot have its name"
             self.collector.add("E309", span, message)
+        if name == INSTANCE_SEED and self.data["parameters"][name]["type"] != "int":
+            span = self.merged.span(("parameters", name, "type"))
+            self.collector.add(
+                "E204", span, "the seed of an instance is an int", f"{name}: {{type: int, default: 0, low: 0}}"
+            )
 
     def _require(self, path: Path, scope: Scope) -> None:
         context = self.context
@@ -210,7 +215,7 @@ class _Build:
             hint = "where there is nothing to tell apart, one value is enough: `s: {type: choice, values: [only]}`"
             self.collector.add("E210", self.merged.key_span((section,)), f"`{section}:` names no component", hint)
         scope = self.context.constant_scope("domains are fixed")
-        found = [self.context.declare.component(section, name, scope) for name in self.data[section]]
+        found = [self.context.declare.component((section, name), scope) for name in self.data[section]]
         self.collector.raise_if_errors()  # without its components no section can be checked
         return tuple(c for c in found if c is not None)
 

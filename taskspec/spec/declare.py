@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import reprlib
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,8 @@ from taskspec.spec.forms import Forms
 from taskspec.spec.merge import Merged
 from taskspec.spec.task import Component, Parameter
 
+_ENDLESS = {"low": -math.inf, "high": math.inf}
+"""Bounds that are none."""
 INSTANCE_SEED = "instance_seed"
 INSTANCE = draws.RESET | 1 << 30
 """Phase of the draws made once per instance; its slots meet those of no step and no reset."""
@@ -49,6 +53,7 @@ class Declarations:
         try:
             low, high = (self._bound(entry, key, path, scope) for key in ("low", "high"))
             default = self._default(entry, path, kind, labels, scope)
+            domain = self.domain(entry, path, scope) if kind == "choice" else None
         except Poisoned:
             return None
         value = self._given(name, given[name], kind, labels) if name in given else default
@@ -58,7 +63,7 @@ class Declarations:
         parameter = Parameter(name, kind, value, default, low, high, labels, **shown)
         if kind == "choice":
             assert labels is not None
-            return parameter, Value(self.builder.scalar(labels.index(value)), Domain(tuple(map(str, labels))))
+            return parameter, Value(self.builder.scalar(labels.index(value)), domain)
         return parameter, Value(self.builder.const(value, Type(KINDS[kind])))
 
     def _labels(self, entry: Mapping[str, Any]) -> tuple[Any, ...] | None:
@@ -74,7 +79,9 @@ class Declarations:
         node = self.checker.constant(expr, scope, f"'{key}' of a parameter")
         if not node.type.is_scalar:
             self.checker.fail("E307", expr, f"'{key}' of a parameter is a single number")
-        return plain(node.value)  # type: ignore[no-any-return]
+        if node.value != node.value:
+            self.checker.fail("E407", expr, f"'{key}' of a parameter is not a number")
+        return None if node.value == _ENDLESS[key] else plain(node.value)
 
     def _default(self, entry: Mapping[str, Any], path: Path, kind: str, labels: Any, scope: Scope) -> Any:
         value = entry.get("default")
@@ -89,21 +96,19 @@ class Declarations:
         if expr is None:
             raise Poisoned
         node = self.checker.constant(expr, scope, "a default")
-        found = _convert(plain(node.value), kind) if node.type.is_scalar else None
+        found = _convert(node.value, kind) if node.type.is_scalar else None
         if found is None:
-            self.collector.add(
-                "E213",
-                expr.place,
-                f"the default is {node.type}, but the parameter is {_article(kind)}",
-            )
+            shown = f"{node.value}" if node.type.is_scalar and node.type.kind is KINDS[kind] else str(node.type)
+            self.collector.add("E213", expr.place, f"the default is {shown}, but the parameter is {_article(kind)}")
             raise Poisoned
         return found
 
     def _given(self, name: str, value: Any, kind: str, labels: Any) -> Any:
-        converted = value if kind == "choice" and value in labels else _convert(value, kind)
+        is_label = kind == "choice" and isinstance(value, str) and value in labels
+        converted = str(value) if is_label else _convert(value, kind)
         if converted is None:
             wanted = f"one of {', '.join(map(str, labels))}" if kind == "choice" else _article(kind)
-            self.collector.add("E703", None, f"parameter {name} must be {wanted}, not {value!r}")
+            self.collector.add("E703", None, f"parameter {name} must be {wanted}, not {_brief(value)}")
         return converted
 
     def _within(self, name: str, value: Any, low: Any, high: Any, labels: Any, given: bool) -> bool:
@@ -154,6 +159,8 @@ class Declarations:
         block = value["grid"] if isinstance(value["grid"], str) else None
         lines = value["grid"] if block is None else block.splitlines()
         legend = {str(k): self._legend(k, path, scope) for k in value["legend"]}
+        if len({node.type.shape for node in legend.values()}) > 1:
+            self._stop("E307", (*path, "legend"), "the values of the legend have different shapes")
         where: Path = (*path, "grid")
         start, cells = 0, []
         for row, line in enumerate(lines):
@@ -190,10 +197,9 @@ class Declarations:
 
     # -- components -----------------------------------------------------------------------------------------------
 
-    def component(self, section: str, name: str, scope: Scope) -> Component | None:
-        """A state or action component, or None when it is broken (and reported)."""
-        path: Path = (section, name)
-        entry = self.merged.data[section][name]
+    def component(self, path: Path, scope: Scope) -> Component | None:
+        """The state or action component declared at a path, or None when it is broken (and reported)."""
+        name, entry = str(path[-1]), self.forms.value(path)
         try:
             shape = self._shape(entry, path, scope)
             shown = {k: entry.get(k) for k in ("symbol", "doc")}
@@ -228,10 +234,14 @@ class Declarations:
         if type_.kind is Kind.BOOL:
             return (0,) * type_.size, (1,) * type_.size
         low, high = (self.edge(entry, key, path, type_, scope) for key in ("low", "high"))
+        self.check_order(low, high, path)
+        return low, high
+
+    def check_order(self, low: Sequence[float], high: Sequence[float], path: Path) -> None:
+        """Refuse (E407) bounds between which no value lies."""
         for a, b in zip(low, high, strict=True):
             if not a <= b or a == math.inf or b == -math.inf:
                 self._stop("E407", path, f"no value lies between low = {_shown(a)} and high = {_shown(b)}")
-        return low, high
 
     def edge(self, entry: Mapping[str, Any], key: str, path: Path, type_: Type, scope: Scope) -> tuple[float, ...]:
         if entry.get(key) is None:
@@ -292,23 +302,31 @@ def _value(node: Node) -> Any:
 
 
 def _convert(value: Any, kind: str) -> Any:
-    """A value as the kind of a parameter, or None where it is of another kind."""
+    """A value as the kind of a parameter, or None where it is of another kind, no number, or too large."""
     if isinstance(value, np.generic):
         value = value.item()
-    match kind:
-        case "bool":
-            return value if isinstance(value, bool) else None
-        case "int":
-            integral = isinstance(value, float) and value.is_integer()
-            return int(value) if integral or (isinstance(value, int) and not isinstance(value, bool)) else None
-        case "real":
-            return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
-        case _:
-            return None
+    if kind == "bool":
+        return value if isinstance(value, bool) else None
+    is_nan = isinstance(value, float) and math.isnan(value)
+    if isinstance(value, bool) or not isinstance(value, int | float | Fraction) or is_nan:
+        return None
+    if kind == "int":
+        return int(value) if abs(value) <= INT_WIDEST and value == int(value) else None
+    try:
+        return float(value) if kind == "real" else None
+    except OverflowError:
+        return None
 
 
 def _article(kind: str) -> str:
     return {"int": "an int", "real": "a real number", "bool": "true or false"}.get(kind, f"a {kind}")
+
+
+def _brief(value: Any) -> str:
+    """A value from Python in a few words; ints may be longer than Python is willing to print."""
+    if isinstance(value, int) and abs(value) > INT_WIDEST:
+        return f"one of {value.bit_length()} bits"
+    return reprlib.repr(value)
 
 
 def _shown(value: float) -> str:

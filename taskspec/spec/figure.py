@@ -1,55 +1,83 @@
-"""The section `figure`: what its kind needs, and its expressions, are checked here; `appendix.figures` draws it."""
+"""The section `figure`: what its kind needs is checked, and its expressions become nodes; `appendix.figures` draws them."""
 
 from __future__ import annotations
 
+from typing import Any
+
 from taskspec.diagnostics import suggest
+from taskspec.lang.check import Poisoned
+from taskspec.lang.ir import Node
 from taskspec.lang.scope import Scope
-from taskspec.lang.types import Shape
+from taskspec.lang.types import Refused
 from taskspec.source import Path
 from taskspec.spec.context import Context
+from taskspec.spec.task import Figure
 
 _NEEDED: dict[str, tuple[str, ...]] = {"grid": ("at",), "curve": ("at", "curve")}
 
 
-def check_figure(context: Context, scope: Scope) -> None:
-    """Report keys that the kind of figure lacks (E203), and expressions that mean nothing or have the wrong shape."""
-    figure = context.data.get("figure")
-    if not figure:
-        return
-    for key in _NEEDED.get(figure["kind"], ()):
-        if figure.get(key) is None:
+def figure(context: Context, scope: Scope) -> Figure | None:
+    """What the section says; None without one.
+
+    Reported are keys that the kind of figure lacks (E203), and expressions that mean nothing or have the wrong shape.
+    """
+    written: dict[str, Any] | None = context.data.get("figure")
+    if not written:
+        return None
+    for key in _NEEDED.get(written["kind"], ()):
+        if written.get(key) is None:
             span = context.merged.key_span(("figure",))
-            context.collector.add("E203", span, f"a figure of kind `{figure['kind']}` needs `{key}`")
-    if isinstance(figure.get("at"), list):
-        found = [_shape(context, ("figure", "at", i), scope) for i in range(len(figure["at"]))]
-        whole = None if None in found else (len(found), *(found[0] or ()))
-    else:
-        whole = _shape(context, ("figure", "at"), scope) if figure.get("at") is not None else None
-    if whole not in (None, (2,)):
-        span = context.merged.span(("figure", "at"))
-        context.collector.add("E307", span, f"a place is two numbers, but this has shape {list(whole or ())}")
-    for path in [
-        ("figure", "curve"),
-        ("figure", "values"),
-        *(("figure", "highlight", k) for k in figure.get("highlight") or {}),
-    ]:
-        if path[-1] in figure or len(path) > 2:
-            _shape(context, path, scope)
-    _check_map(context, figure.get("map"))
+            context.collector.add("E203", span, f"a figure of kind `{written['kind']}` needs `{key}`")
+    parts = {key: _node(context, ("figure", key), scope) for key in ("curve", "values") if written.get(key) is not None}
+    marks = {name: _node(context, ("figure", "highlight", name), scope) for name in written.get("highlight") or {}}
+    return Figure(
+        kind=written["kind"], at=_place(context, written.get("at"), scope), curve=parts.get("curve"),
+        values=parts.get("values"), highlight={name: node for name, node in marks.items() if node is not None},
+        map=_map(context, written.get("map")),
+    )  # fmt: skip
 
 
-def _shape(context: Context, path: Path, scope: Scope) -> Shape | None:
-    """The shape of an expression, or None where it is broken (and reported)."""
+def _place(context: Context, at: Any, scope: Scope) -> tuple[Node, ...]:
+    """A column and a row, or one vector of both; nothing where there is none, or it is broken."""
+    if at is None:
+        return ()
+    paths: list[Path] = [("figure", "at", i) for i in range(len(at))] if isinstance(at, list) else [("figure", "at")]
+    nodes = [_node(context, path, scope) for path in paths]
+    found = tuple(node for node in nodes if node is not None)
+    if len(found) < len(nodes):
+        return ()
+    inner = found[0].type.shape if found else ()
+    shape = (len(found), *inner) if isinstance(at, list) else inner
+    if shape != (2,):
+        message = f"a place is two numbers, but this has shape {list(shape)}"
+        context.collector.add("E307", context.merged.span(("figure", "at")), message)
+    return found
+
+
+def _node(context: Context, path: Path, scope: Scope) -> Node | None:
+    """An expression as a node, a choice as the number that it stands for; None where it is broken (and reported)."""
     expr = context.forms.expr(path)
     value = None if expr is None else context.checker.check(expr, scope)
-    return None if value is None else value.node.type.shape
+    if expr is None or value is None:
+        return None
+    if value.domain is None or value.domain.values is None:
+        return value.node
+    try:
+        return context.checker.number_of(value, expr)
+    except (Poisoned, Refused):
+        return None
 
 
-def _check_map(context: Context, name: str | None) -> None:
+def _map(context: Context, name: str | None) -> tuple[str, ...]:
+    """The rows of the grid of letters that the figure names; none where it names none."""
     constants = context.data.get("constants") or {}
-    if name is not None and name not in constants:
+    if name is None:
+        return ()
+    grid = constants[name].get("grid") if isinstance(constants.get(name), dict) else None
+    if name not in constants:
         span = context.merged.span(("figure", "map"))
         context.collector.add("E302", span, f"there is no constant '{name}'", suggest(name, constants))
-    elif name is not None and not (isinstance(constants[name], dict) and "grid" in constants[name]):
+    elif grid is None:
         message, hint = f"the constant '{name}' is no grid of letters", f"{name}: {{grid: [...], legend: {{...}}}}"
         context.collector.add("E204", context.merged.span(("figure", "map")), message, hint)
+    return tuple(grid.splitlines() if isinstance(grid, str) else grid or ())

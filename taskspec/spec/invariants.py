@@ -13,7 +13,7 @@ from taskspec.lang.dists import BASES
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, exact, reads, walk
 from taskspec.lang.ops import OPS
 from taskspec.lang.structure import STRUCTURES
-from taskspec.lang.types import BOOL, REAL, Type
+from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
 from taskspec.spec.task import Component, Task
 
 ON_REQUEST = "TASKSPEC_INVARIANTS"
@@ -50,11 +50,15 @@ OF_TASKS: tuple[TaskRule, ...] = (
     ("a step reads state, action and time", lambda t: _roles((*t.next, t.reward, t.terminal)) <= _STEP),
     ("an observation reads state and time", lambda t: _roles(t.observation.nodes) <= _PRESENT),
     ("an expert reads state and time", lambda t: _roles(experts(t)) <= _PRESENT),
+    ("a figure reads what a step reads", lambda t: _roles(drawn(t)) <= _STEP),
     ("the absorbing reward reads state and time", lambda t: _roles([t.absorbing_reward]) <= _PRESENT),
     ("the absorbing reward draws nothing", lambda t: not draws([t.absorbing_reward])),
     ("what is read is a component", lambda t: _names(t) <= {*(c.name for c in (*t.state, *t.action)), "t"}),
     ("a site of a draw is one node", lambda t: _distinct(n.site for n in walk(roots(t)) if isinstance(n, Draw))),
     ("equal operations are one node", lambda t: _distinct(_key(n) for n in walk(roots(t)) if isinstance(n, Apply))),
+    ("an index is certain to lie in its vector", lambda t: all(_certain(t, *found) for found in _indices(t))),
+    ("a draw of an index has one value to draw from at least", lambda t: all(_certain(t, *found) for found in _counts(t))),
+    ("a state int is certain to keep to its range", lambda t: all(_certain(t, *found) for found in _kept(t))),
     ("a horizon has a step at least", lambda t: t.horizon is None or t.horizon >= 1),
     ("the discount is between 0 and 1", lambda t: 0 <= t.discount <= 1),
 )  # fmt: skip
@@ -63,12 +67,20 @@ OF_TASKS: tuple[TaskRule, ...] = (
 def roots(task: Task) -> tuple[Node, ...]:
     """Every expression that a task is made of."""
     step = (*task.next, task.reward, task.terminal, task.absorbing_reward)
-    return (*task.initial, *step, *task.observation.nodes, *experts(task))
+    return (*task.initial, *step, *task.observation.nodes, *experts(task), *drawn(task))
 
 
 def experts(task: Task) -> tuple[Node, ...]:
     """The expert's action where the spec writes it out, else nothing."""
     return task.expert if isinstance(task.expert, tuple) else ()
+
+
+def drawn(task: Task) -> tuple[Node, ...]:
+    """What the figure shows."""
+    if task.figure is None:
+        return ()
+    single = (task.figure.curve, task.figure.values)
+    return (*task.figure.at, *(n for n in single if n is not None), *task.figure.highlight.values())
 
 
 def components(task: Task) -> tuple[Component, ...]:
@@ -121,6 +133,32 @@ def _bounded(c: Component) -> bool:
 
 def _roles(nodes: Iterable[Node]) -> set[Role]:
     return {role for role, _ in reads(nodes)}
+
+
+def _certain(task: Task, node: Node, low: float, high: float) -> bool:
+    least, most = task.builder.certain(node)
+    return low <= least and most <= high
+
+
+def _indices(task: Task) -> Iterator[tuple[Node, float, float]]:
+    """Every index of a vector, and the range that it must keep to."""
+    for node in walk(roots(task)):
+        if isinstance(node, Apply) and node.op in _INDICES:
+            yield from ((node.args[i], 0, node.args[0].type.shape[0] - 1) for i in _INDICES[node.op])
+
+
+_INDICES = {"index": (1,), "put": (1,), "swap": (1, 2)}
+"""Which arguments of an operator say where in the first one."""
+
+
+def _counts(task: Task) -> Iterator[tuple[Node, float, float]]:
+    return ((n.args[0], 1, INT_MAX) for n in walk(roots(task)) if isinstance(n, Draw) and n.base == "index")
+
+
+def _kept(task: Task) -> Iterator[tuple[Node, float, float]]:
+    for nodes in (task.initial, task.next):
+        pairs = zip(task.state, nodes, strict=True)
+        yield from ((n, min(c.low), max(c.high)) for c, n in pairs if c.type.kind is Kind.INT)
 
 
 def _names(task: Task) -> set[str]:

@@ -6,15 +6,18 @@ next value where there is one, and is refused where there is none.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from taskspec.lang import syntax as s
 from taskspec.lang.calls import NO_DRAWS
 from taskspec.lang.check import Poisoned
-from taskspec.lang.ir import Draw, Role, reads
+from taskspec.lang.ir import Draw, Node, Role, reads
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
+from taskspec.lang.subscripts import named
 from taskspec.lang.types import Kind, Type
 from taskspec.spec.context import Context
+from taskspec.spec.widths import kept
 
 PRIMED = ("dynamics", "reward", "terminal")
 """Sections that may name next values."""
@@ -41,6 +44,8 @@ class Names:
         self.context = context
         self._noise: dict[str, tuple[Value, tuple[Draw, ...]]] = {}
         self._next: dict[str, Value] = {}
+        self.raw_next: dict[str, Node] = {}
+        """Next values as the dynamics have them, in and out of range."""
 
     def scope(self, section: str) -> Scope:
         """The names visible in a section; made once."""
@@ -124,7 +129,7 @@ class Names:
                     value = self.context.checker.value(expr, self.scope("noise"))
             finally:
                 leave()
-            self._noise[name] = value, tuple(draws.values())
+            self._noise[name] = replace(value, late=True), tuple(draws.values())
         value, made = self._noise[name]
         builder.name_draws(made)
         return value
@@ -154,7 +159,7 @@ class Names:
     def _without_draws(self, expr: s.Expr, scope: Scope) -> Value:
         inner = scope.child({})
         inner.draws = NO_DRAWS
-        return self.context.checker.value(expr, inner)
+        return named(self.context.checker.value(expr, inner), expr, scope)
 
     # -- next values ----------------------------------------------------------------------------------------------
 
@@ -172,7 +177,9 @@ class Names:
         context, written = self.context, name + "'"
         component = next(c for c in context.state if c.name == name)
         if written not in context.exprs["dynamics"]:
-            return context.read(component, Role.STATE)
+            value = context.read(component, Role.STATE)
+            self.raw_next[name] = value.node
+            return value
         expr = context.exprs["dynamics"][written]
         leave = context.guard(written, at)
         try:
@@ -181,7 +188,8 @@ class Names:
             leave()
         if node is None:
             raise Poisoned
-        return Value(node, component.domain)
+        self.raw_next[name] = node
+        return Value(kept(context.builder, component, node), component.domain, late=True)
 
 
 def poison(*_: Any) -> Value:

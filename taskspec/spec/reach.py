@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from taskspec.lang.interval import INF, Interval, bounds
+from taskspec.lang.interval import INF, Interval, Range, bounds
 from taskspec.lang.ir import Node, Read, Role, walk
 from taskspec.spec.task import Component
 
@@ -29,17 +29,29 @@ def reach(
     declared = {c.name: (min(c.low), max(c.high)) for c in state}
     if all(map(math.isfinite, (v for edge in declared.values() for v in edge))):
         return declared
-    known: dict[int, Interval] = {}
-    reached = {c.name: _within(bounds(n, known), declared[c.name]) for c, n in zip(state, initial, strict=True)}
+    return reached(state, initial, following, horizon)
+
+
+def reached(
+    state: Sequence[Component],
+    initial: Sequence[Node],
+    following: Sequence[Node],
+    horizon: int | None,
+) -> dict[str, Interval]:
+    """As `reach`, with what is known of components that are declared with bounds too: never wider than declared."""
+    declared = {c.name: (min(c.low), max(c.high)) for c in state}
+    known: dict[int, Range] = {}
+    found = {c.name: _within(bounds(n, known), declared[c.name]) for c, n in zip(state, initial, strict=True)}
     for _ in range(MAX_STEPS if horizon is None else min(horizon, MAX_STEPS)):
-        wider = _step(state, following, reached, declared)
-        if wider == reached:
-            return reached
-        reached = wider
+        wider = _step(state, following, found, declared)
+        if wider == found:
+            return found
+        found = wider
     if horizon is not None and horizon <= MAX_STEPS:
-        return reached
-    settled = _step(state, following, reached, declared)
-    return {name: edge if settled[name] == edge else declared[name] for name, edge in reached.items()}
+        return found
+    while (wider := _step(state, following, found, declared)) != found:  # what still moves may go anywhere
+        found = {name: edge if wider[name] == edge else declared[name] for name, edge in found.items()}
+    return found
 
 
 def _step(
@@ -53,10 +65,10 @@ def _step(
     return {c.name: _union(reached[c.name], edge) for c, edge in zip(state, nexts, strict=True)}
 
 
-def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Interval]:
+def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range]:
     """What is known of the state reads below some nodes, for `interval.bounds`."""
     states = (n for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE)
-    return {id(n): reached[n.name] for n in states if n.name in reached}
+    return {id(n): Range(*reached[n.name]) for n in states if n.name in reached}
 
 
 def _within(edge: Interval, declared: Interval) -> Interval:

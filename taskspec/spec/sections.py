@@ -18,7 +18,7 @@ from taskspec.spec.names import Names, poison
 from taskspec.spec.observe import Observed
 from taskspec.spec.reach import reach
 from taskspec.spec.task import FINITE_SPACES, Claim, Component, Observation, Soft
-from taskspec.spec.widths import saturated, widest
+from taskspec.spec.widths import kept, saturated, widest
 
 MAX_ONE_HOT = 1_000_000
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
@@ -30,6 +30,8 @@ class Sections:
     def __init__(self, context: Context, names: Names) -> None:
         self.context, self.names = context, names
         self.collector, self.checker, self.builder = context.collector, context.checker, context.builder
+        self.raw_initial: dict[str, Node] = {}
+        """Initial values as they are written, in and out of range."""
 
     def parse(self) -> None:
         """Read the expressions of every section, reporting all syntax errors."""
@@ -58,14 +60,15 @@ class Sections:
             c = components.get(name)
             node = None if expr is None or c is None else context.assign(expr, scope, c)
             if node is not None and c is not None:
-                found[name] = node
-                self.names.define(scope, name, Value(node, c.domain))
+                self.raw_initial[name] = node
+                found[name] = kept(self.builder, c, node)
+                self.names.define(scope, name, Value(found[name], c.domain, late=True))
             elif c is not None:
                 self.names.define(scope, name, Lazy(poison))
         for c in context.state:
             if c.name not in context.exprs["initial"] and c.low == c.high:  # there is nothing to choose
                 flat = c.low if c.type.kind is Kind.REAL else tuple(map(int, c.low))
-                found[c.name] = self.builder.const(flat if c.type.shape else flat[0], c.type)
+                found[c.name] = self.raw_initial[c.name] = self.builder.const(flat if c.type.shape else flat[0], c.type)
             elif c.name not in context.exprs["initial"]:
                 self._without_start(c.name)
         return [found[c.name] for c in context.state if c.name in found]
@@ -109,11 +112,15 @@ class Sections:
         found = saturated(self.builder, context.state, initial, following, context.horizon)
         for c, old, new in zip(context.state, following, found, strict=True):
             if new is not old:
-                self.names.set_next(c.name, Value(new, c.domain))
+                self.names.set_next(c.name, Value(new, c.domain, late=True))
         return found
 
-    def check_widths(self, section: str, nodes: Sequence[Node]) -> None:
-        """Report (E318) the lines of a section in which an int may not fit in 64 bits."""
+    def check_widths(self, **sections: Sequence[Node]) -> None:
+        """Report (E318) the lines of sections in which an int may not fit in 64 bits."""
+        for section, nodes in sections.items():
+            self._check_widths(section, nodes)
+
+    def _check_widths(self, section: str, nodes: Sequence[Node]) -> None:
         exprs = self.context.exprs.get(section)
         lines = list(exprs.values()) if isinstance(exprs, dict) else [exprs]
         wide = [most for most in map(widest, ([n] for n in nodes)) if most]
@@ -169,7 +176,8 @@ class Sections:
         found = {name: value for name, value in values.items() if value is not None}
         edges = {name: [self._edge(name, key, v.node.type) for key in ("low", "high")] for name, v in found.items()}
         components = tuple(observed.expression(name, v, *edges[name]) for name, v in found.items())
-        if len(found) == len(declared):
+        ordered = [self._check_order(c) for c in components if edges[c.name] != [None, None]]
+        if len(found) == len(declared) and all(ordered):
             self._check_space(components, space)
         return Observation(components, tuple(v.node for v in found.values()), space)
 
@@ -186,6 +194,14 @@ class Sections:
         if message is not None:
             hint = "declare bounds: `{value: ..., low: ..., high: ...}`" if endless else None
             self.collector.add("E214", self.context.merged.span(("observation", "space")), message, hint)
+
+    def _check_order(self, c: Component) -> bool:
+        """Whether values lie between the bounds of what is observed; reported where there are none."""
+        try:
+            self.context.declare.check_order(c.low, c.high, ("observation", c.name))
+        except Poisoned:
+            return False
+        return True
 
     def _edge(self, name: str, key: str, type_: Type) -> tuple[float, ...] | None:
         """A declared bound of an observed expression, if there is one."""
@@ -252,16 +268,34 @@ class Sections:
 
     # -- abstraction and claims -----------------------------------------------------------------------------------
 
-    def abstraction(self) -> None:
-        """Read the functions that map a state to its finite stand-in."""
+    def abstraction(self) -> list[Node]:
+        """The values that the components of the finite stand-in have in a state."""
         context = self.context
-        if context.data.get("abstraction"):
-            scope = self.names.scope("abstraction")
-            path = ("abstraction", "map")
-            context.exprs["abstraction"] = {n: context.forms.expr((*path, n)) for n in context.forms.value(path)}
-            for expr in context.exprs["abstraction"].values():
-                if expr is not None:
-                    self.checker.check(expr, scope)
+        if not context.data.get("abstraction"):
+            return []
+        scope, written = self.names.scope("abstraction"), context.data["abstraction"]["map"]
+        context.exprs["abstraction"] = {n: context.forms.expr(("abstraction", "map", n)) for n in written}
+        components = context.data["abstraction"]["state"]
+        mapped = [self._mapped(name, expr, components, scope) for name, expr in context.exprs["abstraction"].items()]
+        for name in components.keys() - written.keys():
+            span = context.merged.key_span(("abstraction", "map"))
+            self.collector.add("E216", span, f"the map does not say what '{name}' is", f"add `{name}: ...`")
+        return [node for node in mapped if node is not None]
+
+    def _mapped(self, name: str, expr: s.Expr | None, components: dict[str, Any], scope: Scope) -> Node | None:
+        """An expression of the map as a value of the component that it is for; None when it is broken (and reported)."""
+        if name not in components:
+            span = self.context.merged.key_span(("abstraction", "map", name))
+            self.collector.add("E216", span, f"the abstraction has no component '{name}'", suggest(name, components))
+            return None
+        fixed = self.context.constant_scope("domains are fixed")
+        c = self.context.declare.component(("abstraction", "state", name), fixed)
+        if expr is None or c is None:
+            return None
+        if c.domain is None:
+            return self.context.assign(expr, scope, c)
+        value = self.checker.check(expr, scope)
+        return None if value is None else value.node
 
     def claims(self) -> Iterable[Claim]:
         """The claims as surface syntax; they are evaluated on the exact model."""

@@ -89,7 +89,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A knob: its bound value, and how it was declared."""
+    """A parameter: its bound value, and how it was declared."""
 
     name: str
     kind: str
@@ -100,6 +100,22 @@ class Parameter:
     values: tuple[Any, ...] | None = None
     symbol: str | None = None
     doc: str | None = None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """How the task is drawn: the kind, and what it shows as nodes over STATE.
+
+    `at` is a place, two numbers or one vector of two; `curve` a function of its first number; `values` the vector that bars show.
+    `highlight` has conditions, places or indices by the name of their colour, `map` the rows of a grid of letters.
+    """
+
+    kind: str
+    at: tuple[Node, ...] = ()
+    curve: Node | None = None
+    values: Node | None = None
+    highlight: Mapping[str, Node] = field(default_factory=dict)
+    map: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -119,6 +135,9 @@ class Task:
     read STATE, ACTION and TIME; observation nodes read STATE (the state that is observed) and TIME; `initial` reads
     nothing: each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the sections
     of a reset and of a step write, whether or not they are left in these nodes.
+
+    A state is always in its space: an int that `raw_initial` or `raw_next` would give outside its range is moved to the
+    nearest end in `initial` and `next` (`spec.widths`), which soundness reports (E403, E404).
     """
 
     name: str
@@ -133,6 +152,8 @@ class Task:
     discount: float
     initial: tuple[Node, ...]
     next: tuple[Node, ...]
+    raw_initial: tuple[Node, ...]
+    raw_next: tuple[Node, ...]
     reward: Node
     terminal: Node
     expert: tuple[Node, ...] | Literal["optimal"] | Soft | None
@@ -144,6 +165,7 @@ class Task:
     surface: Surface
     document: Document
     content_hash: str
+    figure: Figure | None = None
     ending: Ending = "terminate"
     observe_time: bool = False
 
@@ -196,16 +218,20 @@ class Task:
         b = self.builder
         name = _free("absorbed", (*self.state, *self.action))
         over = b.read(Role.STATE, name, BOOL, 0, 1)
-        following = [
-            b.apply("where", over, b.read(*c.read, c.type, min(c.low), max(c.high)), node)
-            for c, node in zip(self.state, self.next, strict=True)
-        ]
+
+        def following(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
+            reads = (b.read(*c.read, c.type, min(c.low), max(c.high)) for c in self.state)
+            held = (b.apply("where", over, read, node) for read, node in zip(reads, nodes, strict=True))
+            return (*held, b.apply("or", over, self.terminal))
+
         flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
         return dataclasses.replace(
             self,
             state=(*self.state, flag),
             initial=(*self.initial, b.scalar(False)),
-            next=(*following, b.apply("or", over, self.terminal)),
+            next=following(self.next),
+            raw_initial=(*self.raw_initial, b.scalar(False)),
+            raw_next=following(self.raw_next),
             reward=b.cast(b.apply("where", over, self.absorbing_reward, self.reward), Kind.REAL),
             terminal=b.scalar(False),
             ending="absorb",

@@ -40,8 +40,7 @@ HINT = (
 
 def scene(task: Task, over: Overlay | None = None) -> Scene | None:
     """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can."""
-    figure = task.surface.data.get("figure")
-    return KINDS[figure["kind"] if figure else "graph"](task, over or Overlay())
+    return KINDS["graph" if task.figure is None else task.figure.kind](task, over or Overlay())
 
 
 def figure(task: Task, path: Path | str, overlays: Iterable[str] = ()) -> Path:

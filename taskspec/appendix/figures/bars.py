@@ -9,7 +9,7 @@ import numpy as np
 
 from taskspec.appendix.figures.overlay import Overlay
 from taskspec.appendix.figures.scene import Box, Item, Label, Line, Role, Scene, fitted
-from taskspec.appendix.figures.values import at_states, compile_value, expert_path, reads_of
+from taskspec.appendix.figures.values import at_states, expert_path, reads_of
 from taskspec.lang.ir import Node, Read
 from taskspec.printers import tree as m
 from taskspec.spec.task import Task
@@ -44,21 +44,21 @@ def _rows(task: Task, node: Node, path: list[dict[str, Any]]) -> list[Array]:
 
 
 def _vector(task: Task) -> Node | None:
-    written = (task.surface.data.get("figure") or {}).get("values")
-    if written is None:
-        names = [c.name for c in task.state if len(c.type.shape) == 1]
-        written = names[0] if names else None
-    node = compile_value(task, written) if written is not None else None
-    return node if node is not None and len(node.type.shape) == 1 else None
+    """The vector that the figure names, else the first component of the state that is one."""
+    if task.figure is not None and task.figure.values is not None:
+        node = task.figure.values
+        return node if len(node.type.shape) == 1 else None
+    b = task.builder
+    vectors = (b.read(*c.read, c.type, min(c.low), max(c.high)) for c in task.state if len(c.type.shape) == 1)
+    return next(vectors, None)
 
 
 def _colors(task: Task, node: Node, count: int) -> list[Role]:
     """Parts of the vector by colour: a slice of it, taken of its indices, says which elements are meant."""
     colors: list[Role] = ["accent"] * count
-    highlight = (task.surface.data.get("figure") or {}).get("highlight") or {}
-    for name, written in highlight.items():
-        part = compile_value(task, written)
-        if part is None or name not in _COLORS or not isinstance(node, Read) or len(part.type.shape) != 1:
+    highlight = {} if task.figure is None else task.figure.highlight
+    for name, part in highlight.items():
+        if name not in _COLORS or not isinstance(node, Read) or len(part.type.shape) != 1:
             continue
         indices = {(node.role, node.name): np.arange(count, dtype=float)[:, None]}
         for i in at_states(task, part, indices, 1)[0].astype(int):

@@ -13,7 +13,7 @@ from taskspec.appendix.figures.machine import Machine
 from taskspec.appendix.figures.marks import chance, decimal, number, signed
 from taskspec.appendix.figures.overlay import Overlay
 from taskspec.appendix.figures.scene import Role
-from taskspec.appendix.figures.values import at_states, compile_value
+from taskspec.appendix.figures.values import at_states
 from taskspec.exact.space import Space
 from taskspec.lang.ir import Role as Reading
 from taskspec.printers import tree as m
@@ -58,12 +58,11 @@ class Captions:
     @cached_property
     def fills(self) -> Mapping[int, Role]:
         """Colours of states by the conditions under `figure: highlight:`."""
-        figure = self.machine.task.surface.data.get("figure") or {}
+        figure = self.machine.task.figure
         found: dict[int, Role] = {}
         codes = np.array(self.machine.states)
-        for name, written in (figure.get("highlight") or {}).items():
-            node = compile_value(self.machine.task, written)
-            if node is None or node.type.shape or name not in _HIGHLIGHT:
+        for name, node in ({} if figure is None else figure.highlight).items():
+            if node.type.shape or name not in _HIGHLIGHT:
                 continue
             holds = at_states(self.machine.task, node, dict(self.space.decode(codes)), len(codes))
             found |= {int(c): _HIGHLIGHT[name] for c in codes[holds.astype(bool)]}

@@ -6,7 +6,7 @@ import numpy as np
 
 from taskspec.appendix.figures.overlay import Overlay
 from taskspec.appendix.figures.scene import Circle, Item, Line, Point, Scene, fitted
-from taskspec.appendix.figures.values import at_states, compile_value, expert_path, reads_of
+from taskspec.appendix.figures.values import at_states, expert_path, reads_of
 from taskspec.lang.ir import Read, Role
 from taskspec.spec.task import Task
 
@@ -15,13 +15,10 @@ WIDTH, HEIGHT, SAMPLES, SEED = 5.0, 3.0, 60, 8
 
 def curve(task: Task, overlay: Overlay) -> Scene | None:
     """The curve of the figure section over the first place expression, and where an episode goes."""
-    figure = task.surface.data.get("figure") or {}
-    at = figure.get("at")
-    if not isinstance(at, list) or len(at) != 2 or "curve" not in figure:
+    if task.figure is None or len(task.figure.at) != 2:
         return None
-    place, height = compile_value(task, at[0]), compile_value(task, figure["curve"])
-    level = compile_value(task, at[1])
-    if not isinstance(place, Read) or height is None or level is None:
+    (place, level), height = task.figure.at, task.figure.curve
+    if not isinstance(place, Read) or height is None:
         return None
     here = overlay.here
     path = [dict(here)] if here is not None else expert_path(task, min(task.horizon or 20, 100), SEED)

@@ -21,7 +21,7 @@ from taskspec.spec.task import Task
 
 LOOPS_UP_TO = 6
 MOST_ARROWS, MOST_CROSSINGS = 40, 6
-"""More arrows or more crossings of them than these make a knot, not a figure."""
+"""More arrows or more crossings of them than these are too tangled to draw."""
 STRETCHES = (1.0, 1.4)
 RIM = 0.07
 

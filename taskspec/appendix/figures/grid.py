@@ -10,7 +10,7 @@ import numpy as np
 
 from taskspec.appendix.figures.overlay import Overlay
 from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Role, Scene, fitted, scaled
-from taskspec.appendix.figures.values import Reads, all_states, at_states, compile_value, first_state, reads_of
+from taskspec.appendix.figures.values import Reads, all_states, at_states, first_state, reads_of
 from taskspec.exact.transitions import Steps
 from taskspec.lang.ir import Node
 from taskspec.printers import tree as m
@@ -33,11 +33,7 @@ def grid(task: Task, overlay: Overlay) -> Scene | None:
 
 def _place(task: Task) -> tuple[Node, ...] | None:
     """Column and row of a state: two expressions, or one vector of two."""
-    at = (task.surface.data.get("figure") or {}).get("at")
-    nodes = [compile_value(task, x) for x in (at if isinstance(at, list) else [at])] if at is not None else []
-    if not nodes or any(n is None for n in nodes):
-        return None
-    return tuple(n for n in nodes if n is not None)
+    return None if task.figure is None or not task.figure.at else task.figure.at
 
 
 def _cells(task: Task, place: tuple[Node, ...], reads: Reads, count: int) -> np.ndarray[Any, Any]:
@@ -48,10 +44,9 @@ def _cells(task: Task, place: tuple[Node, ...], reads: Reads, count: int) -> np.
 
 def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Role, np.ndarray[Any, Any]]]:
     """Conditions (count,) or places (count, 2) to highlight, with their colours."""
-    figure = task.surface.data.get("figure") or {}
-    for name, written in (figure.get("highlight") or {}).items():
-        node = compile_value(task, written)
-        if node is not None and name in _COLORS:
+    highlight = {} if task.figure is None else task.figure.highlight
+    for name, node in highlight.items():
+        if name in _COLORS:
             yield _COLORS[name], at_states(task, node, reads, count)
 
 
@@ -151,11 +146,7 @@ def _moves(task: Task, by_code: Mapping[int, Cell], overlay: Overlay) -> list[tu
 
 def _letters(task: Task, columns: int, rows: int) -> dict[Cell, str]:
     """The characters of the map that `figure: map:` names, where it has a character for every cell."""
-    name = (task.surface.data.get("figure") or {}).get("map")
-    value = (task.surface.data.get("constants") or {}).get(name) if isinstance(name, str) else None
-    if not isinstance(value, Mapping) or "grid" not in value:
-        return {}
-    lines = value["grid"].splitlines() if isinstance(value["grid"], str) else value["grid"]
+    lines = () if task.figure is None else task.figure.map
     if len(lines) != rows or len(lines[0]) != columns:
         return {}
     return {(x, y): char for y, line in enumerate(lines) for x, char in enumerate(line) if char != " "}

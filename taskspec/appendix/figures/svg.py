@@ -8,6 +8,7 @@ from typing import assert_never
 from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Point, Role, Scene, head, shaft
 from taskspec.printers import tree as m
 from taskspec.printers.plain import plain
+from taskspec.visible import ON_PAGES, visible
 
 SCALE = 38.0
 COLORS: dict[Role, str] = {
@@ -27,10 +28,11 @@ def svg(scene: Scene, css: bool = False) -> str:
     w, h = _n(scene.width), _n(scene.height)
     body = "".join(_item(item) for item in scene.items)
     paper = "" if css else f'<rect width="{w}" height="{h}" fill="{COLORS["paper"]}"/>'
-    return (
+    text = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {w} {h}" width="{w}" height="{h}" role="img" '
         f'class="figure" font-family="{escape(_FONT, quote=True)}"><title>{escape(scene.alt)}</title>{paper}{body}</svg>'
     )
+    return visible(text, ON_PAGES)
 
 
 def _n(value: float) -> str:

@@ -8,34 +8,17 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.diagnostics import Collector
 from taskspec.draws.sample import sampler
 from taskspec.exact.space import Space
 from taskspec.lang import batch
-from taskspec.lang.check import Checker
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.ir import draws as draws_of
-from taskspec.printers.names import expression
 from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
 State = Mapping[str, Any]
 Reads = dict[tuple[Role, str], Array]
-
-
-def compile_value(task: Task, written: Any) -> Node | None:
-    """A text of the `figure` section as a node over the state; None where it has no meaning of its own."""
-    checker = Checker(task.builder, Collector())
-    scope = task.surface.scopes.get("reward")
-    value = None if scope is None else checker.check(expression(written), scope)
-    if value is None:
-        return None
-    return (
-        value.node
-        if value.domain is None or value.domain.values is None
-        else checker.number_of(value, expression(written))
-    )
 
 
 def at_states(task: Task, node: Node, reads: Reads, count: int) -> Array:

@@ -35,6 +35,7 @@ from taskspec.appendix.sections import Line, Section
 from taskspec.printers import tree as m
 from taskspec.printers.mathml import mathml
 from taskspec.printers.plain import plain
+from taskspec.visible import ON_PAGES, visible
 
 BREAK_AFTER = 34.0
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
@@ -59,7 +60,7 @@ def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]
         files[f"{page.anchor}.html"] = env.get_template("task.html").render(
             before=before, after=after, **_page(suite, page), **common
         )
-    return files
+    return {name: visible(text, ON_PAGES) for name, text in files.items()}
 
 
 def _style() -> str:

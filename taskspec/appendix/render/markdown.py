@@ -27,6 +27,7 @@ from taskspec.appendix.render.suite import Suite
 from taskspec.appendix.sections import Line, Section
 from taskspec.printers import tree as m
 from taskspec.printers.latex import latex
+from taskspec.visible import ON_PAGES, visible
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
 _NUMBERED = re.compile(r"^(\d+)([.)])")
@@ -42,7 +43,7 @@ def markdown(suite: Suite) -> dict[str, str]:
     files = {f"{page.anchor}.md": writer.page(page) for page in suite.pages}
     rows = [(escape(p.name), p.anchor, escape(p.capability), writer.prose(p.summary)) for p in suite.pages]
     files["index.md"] = env.get_template("index.md").render(title=escape(suite.title), rows=rows)
-    return files
+    return {name: visible(text, ON_PAGES) for name, text in files.items()}
 
 
 def escape(text: str) -> str:

@@ -182,8 +182,8 @@ def bernoulli(w: Words, first: int, size: int, p: Array) -> Array:
 
 
 def index(w: Words, first: int, size: int, n: Array) -> Array:
-    """(word * n) >> 32 in 32 bits, for n below 2**31: from products of 16-bit halves."""
-    word, n = w.rows(first, size), jnp.maximum(n, 1).astype(jnp.uint32)
+    """(word * n) >> 32 in 32 bits, for 0 < n < 2**31: from products of 16-bit halves."""
+    word, n = w.rows(first, size), jnp.asarray(n).astype(jnp.uint32)
     (a, b), (c, d) = (word >> 16, word & 0xFFFF), (n >> 16, n & 0xFFFF)
     middle = a * d + ((b * d) >> 16)
     low = (middle & 0xFFFF) + b * c

@@ -19,7 +19,7 @@ from taskspec.backends.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.draws.layout import poisson_bound
-from taskspec.lang.interval import INF
+from taskspec.lang.interval import INF, Range
 from taskspec.lang.ir import Const, Draw, Node, Role, plain, walk
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.spec.reach import over, reach
@@ -164,7 +164,7 @@ def _check_ints(task: Task, roots: Sequence[Node]) -> None:
     for c, start in zip(task.state, task.initial, strict=True):
         (low, high), (first, last) = reached[c.name], task.builder.bounds(start)
         reached[c.name] = (min(first, -LONG) if low == -INF else low, max(last, LONG) if high == INF else high)
-    counts = {id(n): (0.0, float(LONG)) for n in walk(roots) if isinstance(n, Draw) and n.base == "poisson"}
+    counts = {id(n): Range(0, LONG) for n in walk(roots) if isinstance(n, Draw) and n.base == "poisson"}
     most = widest(roots, INT_MAX, over(roots, reached) | counts)
     if most:
         message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
@@ -203,7 +203,7 @@ def _emit(
     for draw in (n for n in walk(roots) if isinstance(n, Draw)):
         first = words.first[draw.site]
         names |= {(Role.VARIABLE, v): f"w.signed({first + k})" for k, v in enumerate(word_names(draw))}
-    form = ArrayForm(names, task.builder.bounds, lambda d, a: _drawn(d, a, words, constants), constants)
+    form = ArrayForm(names, lambda d, a: _drawn(d, a, words, constants), constants)
     values = form.emit(lowered)
     return form.lines, values
 

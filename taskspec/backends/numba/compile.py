@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import logging
 import os
 import sys
-import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
@@ -23,6 +24,9 @@ import llvmlite.binding as llvm
 import numpy as np
 
 import taskspec
+from taskspec.backends.numba import store
+from taskspec.backends.numba.store import Store
+from taskspec.visible import visible
 
 Array = np.ndarray[Any, Any]
 _LIBRARY = ("basics", "build", "draws", "lanes", "operators")
@@ -47,15 +51,36 @@ def cache_folder() -> Path:
 @lru_cache(maxsize=64)
 def load(source: str) -> Kernel:
     """The kernel of a generated module, from the cache if it has been compiled before on such a machine."""
-    path = cache_folder() / "numba" / f"{_key(source)}.o"
-    code = _read(path)
-    if code is None:
-        code = import_module("taskspec.backends.numba.build").machine_code(source)
-        _write(path, code)
+    with _kept() as kept:
+        name = f"{_name(source)}.o"
+        code = None if kept is None else kept.read(name)
+        if code is None:
+            code = import_module("taskspec.backends.numba.build").machine_code(source)
+            if kept is not None:
+                kept.write(name, code)
     return _linked(code)
 
 
-def _key(source: str) -> str:
+@contextmanager
+def _kept() -> Iterator[Store | None]:
+    """What earlier processes compiled; None where nothing can be kept. If that is for safety, it is said."""
+    with ExitStack() as stack:
+        found = None
+        try:
+            found = stack.enter_context(store.opened(cache_folder() / "numba")) if store.SUPPORTED else None
+        except store.NotPrivateError as error:
+            _say_once(f"taskspec: compiled kernels are not kept, since {visible(str(error))}")
+        except OSError:
+            pass
+        yield found
+
+
+@lru_cache
+def _say_once(message: str) -> None:
+    logging.getLogger("taskspec").warning(message)
+
+
+def _name(source: str) -> str:
     """A name for all that the machine code follows from."""
     machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
     versions = (taskspec.__version__, version("numba"), version("llvmlite"), str(object.__basicsize__))
@@ -68,30 +93,6 @@ def _library() -> str:
     """The text of the functions that kernels are made of."""
     here = Path(__file__).parent
     return "\0".join((here / f"{name}.py").read_text(encoding="utf-8") for name in _LIBRARY)
-
-
-# -- on disk: the digest of the code, and the code ----------------------------------------------------------------
-
-
-def _read(path: Path) -> bytes | None:
-    try:
-        whole = path.read_bytes()
-    except OSError:
-        return None
-    digest, code = whole[:32], whole[32:]
-    return code if hashlib.sha256(code).digest() == digest else None
-
-
-def _write(path: Path, code: bytes) -> None:
-    """Write a file at once and whole; where that is not possible, the next process compiles again."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(handle, "wb") as file:
-            file.write(hashlib.sha256(code).digest() + code)
-        Path(name).replace(path)
-    except OSError:
-        return
 
 
 # -- in memory ----------------------------------------------------------------------------------------------------

@@ -84,12 +84,6 @@ def round_(x: Any) -> Any:
 
 
 @inner
-def position(i: Any, n: Any) -> Any:
-    i = select(i < 0, i + n, i)
-    return select(i < 0, 0, select(i > n - 1, n - 1, i))
-
-
-@inner
 def _quarters(x: Any) -> Any:
     """x as a number of quarter turns, modulo 4, and the rest in [-pi/4, pi/4] (Cody and Waite, three parts).
 

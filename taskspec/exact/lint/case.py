@@ -54,6 +54,6 @@ class Case:
     def is_constant(self) -> bool:
         """Whether every step pays the same, and it makes no difference how many there are."""
         paid, model = self.rewards, self.results.model
-        if model is None or not len(paid) or np.ptp(paid) > SAME:
+        if model is None or not len(paid) or not np.isfinite(paid).all() or np.ptp(paid) > SAME:
             return False
         return all(step.ending is None for step in model.steps) or abs(float(paid[0])) <= SAME

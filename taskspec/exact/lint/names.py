@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from taskspec.diagnostics import Collector
@@ -36,12 +36,39 @@ def unused(task: Task) -> list[tuple[str, str]]:
     wanted = {word for section in ROOTS for word in _words(data.get(section))}
     wanted |= set(_words((data.get("parameters") or {}).get("require")))
     wanted.add(INSTANCE_SEED)
+    followed = _followed(wanted, {word: entries[place] for word, place in defined.items()})
+    return [place for word, place in defined.items() if word not in followed]
+
+
+def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
+    """Every word of a section (or of one of its entries), and of the definitions, constants and noises that it names."""
+    value = task.surface.data.get(section)
+    if name is not None:
+        value = value.get(name) if isinstance(value, dict) else None
+    return followed(task, set(_words(value)))
+
+
+def followed(task: Task, found: set[str]) -> set[str]:
+    """Some words, and every word of the definitions, constants and noises that they name."""
+    data = task.surface.data
+    entries = {
+        str(written).partition("(")[0].strip(): inner
+        for part in NAMED[1:]
+        for written, inner in (data.get(part) or {}).items()
+    }
+    wanted = set(found)
+    _followed(wanted, entries)
+    return wanted
+
+
+def _followed(wanted: set[str], entries: Mapping[str, Any]) -> set[str]:
+    """The entries that some words lead to, through other entries; the words found on the way join `wanted`."""
     followed: set[str] = set()
-    while fresh := (wanted & defined.keys()) - followed:
+    while fresh := (wanted & entries.keys()) - followed:
         for word in fresh:
             followed.add(word)
-            wanted |= set(_words(entries[defined[word]])) - {word}
-    return [place for word, place in defined.items() if word not in followed]
+            wanted |= set(_words(entries[word])) - {word}
+    return followed
 
 
 def _words(value: Any) -> Iterator[str]:

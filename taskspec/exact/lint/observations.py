@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.diagnostics import Collector
+from taskspec.diagnostics import Collector, Span
 from taskspec.exact import solve
 from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.names import mentioned
 from taskspec.exact.model import Model
+from taskspec.exact.space import plain, words
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Apply, Node, draws, reads
+from taskspec.lang.ir import Apply, Const, Node, Role, draws, reads
+from taskspec.spec.task import Component
 
 Array = np.ndarray[Any, Any]
 
@@ -47,7 +50,7 @@ def hidden_goal(case: Case, collector: Collector) -> None:
         return
     if case.results.optimal is None:
         return
-    good = solve.ties(solve.all_action_values(model)[0])[:, first]
+    good = solve.first_choices(model)[:, first]
     _, group = np.unique(seen, axis=0, return_inverse=True)
     group = group.reshape(-1)
     for number in range(int(group.max()) + 1):
@@ -80,3 +83,61 @@ def _first_looks(model: Model, first: Array) -> Array | None:
         (value,) = evaluate([node], given)
         rows.append(np.broadcast_to(value, (*value.shape[:-1], len(first))).reshape(-1, len(first)))
     return np.concatenate(rows).T.astype(np.float64) if rows else np.zeros((len(first), 1))
+
+
+# -- what is seen of the state --------------------------------------------------------------------
+
+
+def constant(case: Case, collector: Collector) -> None:
+    """W516: a part of the observation that is always the same."""
+    for c, node in _shown(case):
+        value = _only_value(node, case.model)
+        if value is not None:
+            collector.add("W516", _place(case, c.name), f"'{c.name}' is {words(plain(c, value))} in every observation")
+
+
+def duplicate(case: Case, collector: Collector) -> None:
+    """W517: two parts of the observation that show the same."""
+    known: dict[int, str] = {}
+    for c, node in _shown(case):
+        bare = _bare(node)
+        if isinstance(bare, Const):
+            continue
+        first = known.setdefault(id(bare), c.name)
+        if first != c.name:
+            collector.add("W517", _place(case, c.name), f"'{c.name}' shows the same as '{first}'")
+
+
+def hidden(case: Case, collector: Collector) -> None:
+    """W518: a component of the state that the reward depends on and the observation says nothing about."""
+    task = case.task
+    if task.observation.is_state or any(d.code == "W509" for d in collector.diagnostics):
+        return
+    told, paid = mentioned(task, "observation"), mentioned(task, "reward")
+    for c in task.state:
+        if c.name in paid and c.name not in told and c.low != c.high:
+            message = f"the reward depends on '{c.name}', of which the observation shows nothing"
+            collector.add("W518", case.key("observation"), message)
+
+
+def _shown(case: Case) -> list[tuple[Component, Node]]:
+    """What the spec itself says is observed."""
+    seen = case.task.observation
+    return [] if seen.is_state else list(zip(seen.components, seen.nodes, strict=True))
+
+
+def _only_value(node: Node, model: Model | None) -> Array | None:
+    """The value of a node that has no other, in states that episodes enter."""
+    if draws([node]) or (Role.TIME, "t") in reads([node]):
+        return None
+    if isinstance(node, Const):
+        return np.asarray(evaluate([node], {})[0][..., 0])
+    if model is None:
+        return None
+    entered = {k: v[..., model.entered] if v.shape[-1] > 1 else v for k, v in model.reads(0).items()}
+    (values,) = evaluate([node], entered)
+    return values[..., 0] if (values == values[..., :1]).all() else None
+
+
+def _place(case: Case, name: str) -> Span:
+    return case.key("observation", name)

@@ -2,19 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 
-from taskspec.diagnostics import Collector, Diagnostic
+from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.exact.lint.actions import expert, inert
 from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.draws import certain
+from taskspec.exact.lint.errata import idle_errata
 from taskspec.exact.lint.names import unused_names
-from taskspec.exact.lint.observations import hidden_goal, leak
+from taskspec.exact.lint.observations import constant, duplicate, hidden, hidden_goal, leak
+from taskspec.exact.lint.reals import whole
 from taskspec.exact.lint.rewards import indifferent, rewards
+from taskspec.exact.lint.slices import past_the_end, uneven
 from taskspec.exact.lint.states import unreachable
+from taskspec.exact.lint.twins import twins
+from taskspec.exact.lint.unread import unread
 from taskspec.exact.returns import Results
+from taskspec.exact.soundness import cases
+from taskspec.spec.build import build
 from taskspec.spec.task import Task
 
 Lint = Callable[[Case, Collector], None]
+
+
+LINTS: tuple[Lint, ...] = (
+    unreachable, rewards, indifferent, inert, unused_names, expert, leak, hidden_goal, constant, duplicate, hidden, unread, twins,
+    idle_errata,
+)  # fmt: skip
+"""What is looked at for the parameters at hand."""
+
+WRITTEN: tuple[Lint, ...] = (certain, whole, past_the_end, uneven)
+"""What the text itself is warned about: given for the parameters at hand, and for all others that are tried."""
 
 
 def sense(task: Task, results: Results | None = None) -> tuple[Diagnostic, ...]:
@@ -23,7 +41,29 @@ def sense(task: Task, results: Results | None = None) -> tuple[Diagnostic, ...]:
     collector = Collector()
     for lint in LINTS:
         lint(case, collector)
+    collector.extend(_of_text(case))
     return collector.diagnostics
 
 
-LINTS: tuple[Lint, ...] = (unreachable, rewards, indifferent, inert, unused_names, expert, leak, hidden_goal)
+def _of_text(case: Case) -> list[Diagnostic]:
+    """Warnings about what is written that do not go away with other parameter values."""
+    found = _run(WRITTEN, case)
+    for other in _others(case.task) if found else ():
+        lasting = {(d.code, d.span) for d in _run(WRITTEN, Case(other, Results(other)))}
+        found = [d for d in found if (d.code, d.span) in lasting]
+    return found
+
+
+def _run(lints: Sequence[Lint], case: Case) -> list[Diagnostic]:
+    collector = Collector()
+    for lint in lints:
+        lint(case, collector)
+    return list(collector.diagnostics)
+
+
+def _others(task: Task) -> Iterator[Task]:
+    for values in cases(task):
+        try:
+            yield build(task.document, task.variant, values, task.suite)
+        except SpecError:
+            continue

@@ -1,4 +1,4 @@
-"""States that do not occur."""
+"""States that do not occur: values in the declared ranges of components that no episode takes."""
 
 from __future__ import annotations
 
@@ -9,42 +9,60 @@ import numpy as np
 
 from taskspec.diagnostics import Collector, SpecError
 from taskspec.exact.extract import extract
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import SMALL, Case
 from taskspec.exact.model import Model
 from taskspec.exact.space import plain, words
-from taskspec.lang.ir import Role
+from taskspec.lang.interval import Interval
+from taskspec.lang.ir import Draw, Role, reads, walk
+from taskspec.lang.types import Kind
 from taskspec.spec.build import build
-from taskspec.spec.task import Component
+from taskspec.spec.reach import reached
+from taskspec.spec.task import Component, Task
 
 Array = np.ndarray[Any, Any]
+SLACK = 1e-6
 
 
 def unreachable(case: Case, collector: Collector) -> None:
-    """W501: values of a component that occur in no episode, however long, of this task or of one that shares its roles."""
-    model = case.model
-    if model is None:
-        return
-    entered = [model.states.decode(m.codes[m.connected]) for m in (model, *_partners(case))]
-    for c in model.task.state:
-        seen = np.concatenate([e[Role.STATE, c.name].reshape(-1, e[Role.STATE, c.name].shape[-1]) for e in entered], 1)
-        missing = _missing(c, seen)
-        if missing:
-            shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
-            message = f"no episode is ever in a state with {c.name} = {shown}"
-            collector.add("W501", case.key("state", c.name), message)
+    """W501: values of a component that occur in no episode, however long, of this task or of one that shares its roles.
+
+    Where there is an exact model all values are looked at, elsewhere what intervals prove about the ends of ranges.
+    """
+    model = case.results.model
+    if model is not None and model.entries <= SMALL:
+        section = ("state",) if model.task is case.task else ("abstraction", "state")
+        entered = [model.states.decode(m.codes[m.connected]) for m in (model, *_partners(case, model))]
+        for c in model.task.state:
+            seen = np.concatenate([e[Role.STATE, c.name].reshape(c.type.size, -1) for e in entered], 1)
+            if c.type.is_scalar or model.task is not case.task:  # on a map, the outer cells are often walls
+                _report(case, (*section, c.name), c, _missing(c, seen), collector)
+    if case.model is None:
+        _beyond(case, collector)
+
+
+def _report(case: Case, path: tuple[str, ...], c: Component, missing: list[str], collector: Collector) -> None:
+    if missing:
+        shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
+        subject = f"{c.name} = {shown}" if c.type.is_scalar else f"an element {shown} in {c.name}"
+        collector.add("W501", case.key(*path), f"no episode is ever in a state with {subject}")
 
 
 def _missing(c: Component, seen: Array) -> list[str]:
-    """Values that a scalar component never takes, in words."""
-    if not c.type.is_scalar or c.counts[0] > 100_000:
+    """Values that a component never takes, in words; of a vector only those at the ends of its range."""
+    low, high = int(min(c.low)), int(max(c.high))
+    if high - low >= 100_000:
         return []
-    every = np.arange(int(c.low[0]), int(c.high[0]) + 1)
+    every = np.arange(low, high + 1)
+    if not c.type.is_scalar:
+        if len(set(c.low)) > 1 or len(set(c.high)) > 1:
+            return []
+        every = every[(every < seen.min()) | (every > seen.max())]
     return [words(plain(c, np.asarray(v))) for v in np.setdiff1d(every, seen.astype(np.int64))[:7]]
 
 
-def _partners(case: Case) -> Iterator[Model]:
+def _partners(case: Case, model: Model) -> Iterator[Model]:
     """The models of the variants in which expert and learner act."""
-    roles = case.task.surface.data.get("roles") or {}
+    roles = case.task.surface.data.get("roles") or {} if model.task is case.task else {}
     for variant in dict.fromkeys(roles.values()):
         if variant in (case.task.name, case.task.variant):
             continue
@@ -52,3 +70,46 @@ def _partners(case: Case) -> Iterator[Model]:
             yield extract(build(case.task.document, str(variant), case.task.values, case.task.suite), reachable=False)
         except SpecError:
             continue
+
+
+# -- by intervals -------------------------------------------------------------------------------------------------
+
+
+def _beyond(case: Case, collector: Collector) -> None:
+    """Ends of ranges that no episode gets to; an end that is not declared counts where the other one is."""
+    task = case.task
+    found = reached(task.state, task.initial, task.next, horizon=None)
+    normal = _normal(task)
+    for c in task.state:
+        if c.name in normal or c.domain is not None or c.type.kind is Kind.BOOL:
+            continue
+        for beyond in _unused_ends(c, found[c.name]):
+            collector.add("W501", case.key("state", c.name), f"no episode is ever in a state with {c.name} {beyond}")
+
+
+def _unused_ends(c: Component, found: Interval) -> Iterator[str]:
+    low, high = min(c.low), max(c.high)
+    if not np.isfinite([low, high]).any():
+        return
+    slack = SLACK * max([1.0, *(abs(v) for v in found if np.isfinite(v))])
+    if found[0] > low + slack:
+        yield f"below {found[0]:g}, and its range {_begins(low)}"
+    if found[1] < high - slack:
+        yield f"above {found[1]:g}, and its range {_ends(high)}"
+
+
+def _begins(low: float) -> str:
+    return f"begins at {low:g}" if np.isfinite(low) else "has no low end"
+
+
+def _ends(high: float) -> str:
+    return f"ends at {high:g}" if np.isfinite(high) else "has no high end"
+
+
+def _normal(task: Task) -> set[str]:
+    """Components that normal draws go into: how far these get is a matter of how they are made."""
+    pairs = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
+    found = {n for n, pair in pairs.items() if any(isinstance(x, Draw) and x.base == "normal" for x in walk(pair))}
+    while more := {n for n, pair in pairs.items() if {name for _, name in reads(pair)} & found} - found:
+        found |= more
+    return found

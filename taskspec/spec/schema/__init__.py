@@ -1,4 +1,4 @@
-"""The shape of a spec, before any expression is read: the only door to pydantic."""
+"""The shape of a spec, before any expression is read: the one package that imports pydantic."""
 
 from __future__ import annotations
 

@@ -34,6 +34,11 @@ from taskspec.spec.schema.values import Problem
 FORMAT = 1
 """The version of the format that is read here."""
 Kind = Literal["int", "real", "bool", "choice"]
+Changeable = Literal[
+    "parameters", "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount",
+    "initial", "dynamics", "reward", "absorbing_reward", "expert",
+]  # fmt: skip
+"""Sections that decide what a task does, as far as a source may be wrong about them."""
 
 
 class Strict(BaseModel):
@@ -87,7 +92,7 @@ def _parameter_rule(kind: str) -> dict[str, Any]:
 
 
 class Parameter(Typed):
-    """A knob of the task."""
+    """A parameter of the task."""
 
     model_config = ConfigDict(json_schema_extra=_rules(_parameter_rule))
 
@@ -164,7 +169,7 @@ class Requirement(Strict):
 
 
 class Parameters(BaseModel):
-    """Named knobs, and conditions across them."""
+    """Parameters, and conditions across them."""
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True)
     __pydantic_extra__: dict[str, Parameter]
@@ -197,6 +202,9 @@ class Erratum(Strict):
     source: str = Field(description="What the source says, and where.")
     here: str = Field(description="What this spec does instead.")
     because: str | None = Field(None, description="Why.")
+    about: list[Changeable] | None = Field(
+        None, description="The section, or sections, in which this spec differs: `[reward, horizon]`."
+    )
 
 
 class Claim(Strict):
@@ -210,7 +218,9 @@ class Claim(Strict):
     )
     under: str | None = Field(None, description="The decision model it is about: `soft(1)`.")
     where: str | None = Field(None, description="Where the source states it.")
-    tolerance: float | None = Field(None, ge=0, strict=False, description="How far apart two equal numbers may be.")
+    tolerance: float | None = Field(
+        None, ge=0, allow_inf_nan=False, description="How far apart two equal numbers may be."
+    )
     episodes: int | None = Field(None, ge=1, description="How many episodes to simulate, when there is no exact model.")
 
 
@@ -273,7 +283,7 @@ class Sections(Strict):
     )
     version: int = Field(0, ge=0, description="Version in the environment's id: `-v0`.")
     parameters: Parameters = Field(
-        default_factory=Parameters, description="Named knobs with defaults, bounds and words."
+        default_factory=Parameters, description="Parameters with defaults, bounds and descriptions."
     )
     constants: dict[Name, Constant] = Field(
         default_factory=dict,

@@ -1,0 +1,248 @@
+"""Numbers known to lie between two rationals, with arithmetic and comparisons that never lose the truth.
+
+An end may be infinite, which says that nothing is known on that side. Comparisons answer True or False where the ends
+decide, and None where they do not.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+
+End = Fraction | float
+"""A rational, or an infinity."""
+EQUAL = Fraction(1, 10**9)
+"""By how much of their size two numbers may differ and still count as equal."""
+MOST_BITS = 20_000
+
+
+class NoNumber(Exception):
+    """An operation that has no value, or one too large to write out: a sentence that says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Enclosure:
+    """A number between `low` and `high`, both included; exact where these are equal."""
+
+    low: End
+    high: End
+
+    @classmethod
+    def exactly(cls, value: Fraction | float) -> Enclosure:
+        """A known number. NoNumber: nan."""
+        if value != value:
+            raise NoNumber("this is not a number")
+        end = value if value in (math.inf, -math.inf) else Fraction(value)
+        return cls(end, end)
+
+    @classmethod
+    def around(cls, value: float, error: float) -> Enclosure:
+        """Everything within a computed error of a float. NoNumber: nan."""
+        if value != value or error != error:
+            raise NoNumber("this is not a number")
+        if not (math.isfinite(value) and math.isfinite(error)):
+            return cls(-math.inf, math.inf)
+        return cls(Fraction(value) - Fraction(error), Fraction(value) + Fraction(error))
+
+    @property
+    def is_exact(self) -> bool:
+        return self.low == self.high
+
+    @property
+    def value(self) -> float:
+        """The float nearest to the middle."""
+        if math.isinf(self.low) or math.isinf(self.high):
+            return float(self.low if self.low == self.high else math.nan)
+        return rounded((self.low + self.high) / 2)
+
+    @property
+    def error(self) -> float:
+        """How far `value` may be from the number, rounded up; 0 where `value` is the number itself."""
+        if math.isinf(self.low) or math.isinf(self.high):
+            return 0.0 if self.low == self.high else math.inf
+        value = self.value
+        if math.isinf(value):
+            return math.inf
+        most = max(Fraction(value) - self.low, self.high - Fraction(value))
+        return math.nextafter(rounded(most), math.inf) if most else 0.0
+
+    def hull(self, other: Enclosure) -> Enclosure:
+        return Enclosure(min(self.low, other.low), max(self.high, other.high))
+
+    def __str__(self) -> str:
+        if self.is_exact or self.error <= 1e-10 * abs(self.value):
+            return digits(self.low if self.is_exact else self.value)
+        return f"between {digits(self.low)} and {digits(self.high)}"
+
+
+def rounded(value: End) -> float:
+    """The nearest float; an infinity beyond the largest."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def digits(value: End, count: int = 10) -> str:
+    """A number in a few significant digits, whole numbers in full."""
+    if isinstance(value, Fraction) and value.denominator == 1 and abs(value) < 10**17:
+        return str(value.numerator)
+    return f"{rounded(value):.{count}g}"
+
+
+# -- arithmetic -----------------------------------------------------------------------------------------------------
+
+
+def _finite(*ends: End) -> list[Fraction]:
+    found = [e for e in ends if isinstance(e, Fraction)]
+    if len(found) < len(ends):
+        raise NoNumber("infinity cannot be computed with")
+    return found
+
+
+def _corners(function: Callable[[Fraction, Fraction], Fraction], a: Enclosure, b: Enclosure) -> Enclosure:
+    """The hull over all corners, which is tight for functions monotone in each argument."""
+    low, high, other_low, other_high = _finite(a.low, a.high, b.low, b.high)
+    found = [function(x, y) for x in {low, high} for y in {other_low, other_high}]
+    return Enclosure(min(found), max(found))
+
+
+def _dividing(a: Enclosure, b: Enclosure) -> None:
+    if b.low <= 0 <= b.high:
+        raise NoNumber("this divides by zero" if b.is_exact else "this may divide by zero")
+
+
+def _quotient(a: Enclosure, b: Enclosure) -> Enclosure:
+    _dividing(a, b)
+    return _corners(lambda x, y: x / y, a, b)
+
+
+def _floored(a: Enclosure, b: Enclosure) -> Enclosure:
+    _dividing(a, b)
+    return _corners(lambda x, y: Fraction(x // y), a, b)
+
+
+def _remainder(a: Enclosure, b: Enclosure) -> Enclosure:
+    whole = _floored(a, b)
+    if whole.is_exact:
+        return arithmetic("-", a, arithmetic("*", b, whole))
+    low, high = _finite(b.low, b.high)
+    return Enclosure(min(Fraction(0), low), max(Fraction(0), high))
+
+
+def _power(a: Enclosure, b: Enclosure) -> Enclosure:
+    exponent, _ = _finite(b.low, b.high)
+    low, high = _finite(a.low, a.high)
+    if not b.is_exact:
+        raise NoNumber("an exponent must be known exactly")
+    if exponent.denominator != 1:
+        return _root(low, high, exponent)
+    n = exponent.numerator
+    if n < 0:
+        return _quotient(Enclosure.exactly(1), _power(a, Enclosure.exactly(-n)))
+    size = max((abs(x.numerator) | x.denominator).bit_length() for x in (low, high))
+    if size * n > MOST_BITS and size > 1:
+        raise NoNumber("this power is too large to write out")
+    ends = sorted((low**n, high**n))
+    return Enclosure(Fraction(0) if n and n % 2 == 0 and low <= 0 <= high else ends[0], ends[1])
+
+
+def _root(low: Fraction, high: Fraction, exponent: Fraction) -> Enclosure:
+    """A power that is no rational, by C's `pow`, which errs by less than 4 units in the last place."""
+    if low < 0 or (low == 0 and exponent < 0):
+        raise NoNumber("this power is not a number")
+    try:
+        found = sorted(math.pow(rounded(x), float(exponent)) for x in (low, high))
+    except OverflowError:
+        raise NoNumber("this power is too large to write out") from None
+    margin = Fraction(1, 2**50) * (1 + abs(exponent))
+    return Enclosure(Fraction(found[0]) * (1 - margin), Fraction(found[1]) * (1 + margin))
+
+
+_OPERATORS: dict[str, Callable[[Enclosure, Enclosure], Enclosure]] = {
+    "+": lambda a, b: _corners(lambda x, y: x + y, a, b),
+    "-": lambda a, b: _corners(lambda x, y: x - y, a, b),
+    "*": lambda a, b: _corners(lambda x, y: x * y, a, b),
+    "/": _quotient,
+    "//": _floored,
+    "%": _remainder,
+    "**": _power,
+}
+
+
+def arithmetic(op: str, a: Enclosure, b: Enclosure) -> Enclosure:
+    """An operation on two numbers.
+
+    Raises:
+        NoNumber: division by zero, a root of a negative number, or more than `MOST_BITS` bits.
+    """
+    found = _OPERATORS[op](a, b)
+    for end in (found.low, found.high):
+        if isinstance(end, Fraction) and max(end.numerator.bit_length(), end.denominator.bit_length()) > 2 * MOST_BITS:
+            raise NoNumber("this number is too large to write out")
+    return found
+
+
+def negative(a: Enclosure) -> Enclosure:
+    return Enclosure(-a.high, -a.low)
+
+
+def absolute(a: Enclosure) -> Enclosure:
+    if a.low >= 0:
+        return a
+    return negative(a) if a.high <= 0 else Enclosure(Fraction(0), max(-a.low, a.high))
+
+
+# -- comparisons ----------------------------------------------------------------------------------------------------
+
+
+def compare(op: str, a: Enclosure, b: Enclosure, tolerance: Fraction | None = None) -> bool | None:
+    """Whether a comparison holds; None where it cannot be told.
+
+    `==` holds of numbers that differ by at most `tolerance`, or by 1e-9 of the larger one's size without one. `<=` allows
+    for `tolerance` as well, where it is given, and `<` for nothing.
+    """
+    match op:
+        case "==":
+            return _equal(a, b, tolerance)
+        case "!=":
+            return _not(_equal(a, b, tolerance))
+        case "<":
+            return _less(a, b)
+        case ">":
+            return _less(b, a)
+        case "<=":
+            return _at_most(a, b, tolerance or Fraction(0))
+        case _:
+            return _at_most(b, a, tolerance or Fraction(0))
+
+
+def _not(truth: bool | None) -> bool | None:
+    return None if truth is None else not truth
+
+
+def _less(a: Enclosure, b: Enclosure) -> bool | None:
+    return True if a.high < b.low else False if a.low >= b.high else None
+
+
+def _at_most(a: Enclosure, b: Enclosure, slack: Fraction) -> bool | None:
+    if a.is_exact and b.is_exact and a.low == b.low:
+        return True
+    if math.isinf(b.low) or math.isinf(b.high):
+        return True if a.high <= b.low else False if a.low > b.high else None
+    return True if a.high <= b.low + slack else False if a.low > b.high + slack else None
+
+
+def _equal(a: Enclosure, b: Enclosure, tolerance: Fraction | None) -> bool | None:
+    ends = (a.low, a.high, b.low, b.high)
+    if any(isinstance(e, float) for e in ends):
+        if a.is_exact and b.is_exact:
+            return a.low == b.low
+        return False if a.high < b.low or b.high < a.low else None
+    farthest = max(a.high - b.low, b.high - a.low)
+    nearest = max(a.low - b.high, b.low - a.high, Fraction(0))
+    least = EQUAL * max(absolute(a).low, absolute(b).low) if tolerance is None else tolerance
+    most = EQUAL * max(absolute(a).high, absolute(b).high) if tolerance is None else tolerance
+    return True if farthest <= least else False if nearest > most else None

@@ -1,0 +1,92 @@
+"""Slices that do not divide a vector as they seem to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from taskspec.diagnostics import Collector
+from taskspec.exact.lint.case import Case
+from taskspec.exact.places import Section
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Const
+from taskspec.lang.scope import Value
+from taskspec.spec.task import Task
+
+SECTIONS = ("initial", "dynamics", "reward", "terminal", "observation", "expert")
+
+
+def past_the_end(case: Case, collector: Collector) -> None:
+    """W514: a slice that asks for more than there is."""
+    for expr, where in expressions(case.task):
+        for node in s.below(expr):
+            if isinstance(node, s.Subscript):
+                _check_ends(node, where, collector)
+
+
+def _check_ends(node: s.Subscript, where: Section, collector: Collector) -> None:
+    length = _length(node, where)
+    for end in (node.indices[0].start, node.indices[0].stop) if isinstance(node.indices[0], s.Slice) else ():
+        at = None if end is None else _constant(end, where)
+        if end is not None and at is not None and length is not None and not -length <= at <= length:
+            message = f"this slice goes to {at}, but the vector has {length} elements"
+            collector.add("W514", end.place, message)
+
+
+def uneven(case: Case, collector: Collector) -> None:
+    """W515: a first and a last part of one vector that overlap, or that leave something out between them.
+
+    `v[1:]` beside `v[:-1]` sets neighbours side by side, and `concat(v[:i], v[j:])` cuts a piece out: both are meant so.
+    """
+    for expr, where in expressions(case.task):
+        joined = {id(arg) for call in s.below(expr) if _is_concat(call) for arg in call.args}
+        found = [node for node in s.below(expr) if isinstance(node, s.Subscript) and id(node) not in joined]
+        _check_halves(found, where, collector)
+
+
+def _is_concat(node: object) -> bool:
+    return isinstance(node, s.Call) and node.function == "concat"
+
+
+def _check_halves(found: list[s.Subscript], where: Section, collector: Collector) -> None:
+    heads = {id(v.node): (i, node) for v, i, node in _parts(found, where, head=True)}
+    for vector, start, node in _parts(found, where, head=False):
+        stop, _ = heads.get(id(vector.node), (start, node))
+        length = vector.node.type.shape[0]
+        if stop != start and stop + start != length:
+            what = f"both hold elements {start} to {stop - 1}" if stop > start else f"leave out {stop} to {start - 1}"
+            message = f"the parts before {stop} and from {start} of this vector {what}"
+            collector.add("W515", node.place, message, "use the same index for both")
+
+
+def _parts(found: list[s.Subscript], where: Section, head: bool) -> Iterator[tuple[Value, int, s.Subscript]]:
+    """First parts `v[:i]`, or last parts `v[i:]`: the vector, `i` counted from its beginning, the slice."""
+    for node in found:
+        cut = node.indices[0]
+        if not isinstance(cut, s.Slice) or cut.step is not None or len(node.indices) > 1:
+            continue
+        end, other = (cut.stop, cut.start) if head else (cut.start, cut.stop)
+        vector, at = where.value(node.value), None if end is None else _constant(end, where)
+        if other is None and vector is not None and at is not None and vector.node.type.shape:
+            yield vector, at + vector.node.type.shape[0] * (at < 0), node
+
+
+def _length(node: s.Subscript, where: Section) -> int | None:
+    value = where.value(node.value)
+    return value.node.type.shape[0] if value is not None and value.node.type.shape else None
+
+
+def _constant(expr: s.Expr, where: Section) -> int | None:
+    node = where.number(expr)
+    return int(node.value) if isinstance(node, Const) and node.type.is_scalar else None
+
+
+def expressions(task: Task) -> Iterator[tuple[s.Expr, Section]]:
+    """Every expression of the sections that act, and of the definitions, with a section whose names it can use."""
+    for section in SECTIONS:
+        found = task.surface.sections.get(section)
+        for expr in found.values() if isinstance(found, dict) else [found]:
+            if isinstance(expr, s.Expr):
+                yield expr, Section(task, section)
+    for expr in (task.surface.sections.get("definitions") or {}).values():
+        if expr is not None:
+            yield expr, Section(task, "reward")

@@ -1,0 +1,35 @@
+r"""Text for people: what a screen would obey, hide or turn around is shown as an escape instead, as `\x1b` or `\u202e`.
+
+Labels, file names and prose come from whoever wrote a spec. A terminal acts on control characters, and those of the bidirectional
+algorithm make a line read as something that it does not say (Boucher and Anderson, "Trojan Source", 2023).
+"""
+
+from __future__ import annotations
+
+import json
+import unicodedata
+from typing import Any
+
+_HIDDEN = frozenset({"Cc", "Cf", "Cn", "Cs", "Zl", "Zp"})
+"""Unicode: control, format, unassigned, lone surrogates (of file names that are no UTF-8), line and paragraph separators."""
+ON_PAGES = "\n\t\u200b\u200c\u200d"
+"""Kept on pages: line breaks, tabs, places to break a line, and what Persian, Hindi and families of emoji are spelt with."""
+
+
+def visible(text: str, keep: str = "\n") -> str:
+    """A text that shows all that it holds; characters in `keep` stay as they are."""
+    if text.isprintable():
+        return text
+    return "".join(c if c in keep or not _is_hidden(c) else c.encode("unicode_escape").decode() for c in text)
+
+
+def visible_json(data: Any) -> str:
+    """JSON that shows all that it holds, and means the same."""
+    text = json.dumps(data, indent=2, ensure_ascii=False, default=str)
+    if text.replace("\n", "").isprintable():
+        return text
+    return "".join(json.dumps(c)[1:-1] if c != "\n" and _is_hidden(c) else c for c in text)
+
+
+def _is_hidden(char: str) -> bool:
+    return not char.isprintable() and unicodedata.category(char) in _HIDDEN
