@@ -199,12 +199,17 @@ def _union(args: Args, node: Apply) -> Interval:
 
 
 def _extreme(pick: Callable[[float, float], float]) -> Callable[[Args, Apply], Interval]:
-    """Of two ints, or of two reals one of which may be nan and then gives way to the other."""
+    """Of two ints, or of two reals one of which may be nan and then gives way to the other.
+
+    It counts as such unless it is a constant, also where it is known to be a number: how many words a draw of Poisson takes
+    follows from the bound of its rate, and `docs/seeding.md` states this rule.
+    """
 
     def rule(args: Args, node: Apply) -> Interval:
         a, b = args
         found = [(pick(a.low, b.low), pick(a.high, b.high))]
-        found += [other[:2] for own, other in ((a, b), (b, a)) if not own.finite]
+        if node.type.kind is Kind.REAL:
+            found += [other[:2] for i, other in ((0, b), (1, a)) if not isinstance(node.args[i], Const)]
         return min(low for low, _ in found), max(high for _, high in found)
 
     return rule
