@@ -27,8 +27,6 @@ from taskspec.exact.transitions import Steps, acted
 from taskspec.lang.ir import Node, draws
 
 Array = np.ndarray[Any, Any]
-LARGE = 500_000
-"""Entries from which compiled sweeps pay."""
 UNKNOWN = 2
 FLOOR = 1e-300
 """More than what products that are too small for a float can lose."""

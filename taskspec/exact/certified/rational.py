@@ -125,6 +125,8 @@ class Rational:
         size = model.n_states * model.n_actions * steps.branching
         if model.horizon is None or size * len(model.steps) > MOST_OUTCOMES:
             raise Inexact
+        if model.entries / len(model.steps) * model.horizon > MOST_WORK:
+            raise Inexact
         self.start = self._first(steps)
         found = [self._step(steps, t) for t in range(len(model.steps))]
         work = max(len(s.columns) for s in found) * model.horizon

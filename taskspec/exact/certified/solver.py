@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from taskspec.exact.certified.bounded import LARGE, Bounded
+from taskspec.exact.certified.bounded import Bounded
 from taskspec.exact.certified.enclosure import Enclosure
 from taskspec.exact.certified.rational import Rational
 from taskspec.exact.certified.readings import Inexact, Reader
@@ -15,6 +16,8 @@ from taskspec.exact.failure import is_installed
 from taskspec.exact.model import Model
 
 Array = np.ndarray[Any, Any]
+LARGE, LONG = 500_000, 100_000_000
+"""Entries, and entries times steps, from which compiled sweeps pay."""
 
 
 class Numbers(Protocol):
@@ -83,6 +86,10 @@ class Finite:
         return self._numbers
 
     def best(self) -> Enclosure:
+        return self._best
+
+    @cached_property
+    def _best(self) -> Enclosure:
         return self._numbers.at_start(extreme(self._numbers, True))
 
     def worst(self) -> Enclosure:
@@ -115,7 +122,7 @@ class Finite:
 
 def extreme(numbers: Numbers, largest: bool) -> Any:
     """The best (or worst) values (S,) at the first time."""
-    if isinstance(numbers, Bounded) and numbers.model.entries >= LARGE and is_installed("numba"):
+    if isinstance(numbers, Bounded) and _is_long(numbers) and is_installed("numba"):
         from taskspec.exact.kernels_numba import extreme_values
 
         return extreme_values(numbers, largest)
@@ -124,6 +131,12 @@ def extreme(numbers: Numbers, largest: bool) -> Any:
         q = numbers.backup(t, value)
         value = numbers.top(q) if largest else numbers.bottom(q)
     return value
+
+
+def _is_long(numbers: Bounded) -> bool:
+    """Whether compiled sweeps pay for their compilation."""
+    entries = numbers.model.entries
+    return entries >= LARGE or entries * numbers.horizon >= LONG
 
 
 class Solvers:
