@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 from taskspec.exact import Results as Analysis
-from taskspec.exact import Return, verdicts
+from taskspec.exact import Return, verdicts, wrong_examples
 from taskspec.exact import Verdict as Decision
 from taskspec.spec.task import Task
 
@@ -40,6 +40,7 @@ class Facts:
     scores: Mapping[str, Score] = field(default_factory=dict)
     verdicts: Sequence[Verdict] = ()
     states: int | None = None
+    wrong_examples: frozenset[int] = frozenset()  # by number
 
 
 def gather(task: Task) -> Facts:
@@ -52,7 +53,8 @@ def gather(task: Task) -> Facts:
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
     shown = {f"{name} return": _score(value) for name, value in returns.items() if value is not None}
     states = None if found.model is None else int(found.model.entered.sum())
-    return Facts(shown, tuple(_by_claim(task, verdicts(task, found))), states)
+    wrong = frozenset(i for i, _ in wrong_examples(task))
+    return Facts(shown, tuple(_by_claim(task, verdicts(task, found))), states, wrong)
 
 
 def _score(found: Return) -> Score:

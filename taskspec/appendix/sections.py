@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from taskspec.appendix import claims, lines
+from taskspec.appendix import claims, examples, lines
+from taskspec.appendix.examples import Table
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import Cite, Formula, Inline, Inlines, Mark, Text, inlines
 from taskspec.appendix.writing import Writing
@@ -26,13 +27,14 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A heading and its lines; with `lead` the first line follows the heading, the others are below it."""
+    """A heading and its lines, or a table; with `lead` the first line follows the heading, the others are below it."""
 
     key: str
     title: str
     lines: tuple[Line, ...]
     lead: bool = True
     run_on: bool = False  # short lines, which may follow each other with semicolons
+    table: Table | None = None
 
 
 Maker = Callable[[Writing], Iterator[Inlines]]
@@ -59,10 +61,11 @@ def all_sections(w: Writing, facts: Facts) -> list[Section]:
     found += [
         Section("scores", _scores_title(facts), tuple(_scores(facts)), False, run_on=True),
         Section("claims", "Claims", tuple(_claims(w, facts)), False),
+        Section("examples", "Examples", (), False, table=examples.table(w, facts.wrong_examples)),
         Section("errata", "Where the source is repaired", tuple(_errata(w)), False),
         Section("sources", "Sources", tuple(_sources(w)), False),
     ]
-    return [_single(s) for s in found if s.lines]
+    return [_single(s) for s in found if s.lines or s.table]
 
 
 def _single(section: Section) -> Section:

@@ -91,14 +91,17 @@ def table_of(reports: Sequence[Report]) -> Table:
     from taskspec.cli.terminal import Text
 
     built = any(each.task is not None for report in reports for each in report.tasks)
-    table = columns("", "", *(("sound by", "ranges", "claims") if built else ("", "", "")), fold=(1,))
+    shown = any(each.finding.examples for report in reports for each in report.tasks)
+    headers = ["sound by", "ranges", "claims", *(["examples"] if shown else [])]
+    table = columns("", "", *(headers if built else ("", "", "")), fold=(1,))
     for report in reports:
         table.add_row(mark(report.diagnostics), Text(report.path, style="title"))
         for each in report.tasks:
             found = each.finding
             ranges = f"{found.cases} tried" if found.cases else ""
             name = Text(f"  {each.title}", style="name")
-            table.add_row(mark(each.diagnostics), name, found.how, ranges, found.claims_words)
+            row = [found.how, ranges, found.claims_words, *([found.examples_words] if shown else [])]
+            table.add_row(mark(each.diagnostics), name, *row)
     return table
 
 
@@ -177,7 +180,8 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
         "id": each.title if each.task else None,
         "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
         "method": each.finding.method, "other_parameter_values": each.finding.cases,
-        "claims_proved": each.finding.proved, "claims_tested": each.finding.tested, "skipped": each.finding.skipped,
+        "claims_proved": each.finding.proved, "claims_tested": each.finding.tested,
+        "examples": each.finding.examples, "examples_wrong": each.finding.wrong_examples, "skipped": each.finding.skipped,
         "seconds": round(each.seconds, 6),
     }  # fmt: skip
 

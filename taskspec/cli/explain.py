@@ -18,7 +18,7 @@ CLASSES = {
     "E3": "expressions",
     "E4": "soundness",
     "W5": "sense",
-    "E6": "claims",
+    "E6": "claims and examples",
     "E7": "using tasks",
 }
 

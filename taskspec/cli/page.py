@@ -17,8 +17,9 @@ from taskspec.cli.equations import body, colored
 from taskspec.cli.records import domain_words, show_value, space_words
 from taskspec.cli.targets import near
 from taskspec.cli.terminal import Text
+from taskspec.printers import text as written
 from taskspec.spec.spaces import action_layout, observation_layout
-from taskspec.spec.task import Component, Parameter, Soft, Task
+from taskspec.spec.task import Component, Followed, Parameter, Soft, Task
 from taskspec.visible import visible
 
 _MATH = re.compile(r"\$([^$\n]+)\$")
@@ -44,6 +45,7 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
     yield from _section("Observation", _observation(task), space_words(observation_layout(task)))
     yield from _section("Equations", _equations(task))
     yield from _section("Claims", _claims(task))
+    yield from _section("Examples", _examples(task))
     yield from _section("Errata", _errata(data.get("errata") or ()))
     yield from _section("Sources", _sources(data.get("sources") or ()))
     yield Text()
@@ -213,6 +215,28 @@ def _claims(task: Task) -> RenderableType | None:
         cases = "; ".join(", ".join(f"{k}={show_value(v)}" for k, v in case.items()) for case in claim.cases)
         lines.append(Text.assemble(colored(visible(claim.text)), (f"  for {cases}" if cases else "", "quiet")))
     return Group(*lines)
+
+
+def _examples(task: Task) -> RenderableType | None:
+    """A line for each: what is given, an arrow, what follows."""
+    lines = []
+    for example in task.examples:
+        given = [f"{name} = {written(expr)}" for (_, name), expr in example.given.items()]
+        given += [f"t = {example.t}"] if example.t else []
+        follows = [_followed(f) for f in example.follows]
+        follows += [] if example.probability is None else [f"with probability {written(example.probability)}"]
+        cases = "; ".join(", ".join(f"{k}={show_value(v)}" for k, v in case.items()) for case in example.cases)
+        text = f"{', '.join(given)} → {', '.join(follows)}".removeprefix(" → ")
+        lines.append(Text.assemble(colored(visible(text)), (f"  for {cases}" if cases else "", "quiet")))
+    return Group(*lines) if lines else None
+
+
+def _followed(found: Followed) -> str:
+    """One thing that follows: `s' = goal`, `reward 1`, `observed x = 0`."""
+    if found.name is None:
+        return f"{found.section} {written(found.expr)}"
+    word = {"observation": "observed ", "expert": "expert "}.get(found.section, "")
+    return f"{word}{found.name}{chr(39) * (found.section == 'next')} = {written(found.expr)}"
 
 
 def _errata(errata: Sequence[Mapping[str, Any]]) -> RenderableType | None:

@@ -31,6 +31,8 @@ class Finding:
     tested: int = 0
     skipped: str | None = None
     accepted: tuple[Accepted, ...] = ()
+    examples: int = 0
+    wrong_examples: int = 0
 
     @property
     def claims_words(self) -> str:
@@ -40,6 +42,11 @@ class Finding:
         if self.proved and self.tested:
             return f"{self.claims} ({self.tested} tested)"
         return f"{self.proved} proved" if self.proved else f"{self.tested} tested" if self.tested else ""
+
+    @property
+    def examples_words(self) -> str:
+        """How many examples hold, or how many do not."""
+        return f"{self.wrong_examples} wrong" if self.wrong_examples else f"{self.examples}" if self.examples else ""
 
 
 def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
@@ -57,6 +64,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
         statuses.count("proved"), statuses.count("tested"), report.skipped, report.accepted,
+        len(task.examples) if sense and defaults else 0, len(report.wrong_examples),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""E6xx: claims that a spec makes about its own task."""
+"""E6xx: claims that a spec makes about its own task, and its examples."""
 
 from __future__ import annotations
 
@@ -54,6 +54,47 @@ claims: [optimal_return == 1]      # right
         """
 The task has no exact model, so the claim was tested on simulated episodes, and they contradict it
 at the stated confidence. The message gives the estimate and its interval.
+""",
+    ),
+    Code(
+        "E611",
+        "example-false",
+        "an example that does not hold",
+        """
+What an example says does not follow from the equations of the task. The message gives what does. One of the two is wrong; both
+were written by hand, so look at both.
+
+```yaml
+dynamics: {s': s + a}
+examples:
+  - {state: {s: 1}, action: {a: 2}, next: {s: 2}}    # wrong: the message says that it is 3
+```
+""",
+    ),
+    Code(
+        "E612",
+        "example-not-decidable",
+        "an example that cannot be decided",
+        """
+What follows is drawn from a distribution without end (`Normal`, `Uniform` between two reals), or one with too many outcomes.
+Such a distribution is compared as it is written: write it in the example as it stands in the spec, or ask for something that
+does not depend on it. An expert is looked at where it is given by expressions.
+""",
+    ),
+    Code(
+        "E613",
+        "bad-example",
+        "an example that does not say enough, or something impossible",
+        """
+The state or the action of an example lies outside its range, or leaves out a component on which what follows depends; or the
+example is about a step that no episode takes.
+
+```yaml
+dynamics: {s': s + a}
+examples:
+  - {state: {s: 1}, next: {s: 2}}                    # wrong: what is `a`?
+  - {state: {s: 1}, action: {a: 1}, next: {s: 2}}    # right
+```
 """,
     ),
 )

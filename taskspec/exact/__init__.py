@@ -5,6 +5,7 @@ from __future__ import annotations
 from taskspec.exact.accept import Accepted as Accepted
 from taskspec.exact.claims import Verdict as Verdict
 from taskspec.exact.claims import verdicts as verdicts
+from taskspec.exact.examples import wrong_examples as wrong_examples
 from taskspec.exact.extract import extract as extract
 from taskspec.exact.lint import sense as sense
 from taskspec.exact.model import Model as Model

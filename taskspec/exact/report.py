@@ -14,6 +14,7 @@ from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
 from taskspec.exact.abstraction import unfaithful
 from taskspec.exact.accept import Accepted, idle, set_aside
 from taskspec.exact.claims import Verdict, verdicts
+from taskspec.exact.examples import wrong_examples
 from taskspec.exact.failure import is_installed, misused
 from taskspec.exact.lint import sense
 from taskspec.exact.points import Method
@@ -46,6 +47,7 @@ class Report:
     skipped: str | None = None
     results: Results | None = field(default=None, repr=False)
     accepted: tuple[Accepted, ...] = ()
+    wrong_examples: frozenset[int] = frozenset()  # by number
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -61,7 +63,7 @@ _SENSELESS = {"E404", "E406"}
 
 
 def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: bool = True) -> Report:
-    """Check a task: soundness always; other parameter values, sense and claims unless told otherwise.
+    """Check a task: soundness always; other parameter values, sense, claims and examples unless told otherwise.
 
     Never raises for a wrong task: everything found is in the report.
     """
@@ -72,9 +74,12 @@ def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: b
         others = check_ranges(task)
         found += others.diagnostics
         cases = others.cases
+    followed = list(wrong_examples(task)) if claims else []
+    found += [diagnostic for _, diagnostic in followed]
+    wrong = frozenset(i for i, _ in followed)
     if not is_installed("scipy"):
         skipped = 'sense and claims need scipy: pip install "taskspec[exact]"' if with_sense or claims else None
-        return Report(task, in_order(found), sound.method, cases, skipped=skipped)
+        return Report(task, in_order(found), sound.method, cases, skipped=skipped, wrong_examples=wrong)
     results = Results(task) if task.claims else Results(task, limit=MODERATE)
     said: tuple[Verdict, ...] = ()
     if with_sense and not _SENSELESS & {d.code for d in sound.diagnostics}:
@@ -85,7 +90,9 @@ def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: b
     left, accepted = set_aside(task, found)
     if with_sense and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
         left += idle(task, accepted)
-    return Report(task, in_order(left), sound.method, cases, said, results=results, accepted=tuple(accepted))
+    return Report(
+        task, in_order(left), sound.method, cases, said, results=results, accepted=tuple(accepted), wrong_examples=wrong,
+    )  # fmt: skip
 
 
 def at_defaults(task: Task) -> bool:

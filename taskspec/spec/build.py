@@ -18,6 +18,7 @@ from taskspec.lang.uncalled import check_uncalled
 from taskspec.source import Document, Path, read_text
 from taskspec.spec.context import Context
 from taskspec.spec.declare import INSTANCE_SEED
+from taskspec.spec.examples import read_examples
 from taskspec.spec.figure import figure
 from taskspec.spec.forms import is_word
 from taskspec.spec.invariants import check_on_request
@@ -133,7 +134,7 @@ class _Build:
         self._check_unused()
         mapped = sections.abstraction()
         drawn = figure(context, scope("figure"))
-        claims = tuple(sections.claims())
+        claims, examples = tuple(sections.claims()), tuple(read_examples(context))
         scope("claims")
         self.collector.raise_if_errors()
         assert reward is not None and terminal is not None and absorbing is not None
@@ -148,8 +149,8 @@ class _Build:
             horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
             raw_initial=tuple(sections.raw_initial[c.name] for c in context.state),
             raw_next=tuple(self.names.raw_next[c.name] for c in context.state),
-            terminal=terminal, expert=expert, claims=claims, absorbing_reward=absorbing, builder=context.builder,
-            reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
+            terminal=terminal, expert=expert, claims=claims, examples=examples, absorbing_reward=absorbing,
+            builder=context.builder, reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
             surface=Surface(context.exprs, self.data, context.named_scopes), document=self.merged.document,
             content_hash=self._hash(), figure=drawn,
         )  # fmt: skip

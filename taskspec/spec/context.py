@@ -11,7 +11,8 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker, Poisoned
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Binding, Lazy, Scope, Value
-from taskspec.lang.types import Domain, Kind, Refused
+from taskspec.lang.types import Domain, Refused
+from taskspec.spec.assign import assign
 from taskspec.spec.declare import Declarations
 from taskspec.spec.forms import Forms
 from taskspec.spec.merge import Merged
@@ -95,52 +96,4 @@ class Context:
 
     def assign(self, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
         """An expression as a value of a component; None when it is broken (and reported)."""
-        value = self.checker.check(expr, scope, component.domain)
-        if value is None:
-            return None
-        try:
-            return self._fit(value, expr, component)
-        except Poisoned:
-            return None
-        except Refused as refused:
-            self._blame(refused, expr, scope, component)
-            return None
-
-    def _blame(self, refused: Refused, expr: s.Expr, scope: Scope, component: Component) -> None:
-        """Report a value that does not fit: at the alternatives that do not, where it is one of several."""
-        blamed = False
-        for part in s.alternatives(expr):
-            try:
-                self._fit(self.checker.value(part, scope, component.domain), part, component)
-            except Poisoned:
-                blamed = True
-            except Refused as own:
-                self.collector.add(own.code, part.place, own.message, own.hint)
-                blamed = True
-        if not blamed:
-            self.collector.add(refused.code, expr.place, refused.message, refused.hint)
-
-    def _fit(self, value: Value, expr: s.Expr, c: Component) -> Node:
-        """The value as one of a component; Refused when it cannot be."""
-        if c.domain is not None and value.domain != c.domain:
-            labels = ", ".join(c.domain.labels[:6]) + ", ..." * (len(c.domain.labels) > 6)
-            raise Refused(f"'{c.name}' is a choice between {labels}; this is {_what(value)}")
-        node = value.node if c.domain is not None else self.checker.number_of(value, expr)
-        if node.type.kind > c.type.kind:
-            message = f"'{c.name}' is {_NAMED[c.type.kind]}, but this is {_NAMED[node.type.kind]}"
-            raise Refused(message, "E306", _TO_KIND[c.type.kind])
-        node = self.builder.stretch(self.builder.cast(node, c.type.kind), c.type.shape)
-        if node.type.shape != c.type.shape:
-            message = f"'{c.name}' has shape {list(c.type.shape)}, but this has {list(node.type.shape)}"
-            raise Refused(message, "E307")
-        return node
-
-
-_NAMED = {Kind.BOOL: "a bool", Kind.INT: "an int", Kind.REAL: "a real"}
-_TO_KIND = {Kind.INT: "`floor(x)` and `round(x)` give ints", Kind.BOOL: "compare it, e.g. `x > 0`"}
-
-
-def _what(value: Value) -> str:
-    if value.domain is not None:
-        return "a choice between other labels"
-    return "a vector" if value.node.type.shape else _NAMED[value.node.type.kind]
+        return assign(self.checker, expr, scope, component)

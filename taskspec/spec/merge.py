@@ -22,7 +22,7 @@ FIELDED = ("parameters", "state", "action")
 
 _OF_ANY_TYPE = ("default", "shape", "symbol", "doc")
 _DROPPED = ("variants", "base")
-_NOT_ABSTRACT = ("abstraction", "observation", "claims", "figure")
+_NOT_ABSTRACT = ("abstraction", "observation", "claims", "examples", "accept", "figure")
 
 
 @dataclass(frozen=True)

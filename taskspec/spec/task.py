@@ -88,6 +88,37 @@ class Claim:
 
 
 @dataclass(frozen=True)
+class Followed:
+    """What an example says of one thing that follows: of which section, of which of its entries, and what."""
+
+    section: str
+    name: str | None
+    expr: s.Expr
+
+
+@dataclass(frozen=True)
+class Example:
+    """A worked example in surface syntax: what is given, what follows, and the parameter values that it is about."""
+
+    place: s.Place
+    given: Mapping[tuple[Role, str], s.Expr]
+    follows: tuple[Followed, ...]
+    t: int = 0
+    probability: s.Expr | None = None
+    cases: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def acts(self) -> bool:
+        """Whether it takes a step."""
+        return any(role is Role.ACTION for role, _ in self.given)
+
+    @property
+    def starts(self) -> bool:
+        """Whether it is about the first state."""
+        return any(f.section == "initial" for f in self.follows)
+
+
+@dataclass(frozen=True)
 class Parameter:
     """A parameter: its bound value, and how it was declared."""
 
@@ -158,6 +189,7 @@ class Task:
     terminal: Node
     expert: tuple[Node, ...] | Literal["optimal"] | Soft | None
     claims: tuple[Claim, ...]
+    examples: tuple[Example, ...]
     absorbing_reward: Node
     builder: Builder
     reset_draws: tuple[Draw, ...]

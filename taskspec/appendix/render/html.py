@@ -107,7 +107,9 @@ class Writer:
     def section(self, section: Section, page: Page) -> dict[str, Any]:
         lines = [self.line(line, page) for line in section.lines]
         lead, rest = (lines[0], lines[1:]) if section.lead else (None, lines)
-        return {"key": section.key, "title": section.title, "lead": lead, "lines": rest}
+        rows = [[self.prose(cell) for cell in row] for row in section.table.rows] if section.table else []
+        header = section.table.header if section.table else ()
+        return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
 
     def line(self, line: Line, page: Page) -> Markup:
         out = self.prose(line.content)

@@ -78,7 +78,21 @@ class Writer:
         if section.run_on:
             lines = ["; ".join(lines)]
         lead, rest = (lines[0], lines[1:]) if section.lead or section.run_on else ("", lines)
-        return {"title": escape(section.title), "lead": lead, "lines": rest}
+        return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}
+
+    def table(self, section: Section) -> str:
+        """A tabular, as wide as the line at the most."""
+        found = section.table
+        if found is None:
+            return ""
+        rows = [" & ".join(map(self.cell, row)) for row in found.rows]
+        head = " & ".join(rf"\taskspechead{{{escape(title)}}}" for title in found.header)
+        body = r" \\ ".join([head, *rows])
+        return rf"\taskspectable{{{'l' * len(found.header)}}}{{{body}}}"
+
+    def cell(self, content: Inlines) -> str:
+        """Prose in a line of its own, in which formulas are not broken."""
+        return "".join(f"${latex(p.math)}$" if isinstance(p, Formula) else self.inline(p, True) for p in content)
 
     def line(self, line: Line, page: Page, wide: bool) -> str:
         text = self.prose(line.content, wide)

@@ -71,7 +71,20 @@ class Writer:
         if section.run_on:
             lines = ["; ".join(lines)]
         lead, rest = (lines[0], lines[1:]) if section.lead or section.run_on else ("", lines)
-        return {"title": escape(section.title), "lead": lead, "lines": rest}
+        return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}
+
+    def table(self, section: Section) -> list[list[str]]:
+        """Rows of cells, the heading first."""
+        found = section.table
+        if found is None:
+            return []
+        rows = [[self.cell(cell) for cell in row] for row in found.rows]
+        return [[escape(title) for title in found.header], *rows]
+
+    def cell(self, content: Inlines) -> str:
+        """Prose without the bars that would end a cell."""
+        spelled = {Formula: r"\vert ", Code: r"\|"}
+        return "".join(self.inline(p).replace("|", spelled.get(type(p), "|")) for p in content)
 
     def line(self, line: Line, page: Page) -> str:
         text = self.prose(line.content)

@@ -224,6 +224,50 @@ class Claim(Strict):
     episodes: int | None = Field(None, ge=1, description="How many episodes to simulate, when there is no exact model.")
 
 
+class Example(Strict):
+    """A worked example: a state, an action, and what follows."""
+
+    doc: str | None = Field(None, description="What it shows, in a few words.")
+    for_: list[dict[str, Any]] | None = Field(
+        None, alias="for", description="Parameter values that it is about: `[{L: 2}]`. Without it: defaults."
+    )
+    state: dict[Name, Expression] | None = Field(None, description="The state, as far as what follows depends on it.")
+    action: dict[Name, Expression] | None = Field(None, description="The action, as far as what follows depends on it.")
+    t: int | None = Field(None, ge=0, description="How many steps were taken before; 0 unless given.")
+    initial: dict[Name, Expression] | None = Field(
+        None, description="The first state, or some of it; state and action are left out then."
+    )
+    next: dict[Name, Expression] | None = Field(None, description="The next state, or some of it.")
+    reward: Expression | None = Field(None, description="What the step pays.")
+    terminal: Expression | None = Field(None, description="Whether the step ends the episode.")
+    truncated: bool | None = Field(None, description="Whether the horizon is reached with it.")
+    observation: dict[Name, Expression] | None = Field(
+        None, description="What the agent then sees: of the next state where there is an action, else of the state."
+    )
+    expert: dict[Name, Expression] | None = Field(None, description="What the expert does in the state.")
+    probability: Expression | None = Field(
+        None, description="How likely all this together is. Without it: certain, or as the distributions say."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Example:
+        fail(list(_example_problems(self)))
+        return self
+
+
+FOLLOWS = ("initial", "next", "reward", "terminal", "truncated", "observation", "expert")
+"""Keys of an example that say what follows."""
+
+
+def _example_problems(entry: Example) -> Iterator[Problem]:
+    if not any(getattr(entry, key) is not None for key in FOLLOWS):
+        yield Problem("E203", (), "this example does not say what follows", f"one of {', '.join(FOLLOWS)}")
+    at_start = ("initial", "observation", "probability", "for_", "doc")
+    for key in type(entry).model_fields if entry.initial is not None else ():
+        if key not in at_start and getattr(entry, key) is not None:
+            yield Problem("E214", (key,), f"an example of the first state has no `{key}`", None, of_key=True)
+
+
 class Roles(Strict):
     """The variants in which the expert demonstrates and the learner acts."""
 
@@ -325,6 +369,9 @@ class Sections(Strict):
     roles: Roles | None = Field(None, description="Which variants expert and learner act in.")
     claims: list[Annotated[Claim, Shorthand("claim")]] = Field(
         default_factory=list, description="Statements about exact results that must hold."
+    )
+    examples: list[Example] = Field(
+        default_factory=list, description="Worked examples: a state, an action, what follows."
     )
     accept: dict[Warned, Reason] = Field(
         default_factory=dict, description="Warnings that are meant to be, by code, each with the reason."

@@ -1,0 +1,99 @@
+"""Worked examples as a table: a row for each, a column for everything that some of them say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from taskspec.appendix.prose import Formula, Inlines, Mark, Text, inlines
+from taskspec.appendix.writing import Writing
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Role
+from taskspec.printers import tree as m
+from taskspec.spec.task import Example, Followed
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A heading for each column, and rows of cells."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[Inlines, ...], ...]
+
+
+def table(w: Writing, wrong: frozenset[int] = frozenset()) -> Table | None:
+    """The examples of a task without columns that stay empty; None where there are none."""
+    data = w.data.get("examples") or ()
+    columns = [(title, tuple(make(w, e) for e in w.task.examples)) for title, make in _COLUMNS if w.task.examples]
+    columns.insert(0, ("", tuple(inlines(entry.get("doc")) for entry in data)))
+    columns.append(("", tuple(_mark(i in wrong) for i in range(len(data)))))
+    kept = [(title, cells) for title, cells in columns if any(cells)]
+    return Table(tuple(t for t, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True))) if kept else None
+
+
+def _mark(wrong: bool) -> Inlines:
+    return (Mark(False, "does not hold"),) if wrong else ()
+
+
+def _cases(w: Writing, example: Example) -> Inlines:
+    shown = "; ".join(", ".join(f"{k} = {v}" for k, v in case.items()) for case in example.cases)
+    return (Text(shown),) if shown else ()
+
+
+def _given(role: Role) -> Callable[[Writing, Example], Inlines]:
+    def cell(w: Writing, example: Example) -> Inlines:
+        found = [(name, expr) for (of, name), expr in example.given.items() if of is role]
+        time = [m.Row((m.Ident("t"), m.Sym("="), m.Num(str(example.t))))] if example.t and role is Role.STATE else []
+        return _joined([*(w.equation(w.symbol(name), expr, name) for name, expr in found), *time])
+
+    return cell
+
+
+def _what_follows(w: Writing, example: Example) -> Inlines:
+    """Everything that follows, as one list."""
+    parts = [part for part in (_of(w, f) for f in example.follows if f.section not in _ENDS) if part]
+    parts += [_ends(w, example)] if any(f.section in _ENDS for f in example.follows) else []
+    if example.probability is not None:
+        parts.append((Text("with probability "), Formula(w.math(example.probability))))
+    return tuple(piece for i, part in enumerate(parts) for piece in ((Text(", "), *part) if i else part))
+
+
+def _of(w: Writing, found: Followed) -> Inlines:
+    """One thing that follows, with the word for it."""
+    if found.name is None:
+        return (Text(f"{found.section} "), Formula(w.math(found.expr)))
+    equation = Formula(w.equation(w.symbol(found.name, found.section == "next"), found.expr, found.name))
+    word = _WORDS.get(found.section)
+    return (Text(f"{word} "), equation) if word else (equation,)
+
+
+_WORDS = {"initial": "first", "observation": "observed", "expert": "expert"}
+_ENDS = {"terminal": "terminates", "truncated": "is cut"}
+
+
+def _ends(w: Writing, example: Example) -> Inlines:
+    """Whether the episode ends, and how."""
+    said = {f.section: f.expr for f in example.follows if f.section in _ENDS}
+    if any(not isinstance(expr, s.Boolean) for expr in said.values()):
+        return (Text("ends: "), *_joined([w.truth(expr) for expr in said.values()]))
+    words = [_ENDS[key] for key, expr in said.items() if isinstance(expr, s.Boolean) and expr.value]
+    return (Text("the episode " + (" and ".join(words) or "goes on")),)
+
+
+def _joined(items: list[m.Math]) -> Inlines:
+    return tuple(_with_commas(items))
+
+
+def _with_commas(items: list[m.Math]) -> Iterator[Text | Formula]:
+    for i, item in enumerate(items):
+        if i:
+            yield Text(", ")
+        yield Formula(item)
+
+
+_COLUMNS: tuple[tuple[str, Callable[[Writing, Example], Inlines]], ...] = (
+    ("for", _cases),
+    ("state", _given(Role.STATE)),
+    ("action", _given(Role.ACTION)),
+    ("what follows", _what_follows),
+)

@@ -1,0 +1,60 @@
+"""Normal forms of nodes: equal numbers for expressions that compute the same in the same way, whoever built them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from taskspec.lang.interval import Range, bounds
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, draws, walk
+from taskspec.lang.types import Kind
+
+COMMUTATIVE = frozenset({"add", "mul", "and", "or", "eq", "ne"})
+
+
+class NormalForms:
+    """Numbers for nodes, the same number for the same form; two builders may have made them.
+
+    Operands that may change places are put in order, `x >= n` where x is at most n counts as `x == n`, and draws are told
+    apart by their rank in the order of drawing.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Any, ...], int] = {}
+
+    def all(self, roots: Iterable[Node], order: Sequence[Draw] | None = None) -> list[int]:
+        """The forms of some nodes; `order` ranks the draws that may occur in them."""
+        roots = list(roots)
+        rank = {d.site: i for i, d in enumerate(draws(roots) if order is None else order)}
+        numbers: dict[int, int] = {}
+        edges: dict[int, Range] = {}
+        for node in walk(roots):
+            key = _key(node, numbers, rank, edges)
+            numbers[id(node)] = self._known.setdefault(key, len(self._known))
+        return [numbers[id(node)] for node in roots]
+
+
+def _key(node: Node, numbers: dict[int, int], rank: dict[int, int], edges: dict[int, Range]) -> tuple[Any, ...]:
+    match node:
+        case Const():
+            return ("const", node.type, tuple(map(repr, node.flat)))
+        case Read(role=role, name=name, low=low, high=high):
+            return ("read", role, name, node.type, low, high)
+        case Draw(base=base, args=args, site=site):
+            return ("draw", base, node.type, rank[site], tuple(numbers[id(a)] for a in args))
+        case Apply(op=op, args=args, static=static):
+            found = [numbers[id(a)] for a in args]
+            if op == "le" and _only_equal(args, edges):
+                op = "eq"
+            if op in COMMUTATIVE or (op in ("min2", "max2") and node.type.kind is not Kind.REAL):
+                found.sort()
+            elif op == "swap":
+                found = [found[0], *sorted(found[1:])]
+            return ("apply", op, node.type, static, tuple(found))
+
+
+def _only_equal(args: tuple[Node, ...], edges: dict[int, Range]) -> bool:
+    """Whether `a <= b` between ints can hold by equality alone, because a is never below b."""
+    if any(a.type.kind is Kind.REAL for a in args):
+        return False
+    return bounds(args[0], edges)[0] >= bounds(args[1], edges)[1]
