@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
 from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.parse import parse
@@ -21,6 +23,7 @@ from taskspec.printers.substitute import substitute
 from taskspec.printers.symbols import symbol
 from taskspec.printers.text import text
 
+PLACE = s.Place(nowhere(""), 0, 0)
 N = Notation(
     symbols={name: symbol(name) for name in ("s", "a", "L", "B", "M", "x", "y", "theta", "p", "mean", "c")},
     lengths={"s": parse(nowhere("2 * L")), "p": parse(nowhere("K"))},
@@ -69,6 +72,119 @@ def written(source: str) -> str:
 )  # fmt: skip
 def test_hand_writing(source: str, expected: str) -> None:
     assert written(source) == expected
+
+
+# Brackets: where they are needed for what is meant, where a reader would need them, and nowhere else. Written by hand.
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("not (x < y)", r"\taskspecone [x \geq y]"),
+        ("not (x + y)", r"\taskspecone [\lnot (x + y)]"),
+        ("not (x < y < a)", r"\taskspecone [\lnot (x < y < a)]"),
+        ("(x or y) and a", r"\taskspecone [(x \lor y) \land a]"),
+        ("x or y and a", r"\taskspecone [x \lor (y \land a)]"),
+        ("not x and y", r"\taskspecone [\lnot x \land y]"),
+        ("not (x and y)", r"\taskspecone [\lnot (x \land y)]"),
+        ("x % (y * a)", r"x \bmod (ya)"),
+        ("(x * y) % a", r"xy \bmod a"),
+        ("x * (y % a)", r"x \cdot (y \bmod a)"),
+        ("x % y * a", r"(x \bmod y) \cdot a"),
+        ("-(x % y)", r"- (x \bmod y)"),
+        ("(-x) % y", r"(- x) \bmod y"),
+        ("x % -y", r"x \bmod (- y)"),
+        ("x % y % a", r"(x \bmod y) \bmod a"),
+        ("-x**2", r"- x^2"),
+        ("(-x)**2", r"(- x)^2"),
+        ("x**-y", r"x^{- y}"),
+        ("x**y**a", r"x^{y^a}"),
+        ("(x**y)**a", r"(x^y)^a"),
+        ("2 - -x", r"2 - (- x)"),
+        ("x + -y", r"x + (- y)"),
+        ("x + (-y + a)", r"x + (- y + a)"),
+        ("x - (y + a)", r"x - (y + a)"),
+        ("x - -y * a", r"x - (- ya)"),
+        ("- -x", r"- (- x)"),
+        ("x * -y", r"x \cdot (- y)"),
+        ("-x * y", r"- xy"),
+        ("-(x * y)", r"- xy"),
+        ("x / (y / a)", r"\frac{x}{\frac{y}{a}}"),
+        ("(x / y) * a", r"\frac{x}{y}a"),
+        ("x % y != 0", r"\taskspecone [x \not\equiv 0\,\,(\mathrm{mod}\,y)]"),
+        ("sum(s) * i", r"\left( \sum_{i = 0}^{2L - 1} s_i \right) \cdot i"),
+        ("prod(s) * x", r"\left( \prod_{i = 0}^{2L - 1} s_i \right) \cdot x"),
+        ("x * sum(s)", r"x \cdot \left( \sum_{i = 0}^{2L - 1} s_i \right)"),
+        ("sum(s) % x", r"\left( \sum_{i = 0}^{2L - 1} s_i \right) \bmod x"),
+        ("-sum(s)", r"- \sum_{i = 0}^{2L - 1} s_i"),
+        ("argmax(p) + 1", r"(\arg\max_i\,p_i) + 1"),
+        ("argmax(p) == 2", r"\taskspecone [\arg\max_i\,p_i = 2]"),
+        ("x and all(p > 0)", r"\taskspecone [x \land (\forall i : \,p_i > 0)]"),
+        ("all(p > 0) and x", r"\taskspecone [(\forall i : \,p_i > 0) \land x]"),
+        ("exp(x)**2", r"(e^x)^2"),
+        ("(x // y)**2", r"\lfloor x / y \rfloor^2"),
+        ("x // (y * a)", r"\lfloor x / (ya) \rfloor"),
+        ("x // (y / a)", r"\left\lfloor x / \frac{y}{a} \right\rfloor"),
+        ("(x % y) // a", r"\lfloor (x \bmod y) / a \rfloor"),
+        ("sqrt(x)**2", r"\sqrt{x}^2"),
+        ("abs(x)**2", r"\lvert x \rvert^2"),
+        ("(s[1:])[i]", r"(s_{1 :})_i"),
+        ("s'[i]**2", r"s_i^{\prime 2}"),
+        ("put(x + y, 0, 1)", r"(x + y)[0 \leftarrow 1]"),
+        ("dot(x + y, -a)", r"(x + y) \cdot (- a)"),
+        ("Normal(0, x + 1)", r"\mathcal{N}(0, (x + 1)^2)"),
+        ("Normal(x, y) + 1", r"\mathcal{N}(x, y^2) + 1"),
+        ("(x if a else y)**2", r"\left( \begin{cases} x & \text{if }a \\ y & \text{otherwise} \end{cases} \right)^2"),
+        ("(x if a else y) * 2", r"\begin{cases} x & \text{if }a \\ y & \text{otherwise} \end{cases} \cdot 2"),
+        ("x if a else y if c else 2", r"\begin{cases} x & \text{if }a \\ y & \text{if }c \\ 2 & \text{otherwise} \end{cases}"),
+        ("(x if a else y) if c else 2",
+         r"\begin{cases} \begin{cases} x & \text{if }a \\ y & \text{otherwise} \end{cases} & \text{if }c \\ "
+         r"2 & \text{otherwise} \end{cases}"),
+        ("x < y <= a", r"\taskspecone [x < y \leq a]"),
+        ("(x < y) == a", r"\taskspecone [\taskspecone [x < y] = a]"),
+        ("x < (y < a)", r"\taskspecone [x < \taskspecone [y < a]]"),
+        ("x == (y or a)", r"\taskspecone [x = \taskspecone [y \lor a]]"),
+        ("1e-3 * x", r"10^{- 3} \cdot x"),
+        ("x**1e-3", r"x^{10^{- 3}}"),
+        ("2.5e6**2", r"(2.5 \times 10^6)^2"),
+        ("sum([i * x for i in range(2 * L)])", r"\sum_{i = 0}^{2L - 1} ix"),
+        ("x if not (a or y) else 0", r"\begin{cases} x & \text{if } \lnot (a \lor y) \\ 0 & \text{otherwise} \end{cases}"),
+        ("{0: x, 1: 1 - x}", r"\begin{cases} 0 & \text{with probability }x \\ 1 & \text{with probability }1 - x \end{cases}"),
+        ("clip(x, -1, 1)", r"\mathrm{clip}(x, - 1, 1)"),
+        ("1 if s[i] else 0", r"\begin{cases} 1 & \text{if }s_i \\ 0 & \text{otherwise} \end{cases}"),
+        ("norm2(s)**2", r"\lVert s \rVert_2^2"),
+    ],
+)  # fmt: skip
+def test_brackets(source: str, expected: str) -> None:
+    assert written(source) == expected
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [("x / y * a", "(x/y)a"), ("2 * (x / y)", "2 ⋅ x/y"), ("a % (x / y)", "a mod (x/y)"), ("s[s[0]]", "s_(s₀)"),
+     ("2**2**2", "2^(2²)"), ("-x / y", "−x/y"), ("x / (y * a)", "x/(ya)"), ("s[i + 1]**2", "sᵢ₊₁²")],
+)  # fmt: skip
+def test_brackets_in_a_line_of_text(source: str, expected: str) -> None:
+    assert plain(mathematics(parse(nowhere(source)), N)) == expected
+
+
+def tabulated(rows: dict[str, Any]) -> s.Table:
+    """A table by x and y."""
+
+    def body(inner: Any) -> Any:
+        return parse(nowhere(inner)) if isinstance(inner, str) else lines(inner)
+
+    def lines(some: dict[str, Any]) -> tuple[s.Row, ...]:
+        return tuple(s.Row(None if k == "else" else parse(nowhere(k)), body(v), PLACE) for k, v in some.items())
+
+    return s.Table((parse(nowhere("x")), parse(nowhere("y"))), lines(rows), PLACE)
+
+
+def test_rows_of_a_table_keep_their_order_where_it_matters() -> None:
+    """x = 2 gives 1 whatever y is, so that this line stands before the one that only asks for y, though `else` says 1 as well."""
+    rows = {"else": {"2": "0", "else": "1"}, "2": {"else": "1"}, "3": {"1": "0", "2": "5", "else": "1"}}
+    assert latex(mathematics(tabulated(rows), N)) == (
+        r"\begin{cases} 1 & \text{if }x = 2 \\ 0 & \text{if }x = 3 \land y = 1 \\ 5 & \text{if }x = 3 \land y = 2 \\ "
+        r"1 & \text{if }x = 3 \\ 0 & \text{if }y = 2 \\ 1 & \text{otherwise} \end{cases}"
+    )
 
 
 def test_a_condition_is_an_indicator_only_as_a_number() -> None:

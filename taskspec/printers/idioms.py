@@ -11,13 +11,14 @@ from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.functions import INFIX
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
-from taskspec.printers.pieces import ATOM, PRODUCT, RELATION, SIGN, SUM, Piece, fill, indicator
+from taskspec.printers.brackets import Level
+from taskspec.printers.pieces import Piece, applied, fill, indicator, operands
 
 if TYPE_CHECKING:
     from taskspec.printers.notation import Writer
 
 _VECTORS = frozenset({"sort", "argsort", "cumsum", "reverse", "concat", "swap", "put"})
-_INDICES = "ijkm"
+_INDICES = "ijkmlnrqu"
 
 
 # -- element by element -----------------------------------------------------------------------------------------------
@@ -59,17 +60,19 @@ def element(w: Writer, expr: s.Expr, index: s.Name) -> s.Expr:
             return s.Subscript(expr, (index,), expr.place)
 
 
-def _index(expr: s.Expr) -> s.Name:
-    """A letter for an index that the expression does not use."""
-    taken = {x.id for x in s.names(expr) if isinstance(x, s.Name)}
-    return s.Name(next((i for i in _INDICES if i not in taken), "i"), False, expr.place)
+def _index(w: Writer, expr: s.Expr) -> s.Name:
+    """A letter for an index that the expression does not use, neither as a name nor as what a name looks like."""
+    used = [x for x in s.names(expr) if isinstance(x, s.Name)]
+    taken: set[object] = {x.id for x in used} | {w.notation.symbol(x.id) for x in used}
+    letters = (i for i in _INDICES if i not in taken and m.Ident(i) not in taken)
+    return s.Name(next(letters, "ι"), False, expr.place)
 
 
 def _pointwise(w: Writer, expr: s.Expr) -> tuple[m.Math, s.Expr] | None:
     """An index and the element at it, for a vector that is best written element by element."""
     if not is_vector(w, expr):
         return None
-    index = _index(expr)
+    index = _index(w, expr)
     return w.notation.symbol(index.id), element(w, expr, index)
 
 
@@ -86,7 +89,7 @@ def _quantifier(sign: str, conjunction: str) -> Callable[[Writer, s.Call], Piece
         index, inner = found
         if conjunction == "and" and isinstance(arg, s.Compare) and [op for op, _ in arg.rest] == ["=="]:
             return w.piece(arg)  # two vectors are equal
-        return Piece(m.Row((m.Sym(sign), index, m.Sym(":"), m.Space(), w.truth(inner).tree)), RELATION)
+        return applied("quantifier", m.Row((m.Sym(sign), index, m.Sym(":"), m.Space(), w.truth(inner).tree)))
 
     return write
 
@@ -104,44 +107,47 @@ def _total(sign: str) -> Callable[[Writer, s.Call], Piece | None]:
         (arg,) = call.args
         ranged = _over_range(w, arg, sign) or _over_slice(w, arg, sign) or _over_name(w, arg, sign)
         if ranged is not None:
-            return Piece(ranged, PRODUCT)
+            return ranged
         found = _pointwise(w, arg)
         if found is None:
             return None
         index, inner = found
-        return Piece(m.Row((m.Big(sign, index), w.number(inner).at(PRODUCT))), PRODUCT)
+        return _big(m.Big(sign, index), w.number(inner))
 
     return write
 
 
-def _over_range(w: Writer, arg: s.Expr, sign: str) -> m.Math | None:
+def _big(sign: m.Big, body: Piece) -> Piece:
+    return applied("big", m.Row((sign, *operands("big", [body]))))
+
+
+def _over_range(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
     """Sum of `[e for i in range(n)]`."""
     match arg:
         case s.Comprehension(is_set=False, element=inner, clauses=(s.Clause((name,), s.Call("range", (n,)), ()),)):
             index = w.notation.symbol(name)
             low, high = m.Row((index, m.Sym("="), m.Num("0"))), less_one(w, n)
-            return m.Row((m.Big(sign, low, high), w.number(inner).at(PRODUCT)))
+            return _big(m.Big(sign, low, high), w.number(inner))
         case _:
             return None
 
 
-def _over_slice(w: Writer, arg: s.Expr, sign: str) -> m.Math | None:
+def _over_slice(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
     """Sum of `x[a:b]`, where the end can be told."""
     match arg:
         case s.Subscript(value=s.Name() as name, indices=(s.Slice(start=start, stop=stop, step=None),)):
             end = stop if stop is not None else w.notation.lengths.get(name.id)
             if end is None or name.id in w.notation.singles:
                 return None
-            index = _index(s.Vector((name, end, start or end), arg.place))
+            index = _index(w, s.Vector((name, end, start or end), arg.place))
             first = m.Num("0") if start is None else w.number(start).tree
             low = m.Row((w.notation.symbol(index.id), m.Sym("="), first))
-            body = w.piece(s.Subscript(name, (index,), arg.place)).tree
-            return m.Row((m.Big(sign, low, less_one(w, end)), body))
+            return _big(m.Big(sign, low, less_one(w, end)), w.piece(s.Subscript(name, (index,), arg.place)))
         case _:
             return None
 
 
-def _over_name(w: Writer, arg: s.Expr, sign: str) -> m.Math | None:
+def _over_name(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
     if not isinstance(arg, s.Name) or arg.id not in w.notation.lengths:
         return None
     everything = s.Subscript(arg, (s.Slice(None, None, None, arg.place),), arg.place)
@@ -155,7 +161,7 @@ def _extreme(name: str) -> Callable[[Writer, s.Call], Piece | None]:
             return None
         index, inner = found
         head = m.Script(m.upright(name), index)
-        return Piece(m.Row((head, m.Space(), w.number(inner).at(SIGN + 1))), PRODUCT)
+        return applied("extreme", m.Row((head, m.Space(), *operands("extreme", [w.number(inner)]))))
 
     return write
 
@@ -164,7 +170,7 @@ def _row_of(w: Writer, expr: s.Expr) -> tuple[m.Math, s.Expr] | None:
     """A row of a matrix, `x[i]`, as a vector."""
     match expr:
         case s.Subscript(value=s.Name(id=name), indices=indices) if name in w.notation.lengths:
-            index = _index(expr)
+            index = _index(w, expr)
             return w.notation.symbol(index.id), replace(expr, indices=(*indices, index))
         case _:
             return None
@@ -203,7 +209,7 @@ IDIOMS: dict[str, Callable[[Writer, s.Call], Piece | None]] = {
 def less_one(w: Writer, n: s.Expr) -> m.Math:
     """n - 1, worked out where n is a number or already ends in a number."""
     match n:
-        case s.Number(value=int(value)):
+        case s.Number(value=int(value)) if value > 0:
             return m.Num(str(value - 1))
         case s.Binary(op="+", left=left, right=s.Number(value=1)):
             return w.number(left).tree
@@ -226,7 +232,8 @@ def interval(low: m.Math, high: m.Math) -> m.Math:
 def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
     """A set-builder; a vector's comprehension as a family with its index below."""
     targets = [_target(w, clause) for clause in expr.clauses]
-    domains = [m.Row((t, m.Sym("∈"), w.piece(c.domain).at(SUM))) for t, c in zip(targets, expr.clauses, strict=True)]
+    sets = operands("domain", (w.piece(c.domain) for c in expr.clauses))
+    domains = [m.Row((t, m.Sym("∈"), domain)) for t, domain in zip(targets, sets, strict=True)]
     conditions = [w.truth(x).tree for c in expr.clauses for x in c.conditions]
     inner = w.number(expr.element).tree
     if not expr.is_set:
@@ -248,8 +255,9 @@ def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
     match expr:
         case s.Compare(first=s.Binary(op="%", left=x, right=n), rest=(("==" | "!=" as op, s.Number(value=0)),)):
             sign = m.Sym("≡") if op == "==" else m.Sym("≢")
-            modulus = m.brackets(m.Row((m.upright("mod"), m.Space(), w.number(n).tree)))
-            return m.Row((w.number(x).at(SUM), sign, m.Num("0"), m.Space("thin"), m.Space("thin"), modulus))
+            left, right = operands("congruence", [w.number(x), w.number(n)])
+            modulus = m.brackets(m.Row((m.upright("mod"), m.Space(), right)))
+            return m.Row((left, sign, m.Num("0"), m.Space("thin"), m.Space("thin"), modulus))
         case _:
             return None
 
@@ -257,31 +265,32 @@ def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
 # -- distributions ----------------------------------------------------------------------------------------------------
 
 
-def distribution(w: Writer, call: s.Call) -> m.Math:
+def distribution(w: Writer, call: s.Call) -> Piece:
     """A distribution by name; independent draws of one shape as a power."""
     first = call.args[0] if len(call.args) == 1 and not call.keywords else None
-    if isinstance(first, s.Weights):
-        return piecewise.cases(w, first)
+    if call.function == CATEGORICAL.name and isinstance(first, s.Weights):
+        return applied("cases", piecewise.cases(w, first))
     if call.function == "Uniform" and isinstance(first, s.SetOf | s.Comprehension):
-        return m.Row((m.upright("Unif"), w.piece(first).tree))
+        return Piece(m.Row((m.upright("Unif"), w.piece(first).tree)))
     dist = DISTS.get(call.function, CATEGORICAL)
     given = dict(zip((a.name for a in dist.arguments), call.args, strict=False)) | dict(call.keywords)
     shape = given.pop("shape", None)
-    holes = {a.name: _argument(w, given.get(a.name), a.default) for a in dist.arguments}
+    trees = operands(dist.name, (_argument(w, given.get(a.name), a.default) for a in dist.arguments))
+    holes = dict(zip((a.name for a in dist.arguments), trees, strict=True))
     if call.function == "UniformInt":  # a few integers are written out
         tree: m.Math = m.Row((m.upright("Unif"), interval(holes["low"], holes["high"])))
     else:
         tree = fill(dist.latex, holes.items())
-    return tree if shape is None else m.Script(m.row(tree), sup=_shape(w, shape))
+    return Piece(tree) if shape is None else applied("**", m.Script(m.row(tree), sup=_shape(w, shape)))
 
 
-def _argument(w: Writer, expr: s.Expr | None, default: int | None) -> m.Math:
-    return m.Num(str(default)) if expr is None else w.number(expr).tree
+def _argument(w: Writer, expr: s.Expr | None, default: int | None) -> Piece:
+    return Piece(m.Num(str(default))) if expr is None else w.number(expr)
 
 
 def _shape(w: Writer, shape: s.Expr) -> m.Math:
     items = shape.items if isinstance(shape, s.Vector) else (shape,)
-    return m.joined((w.number(i).at(ATOM if len(items) > 1 else 0) for i in items), "×")
+    return m.joined((w.number(i).at(Level.ATOM if len(items) > 1 else Level.SCOPE) for i in items), "×")
 
 
 assert {"==", "!="} <= INFIX.keys()

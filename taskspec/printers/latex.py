@@ -20,7 +20,8 @@ _STYLE = {
     "upright": r"\mathrm", "bold": r"\mathbf", "blackboard": r"\mathbb", "calligraphic": r"\mathcal",
     "typewriter": r"\mathtt",
 }  # fmt: skip
-_MATH_CHAR = {"{": r"\{", "}": r"\}", "#": r"\#", "%": r"\%", "&": r"\&", "$": r"\$", "‖": r"\Vert ", "|": r"\vert "}
+_MATH_CHAR = {"{": r"\{", "}": r"\}", "#": r"\#", "%": r"\%", "&": r"\&", "$": r"\$", "‖": r"\Vert ", "|": r"\vert ",
+              "≢": r"\not\equiv "}  # fmt: skip
 _WORD = re.compile(r"[A-Za-z0-9]+")
 LONG = 16.0
 """From this width on, in letters, a list may break after its commas."""

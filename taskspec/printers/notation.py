@@ -1,6 +1,6 @@
 """Surface syntax -> the mathematics tree, in the notation people write by hand.
 
-Brackets follow the precedences of the operator table; functions and distributions follow its templates. Where hand
+Brackets follow the table of `printers.brackets`; functions and distributions follow its templates. Where hand
 writing has an idiom of its own (a sum over a slice, a set-builder, an indicator), `printers.idioms` knows it.
 """
 
@@ -15,22 +15,8 @@ from taskspec.lang.dists import DIST_NAMES
 from taskspec.lang.functions import FUNCTIONS, INFIX
 from taskspec.printers import idioms, piecewise
 from taskspec.printers import tree as m
-from taskspec.printers.pieces import (
-    ATOM,
-    POWER,
-    PRODUCT,
-    RELATION,
-    SIGN,
-    SUM,
-    Piece,
-    exposed,
-    fill,
-    indicator,
-    is_infix,
-    multiply,
-    parsed,
-    prime,
-)  # fmt: skip
+from taskspec.printers.brackets import Level
+from taskspec.printers.pieces import Piece, applied, fill, indicator, multiply, operands, prime
 from taskspec.printers.symbols import label, symbol
 from taskspec.printers.tex import read
 from taskspec.printers.text import text
@@ -127,12 +113,12 @@ class Writer:
                 return self._unary(expr)
             case s.Binary():
                 return self._binary(expr)
-            case s.Logical(op=op, operands=operands):
-                return self._logical(op, operands)
+            case s.Logical(op=op, operands=parts):
+                return self._logical(op, parts)
             case s.Compare():
                 return self._compare(expr)
             case s.IfElse() | s.Piecewise() | s.Table() | s.Weights():
-                return Piece(piecewise.cases(self, expr))
+                return applied("cases", piecewise.cases(self, expr))
             case s.Call():
                 return self._call(expr)
             case s.Subscript():
@@ -162,20 +148,17 @@ class Writer:
             inner = expr.operand
             if isinstance(inner, s.Compare) and len(inner.rest) == 1 and inner.rest[0][0] in _OPPOSITE:
                 return self._compare(replace(inner, rest=((_OPPOSITE[inner.rest[0][0]], inner.rest[0][1]),)))
-            return Piece(m.Row((m.Sym("¬"), self.truth(inner).at(ATOM))), INFIX["not"].precedence)
-        operand = self.number(expr.operand).at(PRODUCT)
-        return Piece(m.Row((m.Sym("−" if expr.op == "-" else "+"), operand)), SIGN)
+            return applied("not", m.Row((m.Sym("¬"), *operands("not", [self.truth(inner)]))))
+        return _signed("−" if expr.op == "-" else "+", self.number(expr.operand))
 
     def _binary(self, expr: s.Binary) -> Piece:
         match expr.op:
             case "+" | "-":
-                right = self.number(expr.right)
-                # a - (b - c) keeps its brackets; so does a + (-b)
-                tight = (
-                    right.at(SUM + 1 if expr.op == "-" else SUM) if right.precedence != SIGN else m.brackets(right.tree)
+                sides = [self.number(expr.left), self.number(expr.right)]
+                left, right = operands(expr.op, sides)
+                return applied(
+                    expr.op, _flat(left, m.Sym("+" if expr.op == "+" else "−"), right), _leads(sides[0], left)
                 )
-                sign = m.Sym("+" if expr.op == "+" else "−")
-                return Piece(_flat(self.number(expr.left).at(SUM), sign, tight), SUM)
             case "*":
                 return self._product(expr)
             case "/":
@@ -183,9 +166,8 @@ class Writer:
             case "**":
                 return self._power(expr)
             case _:
-                left, right2 = self.number(expr.left).at(PRODUCT), self.number(expr.right).at(PRODUCT + 1)
-                tree = fill(INFIX[expr.op].latex, (("0", left), ("1", right2)))
-                return Piece(tree, ATOM if expr.op == "//" else PRODUCT)
+                left, right = operands(expr.op, [self.number(expr.left), self.number(expr.right)])
+                return applied(expr.op, fill(INFIX[expr.op].latex, (("0", left), ("1", right))))
 
     def _product(self, expr: s.Binary) -> Piece:
         factors: list[s.Expr] = [expr.right]
@@ -196,49 +178,42 @@ class Writer:
         factors.append(left)
         factors.reverse()
         pieces = [self.number(f) for f in factors]
-        signed = pieces[0].precedence == SIGN
-        trees = [p.at(PRODUCT if i == 0 else SIGN + 1) for i, p in enumerate(pieces)]
-        return Piece(multiply(trees), SIGN if signed else PRODUCT)
+        trees = operands("*", pieces)
+        return applied("*", multiply(trees), _leads(pieces[0], trees[0]))
 
     def _fraction(self, expr: s.Binary) -> Piece:
         sign, top = _pull_sign(expr.left)
-        frac = m.Frac(self.number(top).tree, self.number(expr.right).tree)
-        return Piece(m.Row((m.Sym("−"), frac)), SIGN) if sign else Piece(frac, SIGN + 1)
+        fraction = applied("/", m.Frac(*operands("/", [self.number(top), self.number(expr.right)])))
+        return _signed("−", fraction) if sign else fraction
 
     def _power(self, expr: s.Binary) -> Piece:
-        base = self.number(expr.left)
-        # a fraction, and a base with scripts above, need brackets to carry an exponent
-        loose = isinstance(base.tree, m.Frac) or (isinstance(base.tree, m.Script) and base.tree.sup is not None)
-        exponent = self.number(expr.right).tree
-        tree = m.brackets(base.tree) if loose else base.at(POWER + 1)
-        if isinstance(tree, m.Script) and tree.sup is None:
-            return Piece(replace(tree, sup=exponent), POWER)
-        return Piece(m.Script(tree, sup=exponent), POWER)
+        base, exponent = operands("**", [self.number(expr.left), self.number(expr.right)])
+        if isinstance(base, m.Script) and base.sup is None:
+            return applied("**", replace(base, sup=exponent))
+        return applied("**", m.Script(base, sup=exponent))
 
-    def _logical(self, op: str, operands: tuple[s.Expr, ...]) -> Piece:
-        entry = INFIX[op]
-        # two different connectives side by side are easier to read with brackets
-        parts = [self.truth(o) for o in operands]
-        trees = [p.at(RELATION - 1) for p in parts]
-        return Piece(m.joined(trees, "∧" if op == "and" else "∨"), entry.precedence)
+    def _logical(self, op: str, parts: tuple[s.Expr, ...]) -> Piece:
+        trees = operands(op, map(self.truth, parts))
+        return applied(op, m.joined(trees, "∧" if op == "and" else "∨"))
 
     def _compare(self, expr: s.Compare) -> Piece:
         congruence = idioms.divisible(self, expr)
         if congruence is not None:
-            return Piece(congruence, RELATION)
+            return applied("congruence", congruence)
         sides = [expr.first, *(side for _, side in expr.rest)]
         owner = next((x.id for x in sides if isinstance(x, s.Name) and x.id in self.notation.labels), self.of)
         inner = replace(self, of=owner)
-        items: list[m.Math] = [inner.number(sides[0]).at(SUM)]
-        for op, side in expr.rest:
-            items += [read(_relation(op)), inner.number(side).at(SUM)]
-        return Piece(m.Row(tuple(items)), RELATION)
+        first, *others = operands("compare", map(inner.number, sides))
+        items: list[m.Math] = [first]
+        for (op, _), side in zip(expr.rest, others, strict=True):
+            items += [read(_relation(op)), side]
+        return applied("compare", m.Row(tuple(items)))
 
     # -- calls ----------------------------------------------------------------------------------------------------
 
     def _call(self, expr: s.Call) -> Piece:
         if expr.function in DIST_NAMES:
-            return Piece(idioms.distribution(self, expr))
+            return idioms.distribution(self, expr)
         written = idioms.IDIOMS.get(expr.function)
         found = written(self, expr) if written is not None else None
         if found is not None:
@@ -259,25 +234,22 @@ class Writer:
         return Piece(m.Row((head, m.brackets(self.truth(given["condition"]).tree))))
 
     def _template(self, latex: str, expr: s.Call) -> Piece:
-        """A function by its template; arguments that no delimiter of it encloses get brackets."""
+        """A function by its template."""
         pieces = [self.number(a) for a in expr.args]
-        template = parsed(latex, tuple(str(i) for i in range(len(pieces))))
-        bare = exposed(template)
-        holes = [(str(i), p.at(PRODUCT) if str(i) in bare else p.tree) for i, p in enumerate(pieces)]
-        holes.append(("*", m.joined(p.tree for p in pieces)))
-        return Piece(fill(latex, holes), PRODUCT if bare and is_infix(template) else SIGN + 1 if bare else ATOM)
+        trees = operands(expr.function, pieces)
+        holes = [*((str(i), tree) for i, tree in enumerate(trees)), ("*", m.joined(trees))]
+        return applied(expr.function, fill(latex, holes), expr.function == "dot" and _leads(pieces[0], trees[0]))
 
     def _subscript(self, expr: s.Subscript) -> Piece:
         if isinstance(expr.value, s.Name) and expr.value.id in self.notation.singles:
             return self.piece(expr.value)
-        base = self.number(expr.value)
+        (tree,) = operands("subscript", [self.number(expr.value)])
         below = m.joined(self._index(i) for i in expr.indices)
-        tree = base.at(ATOM)
         if isinstance(tree, m.Script) and tree.sub is None and tree.sup is None:
             return Piece(replace(tree, sub=below))
-        if isinstance(tree, m.Script) and tree.sub is not None and tree.sup is None:
+        if isinstance(tree, m.Script) and tree.sub is not None and tree.sup is None and not _is_slice(expr.value):
             return Piece(replace(tree, sub=m.Row((tree.sub, m.Sym(","), below))))
-        return Piece(m.Script(tree, below))
+        return Piece(m.Script(m.brackets(tree) if isinstance(tree, m.Script) else tree, below))
 
     def _index(self, index: s.Expr | s.Slice) -> m.Math:
         if not isinstance(index, s.Slice):
@@ -314,6 +286,22 @@ def _flat(left: m.Math, sign: m.Math, right: m.Math) -> m.Math:
     return m.Row((*head, sign, right))
 
 
+def _leads(piece: Piece, operand: m.Math) -> bool:
+    """Whether an operand leads with a sign, being without brackets."""
+    return piece.signed and operand is piece.tree
+
+
+def _signed(sign: str, piece: Piece) -> Piece:
+    """A piece with a sign before it, which binds no tighter than the piece does."""
+    (operand,) = operands("sign", [piece])
+    own = applied("sign", m.Row((m.Sym(sign), operand)), signed=True)
+    return replace(own, level=min(own.level, piece.level if operand is piece.tree else Level.ATOM))
+
+
+def _is_slice(expr: s.Expr) -> bool:
+    return isinstance(expr, s.Subscript) and any(isinstance(i, s.Slice) for i in expr.indices)
+
+
 def _pull_sign(expr: s.Expr) -> tuple[bool, s.Expr]:
     """-a*b over c is minus a*b over c."""
     match expr:
@@ -334,5 +322,5 @@ def _number(text: str) -> Piece:
     sign = (m.Sym("−"),) if exponent.startswith("-") else ()
     power = m.Script(m.Num("10"), sup=m.row(*sign, m.Num(exponent.lstrip("+-0") or "0")))
     if mantissa in ("1", "1."):
-        return Piece(power, POWER)
-    return Piece(m.Row((m.Num(mantissa), m.Sym("×"), power)), PRODUCT)
+        return applied("**", power)
+    return applied("*", m.Row((m.Num(mantissa), m.Sym("×"), power)))

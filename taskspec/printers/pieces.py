@@ -6,29 +6,34 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from taskspec.lang.functions import INFIX
 from taskspec.printers import tree as m
+from taskspec.printers.brackets import ENCLOSED, NOTATION, Level
 from taskspec.printers.tex import read
-
-ATOM = 10
-POWER = INFIX["**"].precedence
-SIGN = 7
-PRODUCT = INFIX["*"].precedence
-SUM = INFIX["+"].precedence
-RELATION = INFIX["=="].precedence
-LOOSE = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A tree and how tightly its outermost operator binds."""
+    """A tree, how tightly its outermost operator binds, and whether it begins with a sign."""
 
     tree: m.Math
-    precedence: int = ATOM
+    level: int = Level.ATOM
+    signed: bool = False
 
-    def at(self, precedence: int) -> m.Math:
-        """The tree as an operand that must bind at least this tightly."""
-        return self.tree if self.precedence >= precedence else m.brackets(self.tree)
+    def at(self, level: int, lead: bool = False) -> m.Math:
+        """The tree as an operand that must bind at least this tightly; in sums and products only one that leads has a sign."""
+        fits = self.level >= level and (lead or not self.signed or level <= Level.EXTREME)
+        return self.tree if fits else m.brackets(self.tree)
+
+
+def operands(operator: str, pieces: Iterable[Piece]) -> list[m.Math]:
+    """The operands of an operator, with the brackets that it asks for."""
+    rule = NOTATION.get(operator, ENCLOSED)
+    return [piece.at(rule.operand(i), lead=rule.lead and i == 0) for i, piece in enumerate(pieces)]
+
+
+def applied(operator: str, tree: m.Math, signed: bool = False) -> Piece:
+    """What an operator makes, as a piece."""
+    return Piece(tree, NOTATION.get(operator, ENCLOSED).own, signed)
 
 
 def prime(tree: m.Math, primed: bool = True) -> m.Math:
@@ -144,22 +149,10 @@ def _fill(node: m.Math, values: Mapping[str, m.Math]) -> m.Math:
             return node
 
 
-def exposed(template: m.Math) -> frozenset[str]:
-    """Arguments that stand in the open: not between delimiters, in a script, a root or a fraction."""
-    items = template.items if isinstance(template, m.Row) else (template,)
-    found = {x.name for x in items if isinstance(x, m.Hole)}
-    found |= {x.base.name for x in items if isinstance(x, m.Script) and isinstance(x.base, m.Hole)}
-    return frozenset(found)
-
-
-def is_infix(template: m.Math) -> bool:
-    return isinstance(template, m.Row) and isinstance(template.items[0], m.Hole) and len(template.items) > 2
-
-
 def _tidy(node: m.Math) -> m.Math:
     """A filled template without what nobody writes: 1 squared."""
     match node:
-        case m.Script(base=m.Num(text="0" | "1") as base, sub=None, primes=0):
+        case m.Script(base=m.Num(text="0" | "1") as base, sub=None, sup=m.Num(text="2"), primes=0):
             return base
         case m.Row(items=items):
             return m.Row(tuple(_tidy(i) for i in items))

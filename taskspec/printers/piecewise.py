@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
-from taskspec.printers.pieces import RELATION
+from taskspec.printers.pieces import operands
 from taskspec.printers.text import text
 
 if TYPE_CHECKING:
     from taskspec.printers.notation import Writer
 
+Keys = tuple[s.Expr | None, ...]
 _OTHERWISE = m.Words("otherwise")
 
 
@@ -51,24 +52,65 @@ def _chance(w: Writer, value: s.Expr, p: s.Expr) -> tuple[m.Math, m.Math]:
 
 
 def _table(w: Writer, table: s.Table) -> Iterator[tuple[m.Math, m.Math]]:
-    """Rows with equal cells together, in the order of their first keys; `else` last."""
-    grouped: dict[str, list[tuple[s.Expr | None, ...]]] = {}
-    cells: dict[str, s.Expr] = {}
-    for keys, cell in _flat(table.rows):
-        grouped.setdefault(text(cell), []).append(keys)
-        cells[text(cell)] = cell
-    for written, rows in sorted(grouped.items(), key=lambda item: (None,) in item[1] or () in item[1]):
-        tree = w.number(cells[written]).tree
-        if any(all(key is None for key in keys) for keys in rows):
+    """Lines of which the first that applies gives the value."""
+    for group in _groups(table.rows):
+        tree = w.number(group.cell).tree
+        if any(all(key is None for key in keys) for keys in group.rows):
             yield tree, _OTHERWISE
         else:
-            yield tree, _if(_keys(w, table.by, rows))
+            yield tree, _if(_keys(w, table.by, group.rows))
 
 
-def _flat(
-    rows: Iterable[s.Row], before: tuple[s.Expr | None, ...] = ()
-) -> Iterator[tuple[tuple[s.Expr | None, ...], s.Expr]]:
-    for row in rows:
+@dataclass
+class _Group:
+    """Rows of one cell; `written` is its text."""
+
+    written: str
+    cell: s.Expr
+    rows: list[Keys]
+
+
+def _groups(rows: Iterable[s.Row]) -> list[_Group]:
+    """Rows with equal cells together, unless a row between them applies to some of the same values."""
+    groups: list[_Group] = []
+    latest: dict[str, int] = {}
+    partial: list[tuple[int, Keys]] = []  # rows with an `else`, and where they stand: any two others are disjoint
+    for keys, cell in _flat(rows):
+        written = text(cell)
+        at = latest.get(written, -1)
+        between = (
+            (k for g in groups[at + 1 :] for k in g.rows) if None in keys else (k for i, k in partial if i > at)
+        )  # fmt: skip
+        if at < 0 or any(_overlap(keys, other) for other in between):
+            at = latest[written] = len(groups)
+            groups.append(_Group(written, cell, []))
+        groups[at].rows.append(keys)
+        if None in keys:
+            partial.append((at, keys))
+    return _without_rest(groups)
+
+
+def _without_rest(groups: list[_Group]) -> list[_Group]:
+    """The groups less the rows that `else`, at the end, is there for."""
+    *some, last = groups
+    if any(key is not None for key in last.rows[-1]):
+        return groups
+    kept: list[_Group] = []
+    for group in reversed(some):
+        if group.written == last.written:
+            group.rows = [k for k in group.rows if any(_overlap(k, other) for g in kept for other in g.rows)]
+        kept += [group] if group.rows else []
+    return [*reversed(kept), last]
+
+
+def _overlap(one: Keys, other: Keys) -> bool:
+    """Whether some values fit two rows; what a row does not look at, or has `else` for, fits all."""
+    return all(a is None or b is None or text(a) == text(b) for a, b in zip(one, other, strict=False))
+
+
+def _flat(rows: Iterable[s.Row], before: Keys = ()) -> Iterator[tuple[Keys, s.Expr]]:
+    """The cells with their keys, `else` after the others."""
+    for row in sorted(rows, key=lambda row: row.key is None):
         keys = (*before, row.key)
         if isinstance(row.body, tuple):
             yield from _flat(row.body, keys)
@@ -89,8 +131,7 @@ def _keys(w: Writer, by: Sequence[s.Expr], rows: list[tuple[s.Expr | None, ...]]
 
 def _equal(w: Writer, column: s.Expr, keys: list[s.Expr]) -> m.Math:
     inner = replace(w, of=column.id if isinstance(column, s.Name) else w.of)
-    left = inner.number(column).at(RELATION + 1)
-    trees = [inner.number(key).tree for key in keys]
+    left, *trees = operands("compare", map(inner.number, [column, *keys]))
     if len(trees) == 1:
         return m.Row((left, m.Sym("="), trees[0]))
     return m.Row((left, m.Sym("∈"), m.braces(m.joined(trees))))

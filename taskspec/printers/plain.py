@@ -9,6 +9,8 @@ from taskspec.printers import tree as m
 
 _TIGHT = frozenset("()[]{}|‖′!")
 _AFTER = frozenset(",;:")
+_DIVIDES = (m.Sym("mod"), m.Sym("/"))
+_MULTIPLIES = (*_DIVIDES, m.Sym("⋅"), m.Sym("×"))
 _SUB = str.maketrans("0123456789+-=()aehijklmnoprstuvx", "₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ")
 _SUP = str.maketrans("0123456789+-−=()n", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁻⁼⁽⁾ⁿ")
 _SUBBED, _SUPPED = set("₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ"), set("⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁼⁽⁾ⁿ")
@@ -51,10 +53,26 @@ def plain(node: m.Math) -> str:
 
 
 def _row(items: tuple[m.Math, ...]) -> str:
-    texts = [plain(item) for item in items]
+    texts = [plain(_apart(item, items[i - 1] if i else None, items[i + 1 :])) for i, item in enumerate(items)]
     if items and isinstance(items[0], m.Sym):
         texts[0] = texts[0].lstrip() if items[0].text in _AFTER else texts[0].strip()
     return "".join(texts).replace("  ", " ")
+
+
+def _apart(node: m.Math, before: m.Math | None, after: tuple[m.Math, ...]) -> m.Math:
+    """A factor with its fraction in brackets where the slash would take in what stands beside it: (x/y)z."""
+    if isinstance(node, m.Frac) and before in _DIVIDES:
+        return m.brackets(node)
+    beside = next((x for x in after if not isinstance(x, m.Space)), None)
+    multiplies = beside in _MULTIPLIES or not isinstance(beside, m.Sym | m.Words | None)
+    return _closed(node) if multiplies else node
+
+
+def _closed(node: m.Math) -> m.Math:
+    """The same with the fraction that it ends with in brackets."""
+    if isinstance(node, m.Row) and node.items:
+        return m.Row((*node.items[:-1], _closed(node.items[-1])))
+    return m.brackets(node) if isinstance(node, m.Frac) else node
 
 
 def _atom(node: m.Math) -> str:
@@ -73,6 +91,6 @@ def _script(node: m.Script) -> str:
 
 def _small(text: str, table: dict[int, int], known: set[str], mark: str) -> str:
     raised = text.replace(" ", "").translate(table)
-    if set(raised) <= known:
+    if set(raised) <= known and not known & set(text):  # a script of a script would be one with it
         return raised
-    return f"{mark}{text}" if len(text) == 1 or text.isdigit() else f"{mark}({text})"
+    return f"{mark}{text}" if len(text) == 1 or text.isdecimal() else f"{mark}({text})"

@@ -5,10 +5,7 @@ from __future__ import annotations
 from typing import Any, assert_never
 
 from taskspec.lang import syntax as s
-
-_TERNARY, _OR, _AND, _NOT, _COMPARE, _SUM, _PRODUCT, _SIGN, _POWER, _ATOM = range(10)
-_BINARY = {"+": _SUM, "-": _SUM, "*": _PRODUCT, "/": _PRODUCT, "//": _PRODUCT, "%": _PRODUCT, "**": _POWER}
-_LOGICAL = {"or": _OR, "and": _AND}
+from taskspec.printers.brackets import NAME, TEXT
 
 
 def text(expr: s.Expr) -> str:
@@ -50,56 +47,53 @@ def _rows(rows: tuple[s.Row, ...]) -> dict[str, Any]:
     }
 
 
-def _at(expr: s.Expr, precedence: int) -> str:
-    """An operand that must bind at least this tightly."""
-    written, own = _write(expr)
-    return written if own >= precedence else f"({written})"
+def _operands(operator: str, *exprs: s.Expr) -> list[str]:
+    """The operands of an operator, with the brackets that it asks for."""
+    rule = TEXT[operator]
+    parts = [(_write(expr), rule.operand(i)) for i, expr in enumerate(exprs)]
+    return [written if own >= least else f"({written})" for (written, own), least in parts]
 
 
 def _write(expr: s.Expr) -> tuple[str, int]:
+    """An expression, and how tightly its outermost operator binds."""
     match expr:
         case s.Number(text=written):
-            return written, _ATOM
+            return written, NAME
         case s.Boolean(value=value):
-            return str(value), _ATOM
+            return str(value), NAME
         case s.Quoted(value=value):
-            return (f'"{value}"' if '"' not in value else f"'{value}'"), _ATOM
+            return (f'"{value}"' if '"' not in value else f"'{value}'"), NAME
         case s.Name():
-            return expr.written, _ATOM
+            return expr.written, NAME
         case s.Unary(op="not", operand=operand):
-            return f"not {_at(operand, _NOT)}", _NOT
+            return f"not {_operands('not', operand)[0]}", TEXT["not"].own
         case s.Unary(op=op, operand=operand):
-            return f"{op}{_at(operand, _SIGN)}", _SIGN
-        case s.Binary():
-            return _binary(expr)
+            return f"{op}{_operands('sign', operand)[0]}", TEXT["sign"].own
+        case s.Binary(op=op, left=left, right=right):
+            sign = op if op == "**" else f" {op} "
+            return sign.join(_operands(op, left, right)), TEXT[op].own
         case s.Logical(op=op, operands=operands):
-            own = _LOGICAL[op]
-            return f" {op} ".join(_at(o, own + 1) for o in operands), own
+            return f" {op} ".join(_operands(op, *operands)), TEXT[op].own
         case s.Compare(first=first, rest=rest):
-            links = "".join(f" {op} {_at(side, _SUM)}" for op, side in rest)
-            return _at(first, _SUM) + links, _COMPARE
+            start, *others = _operands("compare", first, *(side for _, side in rest))
+            links = "".join(f" {op} {side}" for (op, _), side in zip(rest, others, strict=True))
+            return start + links, TEXT["compare"].own
         case s.IfElse(condition=c, then=then, otherwise=otherwise):
-            return f"{_at(then, _OR)} if {_at(c, _OR)} else {text(otherwise)}", _TERNARY
+            value, condition, other = _operands("if", then, c, otherwise)
+            return f"{value} if {condition} else {other}", TEXT["if"].own
         case s.Call():
-            return _call(expr), _ATOM
+            return _call(expr), NAME
         case s.Subscript(value=value, indices=indices):
-            base = f"({text(value)})" if isinstance(value, s.Number) else _at(value, _ATOM)
-            return f"{base}[{', '.join(map(_index, indices))}]", _ATOM
+            base = f"({text(value)})" if isinstance(value, s.Number) else _operands("subscript", value)[0]
+            return f"{base}[{', '.join(map(_index, indices))}]", NAME
         case s.Vector() | s.SetOf() | s.Weights() | s.Comprehension():
-            return _display(expr), _ATOM
+            return _display(expr), NAME
         case s.Piecewise(branches=branches, otherwise=otherwise):
             return _write(_conditional(branches, otherwise, expr.place))
         case s.Table():
             return _write(_as_conditional(expr.by, expr.rows, expr.place))
         case _:
             assert_never(expr)
-
-
-def _binary(expr: s.Binary) -> tuple[str, int]:
-    own = _BINARY[expr.op]
-    if expr.op == "**":
-        return f"{_at(expr.left, _ATOM)}**{_at(expr.right, _SIGN)}", own
-    return f"{_at(expr.left, own)} {expr.op} {_at(expr.right, own + 1)}", own
 
 
 def _call(expr: s.Call) -> str:
@@ -131,8 +125,8 @@ def _display(expr: s.Vector | s.SetOf | s.Weights | s.Comprehension) -> str:
 
 
 def _clause(clause: s.Clause) -> str:
-    conditions = "".join(f" if {_at(c, _OR)}" for c in clause.conditions)
-    return f"for {', '.join(clause.targets)} in {_at(clause.domain, _OR)}{conditions}"
+    domain, *conditions = _operands("clause", clause.domain, *clause.conditions)
+    return f"for {', '.join(clause.targets)} in {domain}" + "".join(f" if {c}" for c in conditions)
 
 
 def _conditional(branches: tuple[tuple[s.Expr, s.Expr], ...], otherwise: s.Expr, place: s.Place) -> s.Expr:
