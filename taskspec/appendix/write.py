@@ -17,6 +17,7 @@ from taskspec.appendix.figures import scene, svg
 from taskspec.appendix.page import Page, page
 from taskspec.appendix.render.suite import Suite
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.files import write_text
 from taskspec.spec.task import Task
 
 _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
@@ -109,8 +110,7 @@ def _save(files: Mapping[str, str], folder: Path) -> list[Path]:
     written = []
     for name, text in files.items():
         path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8", newline="\n")
+        write_text(path, text)
         written.append(path)
     return written
 

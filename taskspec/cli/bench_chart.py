@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec.appendix.extras import need
+from taskspec.files import write_bytes
 
 if TYPE_CHECKING:
     from taskspec.envs.measure import Rate
@@ -60,7 +62,9 @@ def draw(rates: Sequence[Rate], path: Path) -> None:
         metadata: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}[
             kind
         ]
-        drawn.savefig(path, format=kind, dpi=200, metadata=metadata)
+        picture = BytesIO()
+        drawn.savefig(picture, format=kind, dpi=200, metadata=metadata)
+    write_bytes(path, picture.getvalue())
 
 
 def figure(rates: Sequence[Rate]) -> Any:

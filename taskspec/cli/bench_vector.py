@@ -116,7 +116,6 @@ def _check(wanted: Wanted) -> None:
         if wanted.chart.suffix.lower() not in CHARTS:
             raise misuse(f"--chart is a file that ends in {', '.join(CHARTS)}, not '{wanted.chart.name}'")
         need("matplotlib", "figures")
-        wanted.chart.parent.mkdir(parents=True, exist_ok=True)
 
 
 def _own() -> Plan:

@@ -11,6 +11,7 @@ import typer
 
 from taskspec.cli.console import say
 from taskspec.cli.options import Targets
+from taskspec.files import write_text
 
 if TYPE_CHECKING:
     from taskspec.cli.checking import Report
@@ -87,7 +88,6 @@ def _table(reports: Sequence[Report], width: int) -> Any:
 
 def write(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
     """Write everything that comes from tasks; gives the paths, each with a word on what it is."""
-    folder.mkdir(parents=True, exist_ok=True)
     return [_schema(folder), _index(tasks, folder), _sources(tasks, folder), *_results(tasks, folder)]
 
 
@@ -140,13 +140,12 @@ def _sources(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
 
     for task in tasks:
         path = folder / "source" / (task.suite or "tasks") / f"{task.name}.py"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(compile_scalar(task).source, encoding="utf-8")
+        write_text(path, compile_scalar(task).source)
     return folder / "source", "the generated code of every environment"
 
 
 def _json(path: Path, data: Any) -> Path:
     from taskspec.cli.console import to_json
 
-    path.write_text(to_json(data) + "\n", encoding="utf-8")
+    write_text(path, to_json(data) + "\n")
     return path

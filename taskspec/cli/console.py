@@ -15,8 +15,9 @@ from taskspec.visible import visible, visible_json
 
 if TYPE_CHECKING:
     from rich.table import Table
+    from rich.text import Text as RichText
 
-    from taskspec.cli.terminal import Console, Text
+    from taskspec.cli.terminal import Console
 
 STYLES = {
     "title": "bold",
@@ -103,7 +104,7 @@ def say(text: str, err: bool = False, nl: bool = True) -> None:
     typer.echo(visible(text), err=err, nl=nl)
 
 
-def line(*parts: tuple[str, str] | str) -> Text:
+def line(*parts: tuple[str, str] | str) -> RichText:
     """A line of text in several styles: `("words", "style")` or plain words."""
     from taskspec.cli.terminal import Text
 

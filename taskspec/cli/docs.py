@@ -105,7 +105,6 @@ def figure(
 
     found = task_of(task, variant, parameters or [])
     wanted = _named("--overlay", overlays or [], appendix.OVERLAYS)
-    output.parent.mkdir(parents=True, exist_ok=True)
     say(f"wrote {appendix.figure(found, output, wanted)}")
 
 

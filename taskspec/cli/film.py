@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, refuse
+from taskspec.files import Unfinished, refused, write_bytes
 
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Watch
@@ -58,7 +60,7 @@ class Film:
     """Writes what an environment renders to a GIF or MP4 file, which is there when all went well.
 
     Raises:
-        SpecError: E705 without imageio, or without ffmpeg for MP4.
+        SpecError: E705 without imageio, or without ffmpeg for MP4; E716 where the file cannot be written.
     """
 
     def __init__(self, path: Path, kind: str) -> None:
@@ -66,9 +68,11 @@ class Film:
 
         self._path, self._kind, self.frames = path, kind, 0
         self._writer: Any = None
+        self._target: BytesIO | Unfinished = BytesIO()  # a GIF is kept in memory; ffmpeg writes to a file
         self._imageio = need("imageio.v2", "figures")
         if kind == "mp4":
-            _find_ffmpeg(need("imageio_ffmpeg", "figures"))
+            self._ffmpeg = need("imageio_ffmpeg", "figures")
+            _find_ffmpeg(self._ffmpeg)
 
     def __enter__(self) -> Film:
         return self
@@ -77,22 +81,51 @@ class Film:
         fps = env.metadata["render_fps"]
         writer, picture = self._writer or self._open(fps), env.render()
         for _ in range(1 + round(HOLD * fps) if last else 1):
-            writer.append_data(picture)
+            with refused(self._path):
+                writer.append_data(picture)
             self.frames += 1
         if self._kind == "gif" and self.frames > GIF_FRAMES:
             raise misuse(f"a GIF holds {GIF_FRAMES} steps at most", "make an MP4, or cut the episode with --max-steps")
 
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        if self._writer is not None:
-            self._writer.close()
-        if error is not None:
-            self._path.unlink(missing_ok=True)
-
     def _open(self, fps: float) -> Any:
-        options: dict[str, Any] = {"duration": 1000 / fps, "loop": 0} if self._kind == "gif" else {"fps": fps}
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._writer = self._imageio.get_writer(self._path, mode="I", **options)
+        if self._kind == "gif":
+            self._writer = self._imageio.get_writer(self._target, format="GIF", mode="I", duration=1000 / fps, loop=0)
+            return self._writer
+        with refused(self._path):
+            self._target = file = Unfinished(self._path)
+            self._writer = self._imageio.get_writer(file.path, mode="I", fps=fps)
         return self._writer
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        try:
+            with refused(self._path):
+                if self._writer is not None:
+                    self._writer.close()
+                if self._writer is not None and error is None:
+                    self._finish()
+        finally:
+            if isinstance(self._target, Unfinished):
+                self._target.discard()
+
+    def _finish(self) -> None:
+        if isinstance(self._target, BytesIO):
+            write_bytes(self._path, self._target.getvalue())
+        else:
+            self._check(self._target.path)
+            self._target.finish()
+
+    def _check(self, path: Path) -> None:
+        """ffmpeg keeps it to itself when it could not write.
+
+        Raises:
+            OSError: frames are missing.
+        """
+        try:
+            frames, _ = self._ffmpeg.count_frames_and_secs(str(path))
+        except RuntimeError:
+            frames = 0
+        if frames != self.frames:
+            raise OSError(f"ffmpeg wrote {frames} of {self.frames} frames")
 
 
 def _find_ffmpeg(module: Any) -> None:

@@ -10,6 +10,7 @@ import typer
 
 from taskspec.cli.console import say
 from taskspec.cli.failures import refuse
+from taskspec.files import write_text
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 
@@ -73,7 +74,7 @@ def new(
     path = output or Path(f"{_words(name, '_')}.yaml")
     if path.is_dir():
         path = path / f"{_words(name, '_')}.yaml"
-    _write(path, SCAFFOLD.format(name=name, title=_words(name, " ").capitalize()))
+    write_text(path, SCAFFOLD.format(name=name, title=_words(name, " ").capitalize()), new=True)
     say(
         f"wrote {path}\n\n  taskspec check {path}\n  taskspec show {path}\n  taskspec run {path} --policy expert --render"
     )
@@ -82,12 +83,3 @@ def new(
 def _words(name: str, between: str) -> str:
     """RiskyPath as risky_path."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", between, name).lower()
-
-
-def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
-        raise refuse("E711", f"'{path}' exists already; it was left as it is", "`-o` gives another place") from None

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from taskspec.cli.console import say
+from taskspec.files import write_text
 
 
 class Page(StrEnum):
@@ -33,6 +34,5 @@ def reference(page: Which, output: Output = None) -> None:
     if output is None:
         say(text, nl=False)
         return
-    output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text(text, encoding="utf-8")
+    write_text(output, text)
     say(f"wrote {output}", err=True)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from taskspec.cli.console import say
+from taskspec.files import write_text
 
 Output = Annotated[
     Path | None,
@@ -33,6 +34,5 @@ def schema(output: Output = None) -> None:
     if output is None:
         say(text)
         return
-    output.parent.mkdir(parents=True, exist_ok=True)
-    output.write_text(text + "\n", encoding="utf-8")
+    write_text(output, text + "\n")
     say(f"wrote {output}", err=True)

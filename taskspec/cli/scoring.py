@@ -61,7 +61,6 @@ def solve(
     found = task_of(task, variant, parameters or [])
     measured = scores(found, episodes, seed)
     if output is not None:
-        output.parent.mkdir(parents=True, exist_ok=True)
         measured.save(output)
     if json:
         write_json(measured.record())

@@ -175,4 +175,13 @@ taskspec.make_vec("Hash", num_envs=8, backend="numba")    # right
 ```
 """,
     ),
+    Code(
+        "E716",
+        "file-unwritable",
+        "a file that cannot be written",
+        """
+The disk is full, the folder may not be written to, or a file that was to be new exists. The message gives the
+reason that the operating system gives. What was there before is as it was.
+""",
+    ),
 )

@@ -20,6 +20,7 @@ from taskspec.exact.lint import sense
 from taskspec.exact.points import Method
 from taskspec.exact.returns import EPISODES, Results, Return, normalised
 from taskspec.exact.soundness import check_ranges, examine
+from taskspec.files import write_text
 from taskspec.spec.task import Task
 
 if TYPE_CHECKING:
@@ -147,7 +148,7 @@ class Scores:
 
     def save(self, path: str | Path) -> None:
         """Keep the scores in a JSON file, under the task's content hash."""
-        Path(path).write_text(json.dumps(self.record(), indent=2, default=str) + "\n", encoding="utf-8")
+        write_text(Path(path), json.dumps(self.record(), indent=2, default=str) + "\n")
 
     @classmethod
     def load(cls, path: str | Path, task: Task) -> Scores:

@@ -22,6 +22,7 @@ from taskspec.appendix.figures.table import table
 from taskspec.appendix.figures.tikz import colors as tikz_colors
 from taskspec.appendix.figures.tikz import tikz as tikz
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.files import write_text
 from taskspec.spec.task import Task
 
 __all__ = [
@@ -55,9 +56,9 @@ def figure(task: Task, path: Path | str, overlays: Iterable[str] = ()) -> Path:
         raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn", HINT),))
     match path.suffix:
         case ".svg":
-            path.write_text(svg(found) + "\n", encoding="utf-8")
+            write_text(path, svg(found) + "\n")
         case ".tex" | ".tikz":
-            path.write_text(f"{tikz_colors()}\n{tikz(found)}\n", encoding="utf-8")
+            write_text(path, f"{tikz_colors()}\n{tikz(found)}\n")
         case ".png" | ".pdf":
             raster.save(found, path, path.suffix[1:])
         case other:

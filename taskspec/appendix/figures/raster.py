@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 from taskspec.appendix.extras import need
 from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Scene, head, shaft
 from taskspec.appendix.figures.svg import COLORS
+from taskspec.files import write_bytes
 from taskspec.printers import tree as m
 from taskspec.printers.plain import plain
 
@@ -27,8 +29,10 @@ def save(scene: Scene, path: Path, kind: str) -> None:
     """Write a PNG or PDF file; the same scene gives the same bytes."""
     figure = _figure(scene)
     metadata: dict[str, Any] = {"CreationDate": None} if kind == "pdf" else {"Software": None}
+    picture = BytesIO()
     with _quiet():
-        figure.savefig(path, format=kind, dpi=DPI, metadata=metadata)
+        figure.savefig(picture, format=kind, dpi=DPI, metadata=metadata)
+    write_bytes(path, picture.getvalue())
 
 
 def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:

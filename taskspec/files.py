@@ -1,0 +1,101 @@
+"""Files are written whole or not at all: beside their place, to disk, and only then into it."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from taskspec.diagnostics import Diagnostic, SpecError
+
+
+def write_text(place: Path, text: str, new: bool = False) -> None:
+    """Write a text in UTF-8, with the line ends that it has (see `whole`)."""
+    with whole(place, new) as path:
+        path.write_text(text, encoding="utf-8", newline="")
+
+
+def write_bytes(place: Path, content: bytes) -> None:
+    """Write a file (see `whole`)."""
+    with whole(place) as path:
+        path.write_bytes(content)
+
+
+@contextmanager
+def whole(place: Path, new: bool = False) -> Iterator[Path]:
+    """A path to write a file at, which goes to its place when all went well; otherwise what is there stays.
+
+    Args:
+        place: where the file is to be. Folders are made if need be.
+        new: whether it is an error if it exists.
+
+    Raises:
+        SpecError: E716, it cannot be written, or exists.
+    """
+    with refused(place):
+        file = Unfinished(place, new)
+        try:
+            yield file.path
+            file.finish()
+        except BaseException:
+            file.discard()
+            raise
+
+
+@contextmanager
+def refused(place: Path) -> Iterator[None]:
+    """What the system refuses to write is a message.
+
+    Raises:
+        SpecError: E716.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise _failure(f"cannot write {str(place)!r}: {error.strerror or error}") from error
+
+
+class Unfinished:
+    """A file that is being written, at `path`, beside its place, with the permissions that it has there or would have.
+
+    A link leads on to its file. What is no regular file, such as a terminal, is written to where it is.
+    """
+
+    def __init__(self, place: Path, new: bool = False) -> None:
+        self._place, self._new = place if new else place.resolve(), new
+        self._place.parent.mkdir(parents=True, exist_ok=True)
+        if new:
+            self._reserve()
+        self._direct = self._place.exists() and not self._place.is_file()
+        self.path = self._place if self._direct else self._place.with_name(f".{os.urandom(8).hex()}{place.suffix}")
+        if not self._direct:
+            self.path.touch(exist_ok=False)
+            with suppress(FileNotFoundError):
+                self.path.chmod(stat.S_IMODE(self._place.stat().st_mode))
+
+    def finish(self) -> None:
+        """Move the file to its place."""
+        if not self._direct:
+            with self.path.open("rb+") as file:
+                os.fsync(file.fileno())
+            self.path.replace(self._place)
+
+    def discard(self) -> None:
+        """Leave everything as it was."""
+        if not self._direct:
+            self.path.unlink(missing_ok=True)
+        if self._new:
+            self._place.unlink(missing_ok=True)
+
+    def _reserve(self) -> None:
+        try:
+            self._place.touch(exist_ok=False)
+        except FileExistsError:
+            message = f"{str(self._place)!r} exists already; it was left as it is"
+            raise _failure(message, "give another place") from None
+
+
+def _failure(message: str, hint: str | None = None) -> SpecError:
+    return SpecError([Diagnostic("E716", None, message, hint)])
