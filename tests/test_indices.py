@@ -73,6 +73,7 @@ def rewards(task: Task) -> list[float]:
 CASES: dict[str, list[float]] = {
     # known before the task runs: from the end
     "v[-1]": [30] * 5, "v[-3]": [10] * 5, "v[-n]": [30] * 5, "v[last]": [30] * 5, "back(1)": [30] * 5, "m[-1, -2]": [5] * 5,
+    "m[-len(w) + 2, 0]": [4] * 5,
     "w[-1] + s": [30, 31, 32, 33, 34], "sum([v[i - 1] for i in range(3)])": [60] * 5, "v[[-1, 0]][0]": [30] * 5,
     "put(v, -1, 0)[2]": [0] * 5, "put(v, 9, 0)[2]": [0] * 5, "swap(v, 0, -1)[0]": [30] * 5,
     # named by the state: to the nearest end

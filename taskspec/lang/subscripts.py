@@ -91,9 +91,13 @@ def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
 
 def _varies(expr: s.Expr, scope: Scope) -> bool:
     """Whether an expression names what is known only when the task runs, whatever its value comes to."""
+    names = list(s.names(expr))
+    measured = {
+        id(n) for call in names if isinstance(call, s.Call) and call.function == "len" for n in s.names(call.args)
+    }
     own = set(s.targets(expr))
-    bound = ((n, scope.lookup(n.written if isinstance(n, s.Name) else n.function)) for n in s.names(expr))
-    return any(_known_late(at, binding) for at, binding in bound if not (isinstance(at, s.Name) and at.id in own))
+    relevant = (n for n in names if id(n) not in measured and not (isinstance(n, s.Name) and n.id in own))
+    return any(_known_late(n, scope.lookup(n.written if isinstance(n, s.Name) else n.function)) for n in relevant)
 
 
 def _known_late(at: s.Name | s.Call, binding: Binding | None) -> bool:

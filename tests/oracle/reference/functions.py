@@ -200,15 +200,20 @@ def reverse(x: Value) -> Value:
     return vector(number(x).rows()[::-1])
 
 
-def nearest_place(i: int, n: int) -> int:
-    """An index counted from either end, moved to the nearest place of a vector of length n."""
-    return max(0, min(n - 1, i + n if i < 0 else i))
+def places(index: Value, n: int) -> list[int]:
+    """Indices moved to the nearest places of a vector of length n; those known before the task runs count from either end."""
+    return [max(0, min(n - 1, i + n if index.fixed and i < 0 else i)) for i in index.data]
+
+
+def place(index: Value, n: int) -> int:
+    (found,) = places(Value(index.kind, (1,), (index.item,), index.fixed), n)
+    return found
 
 
 @function("swap")
 def swap(x: Value, i: Value, j: Value) -> Value:
     rows = number(x).rows()
-    p, q = nearest_place(number(i).item, len(rows)), nearest_place(number(j).item, len(rows))
+    p, q = place(number(i), len(rows)), place(number(j), len(rows))
     rows[p], rows[q] = rows[q], rows[p]
     return touched(vector(rows), i, j)
 
@@ -218,7 +223,7 @@ def put(x: Value, i: Value, value: Value) -> Value:
     rows, new = number(x).rows(), number(value)
     if new.shape != rows[0].shape:
         new = elementwise(lambda _, v: v, new.kind, rows[0], new)
-    rows[nearest_place(number(i).item, len(rows))] = new
+    rows[place(number(i), len(rows))] = new
     kind = joint_kind([number(x), new])
     return touched(settled(kind, x.shape, vector(rows).data, fixed=x.fixed and new.fixed, rough=vector(rows).rough), i)
 

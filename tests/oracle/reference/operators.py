@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from tests.oracle.reference import arithmetic as a
-from tests.oracle.reference.functions import nearest_place, numeric, touched
+from tests.oracle.reference.functions import numeric, place, places, touched
 from tests.oracle.reference.values import Number, Value, Wrong, elementwise, number, settled, vector, watch
 
 BINARY: dict[type[ast.operator], Callable[[Number, Number], Number]] = {
@@ -100,10 +100,7 @@ def compare(op: ast.cmpop, left: Value, right: Value) -> Value:
 def element(value: Value, index: Value) -> Value:
     """`x[i]`: an element or a row; with a vector of indices, a vector of them."""
     rows, index = number(value).rows(), number(index)
-    if index.shape:
-        picked = vector([rows[nearest_place(i, len(rows))] for i in index.data])
-    else:
-        picked = rows[nearest_place(index.item, len(rows))]
+    picked = vector([rows[i] for i in places(index, len(rows))]) if index.shape else rows[place(index, len(rows))]
     return touched(picked, index)
 
 
