@@ -17,9 +17,6 @@ BACKENDS = ["numpy"]
 PENDING = (
     "load: refused E313",
     "check: check E313",
-    "numpy NextStep: crash SyntaxError",
-    "numpy SameStep: crash SyntaxError",
-    "numpy Disabled: crash SyntaxError",
 )
 """Faults that are known and not repaired yet."""
 

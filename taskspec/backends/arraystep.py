@@ -106,7 +106,7 @@ def _drawn(draw: Draw, args: Sequence[str], words: Sequence[str]) -> str:
     """A draw from its words, which the step is given one by one as int64 (lanes,)."""
     size = draw.type.size
     stacked = f"np.stack(({', '.join(words)},)).astype(np.uint32)"
-    spread = args[0] if draw.args[0].type.shape else f"{args[0]}[None]"
+    spread = args[0] if draw.args[0].type.shape else f"np.asarray({args[0]})[None]"
     flat = f"rt.rows({spread})"
     match draw.base:
         case "bernoulli":

@@ -26,7 +26,7 @@ from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
 EPISODES = 1000
-LONGEST = 100_000
+LONGEST = 20_000
 WORDS = 4_000_000
 CONFIDENCE = 0.95
 

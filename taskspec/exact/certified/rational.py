@@ -175,7 +175,9 @@ class Rational:
     def reached(self, t: int, value: Scaled, states: Array) -> Scaled:
         """Probabilities (A, S) of being in `states` in the next step, or later by `value`, which is 1 there."""
         step = self._at(t)
-        inside = np.where(states, value.over, 0).astype(object)
+        inside = _objects(
+            [value.over if within else 0 for within in states.tolist()]
+        )  # beyond what an int of NumPy holds
         after = np.where(step.ends, inside[step.columns], value.parts[step.columns])
         return Scaled(self._table(self._next(step, after)), step.weights.over * value.over)
 
