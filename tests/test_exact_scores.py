@@ -13,8 +13,9 @@ import pytest
 from taskspec import exact, source
 from taskspec.diagnostics import SpecError
 from taskspec.exact import benchmark, rows, solve
-from taskspec.exact.abstraction import abstraction, unfaithful
+from taskspec.exact.abstraction import abstraction
 from taskspec.exact.certified.bounded import Bounded
+from taskspec.exact.faith import unfaithful
 from taskspec.exact.returns import Results, Return
 from taskspec.spec.build import build
 from taskspec.spec.task import Task

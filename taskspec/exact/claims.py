@@ -106,12 +106,17 @@ def _looked_at(claim: Claim, results: Results) -> tuple[Truth, int]:
     if truth.holds is None and evaluator.simulated:
         other = Evaluator(results, claim.options, replace(terms, soundly=False)).truth(claim.expr)
         return replace(other, holds=None if other.holds is False else True), evaluator.simulated
+    if truth.holds and not evaluator.simulated and evaluator.rests_on:
+        why = f"of an abstraction that agreed with the task in {evaluator.rests_on:,} episodes"
+        truth, episodes = replace(truth, detail=f"{truth.detail}; {why}"), evaluator.rests_on
+    else:
+        episodes = evaluator.simulated
     if truth.holds is not None and not evaluator.simulated and evaluator.ambiguous:
         other = Evaluator(results, claim.options, replace(terms, as_written=True)).truth(claim.expr)
         if other.holds is not truth.holds:
             detail = f"it depends on how decimals are rounded to floats: {truth.detail}"
             return Truth(None, detail, truth.place or other.place), 0
-    return truth, evaluator.simulated
+    return truth, episodes
 
 
 def _settled(claim: Claim, case: Mapping[str, Any], truth: Truth, episodes: int) -> Verdict:

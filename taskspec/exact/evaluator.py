@@ -65,13 +65,14 @@ class Terms:
 class Evaluator:
     """Evaluates claims against one task's results; `simulated` counts the episodes that were needed.
 
+    `rests_on` counts those on which the abstraction was tested that a result comes from.
     `ambiguous` says whether some number would be another one by the other reading of floats.
     """
 
     def __init__(self, results: Results, options: Mapping[str, Any], terms: Terms) -> None:
         self.results, self.options, self.terms = results, options, terms
         self.reader = Reader(terms.as_written)
-        self.simulated = 0
+        self.simulated = self.rests_on = 0
 
     @property
     def ambiguous(self) -> bool:
@@ -189,6 +190,7 @@ class Evaluator:
             raise Unfit("the spec gives no expert", expr)
         found = self.results.enclosure(which, self.terms.as_written)
         if found is not None:
+            self.rests_on = max(self.rests_on, self.results.tested(which))
             return found
         sample = self.results.sample(which, self.terms.episodes)
         if sample is None:
@@ -202,6 +204,9 @@ class Evaluator:
         model = self.results.model
         if model is None:
             raise Undecidable(f"this claim needs an exact model, and there is none: {self.results.why_not}", expr)
+        if self.results.faith is not None and self.results.faith.problem is not None:
+            raise Undecidable("the abstraction that this would be told from is not faithful", expr)
+        self.rests_on = max(self.rests_on, self.results.tested())
         return model
 
     def _solver(self, rule: Rule) -> Solver:
@@ -239,6 +244,8 @@ class Evaluator:
         return found
 
     def rule(self, expr: s.Expr | None) -> Rule:
+        if isinstance(expr, s.Name) and expr.id == "expert":
+            self.rests_on = max(self.rests_on, self.results.tested("expert"))
         return rule_named(expr, self.results, self.number)
 
     def reachable(self, expr: s.Call) -> Truth:

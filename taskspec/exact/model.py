@@ -146,8 +146,8 @@ class Model:
         if 8 * np.count_nonzero(states) > len(states):
             rows = np.tile(states, self.n_actions).astype(np.float64)
             return np.asarray(matrix.T @ rows) > 0
-        rows = (np.flatnonzero(states) + self.n_states * np.arange(self.n_actions)[:, None]).reshape(-1)
-        first, counts = matrix.indptr[rows], matrix.indptr[rows + 1] - matrix.indptr[rows]
+        some = (np.flatnonzero(states) + self.n_states * np.arange(self.n_actions)[:, None]).reshape(-1)
+        first, counts = matrix.indptr[some], matrix.indptr[some + 1] - matrix.indptr[some]
         entries = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
         found = np.zeros(self.n_states, np.bool_)
         found[matrix.indices[entries[matrix.data[entries] > 0]]] = True

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
-from taskspec.exact.abstraction import unfaithful
 from taskspec.exact.accept import Accepted, idle, set_aside
 from taskspec.exact.claims import Verdict, verdicts
 from taskspec.exact.examples import wrong_examples
 from taskspec.exact.failure import is_installed, misused
+from taskspec.exact.faith import unfaithful
 from taskspec.exact.lint import sense
 from taskspec.exact.points import Method
 from taskspec.exact.returns import EPISODES, Results, Return, normalised
@@ -106,7 +106,7 @@ def _sense(task: Task, results: Results) -> list[Diagnostic]:
         stand_in = results.abstraction
     except SpecError as error:
         return list(error.diagnostics)
-    problem = None if stand_in is None else unfaithful(stand_in)
+    problem = None if stand_in is None else unfaithful(stand_in, results.faith)
     return [*sense(task, results), *([] if problem is None else [problem])]
 
 

@@ -18,6 +18,7 @@ from taskspec.exact.certified.solver import Rule, Solvers
 from taskspec.exact.confidence import CUT, mean_interval, return_range
 from taskspec.exact.extract import MAX_ENTRIES, extract
 from taskspec.exact.failure import refuse
+from taskspec.exact.faith import Faith, examined
 from taskspec.exact.model import Model
 from taskspec.exact.plans import Greedy, Plan, Uniform, rule_of, tables
 from taskspec.exact.rollout import Choose, Rollout, at_random, by_expert
@@ -36,13 +37,15 @@ class Return:
     """An expected return.
 
     `error` is the standard error of an estimate from `episodes`; both are 0 when it was computed from a model, and the
-    truth then lies within `bound` of the value.
+    truth then lies within `bound` of the value. `tested` counts the episodes on which the abstraction was tested that
+    it rests on; 0 where there is none, or it is proved.
     """
 
     value: float
     error: float = 0.0
     episodes: int = 0
     bound: float = field(default=0.0, repr=False)
+    tested: int = field(default=0, repr=False)
 
     @property
     def exact(self) -> bool:
@@ -76,6 +79,17 @@ class Results:
     @cached_property
     def abstraction(self) -> Abstraction | None:
         return abstraction(self.task)
+
+    @cached_property
+    def faith(self) -> Faith | None:
+        """What is known of the abstraction; None where there is none."""
+        return None if self.abstraction is None else examined(self.abstraction)
+
+    def tested(self, which: str = "") -> int:
+        """The episodes that what comes from the model rests on: 0 where it is the task's own, or proved to be as good."""
+        if self.faith is None:
+            return 0
+        return max(self.faith.episodes, self.faith.expert_episodes) if which == "expert" else self.faith.episodes
 
     @cached_property
     def _extracted(self) -> Model | SpecError:
@@ -135,7 +149,9 @@ class Results:
 
     def _return(self, which: str) -> Return | None:
         found = self.enclosure(which)
-        return self.sample(which) if found is None else Return(found.value, bound=found.error)
+        if found is None:
+            return self.sample(which)
+        return Return(found.value, bound=found.error, tested=self.tested(which))
 
     def enclosure(self, which: str, as_written: bool = False) -> Enclosure | None:
         """The optimal, worst, random or expert return; None without a model, or where it is not known to be finite."""
@@ -152,6 +168,8 @@ class Results:
     def _enclosed(self, which: str, as_written: bool) -> Enclosure | None:
         if self.model is None:
             return None
+        if self.faith is not None and self.faith.problem is not None:
+            refuse("the abstraction is not faithful")
         rule: Rule | None = {"random": Uniform(), "expert": self.expert_rule, "optimal": Greedy()}.get(which)
         if rule is None and which == "expert":
             return None
