@@ -47,6 +47,7 @@ def test_threefry_gives_the_published_answers() -> None:
 LANES, STEPS, SIZE = 2**13, 16, 8
 """A million words for each kind of draw."""
 _RNG = np.random.default_rng(0)
+CONCENTRATIONS = np.float32(10 ** _RNG.uniform(-5, 8, (SIZE, LANES)))
 SHAPES = np.float32(10 ** _RNG.uniform(-1.5, 2, (SIZE, LANES)))
 RATES = np.float32(_RNG.uniform(0, 150, (SIZE, LANES)))
 COUNTS = _RNG.integers(1, 2**31, (SIZE, LANES), dtype=np.int32)
@@ -62,10 +63,10 @@ DRAWN: dict[str, tuple[int, Any, Any]] = {
     "uniform": (1, lambda w: library.uniform(w, 0, SIZE), draws.uniforms),
     "exponential": (1, lambda w: library.exponential(w, 0, SIZE), draws.exponentials),
     "normal": (1, lambda w: library.normal(w, 0, SIZE), lambda words: draws.normals(words, SIZE)),
-    "gamma": (
+    "dirichlet": (
         draws.GAMMA_WORDS,
-        lambda w: library.gamma(w, 0, SIZE, SHAPES),
-        lambda words: draws.gammas(apart(words, draws.GAMMA_WORDS), SHAPES),
+        lambda w: library.dirichlet(w, 0, SIZE, CONCENTRATIONS),
+        lambda words: draws.dirichlets(words, CONCENTRATIONS),
     ),
     "poisson": (
         1,
@@ -93,7 +94,7 @@ DRAWN: dict[str, tuple[int, Any, Any]] = {
 }  # fmt: skip
 
 
-ONE_BY_ONE = ("uniform", "normal", "gamma", "permutation")
+ONE_BY_ONE = ("uniform", "normal", "dirichlet", "permutation")
 """To be tried also as few draws are made: word by word."""
 
 

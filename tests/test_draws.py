@@ -220,13 +220,6 @@ def test_normals_of_a_large_block_meet_without_seams() -> None:
 
 
 @settings(max_examples=50)
-@given(lists_of(draws.GAMMA_WORDS), positive)
-def test_gamma_gives_one_result(words: list[int], alpha: float) -> None:
-    lanes = np.repeat(column(words), 3, axis=1)
-    assert draws.gammas(lanes, alpha).tolist() == [draws.gamma(words, alpha)] * 3
-
-
-@settings(max_examples=50)
 @given(lists_of(3 * draws.GAMMA_WORDS), st.lists(positive, min_size=3, max_size=3))
 def test_dirichlet_gives_one_result(words: list[int], alphas: list[float]) -> None:
     lanes = np.repeat(column(words), 2, axis=1)
@@ -392,29 +385,6 @@ def test_real_distributions() -> None:
     assert_follows(draws.exponentials(words[0]), stats.expon)
     for values in draws.normals(words, 4):
         assert_follows(values, stats.norm)
-
-
-@pytest.mark.parametrize("alpha", [0.05, 0.5, 1.0, 1.5, 7.0, 300.0])
-def test_gamma_distribution(alpha: float) -> None:
-    """Above the least float32, to which a small alpha often sinks, and how often it does."""
-    values = draws.gammas(stream(draws.GAMMA_WORDS, 40_000), alpha)
-    least = 1e-37
-    lost = stats.gamma(alpha).cdf(least)
-    assert stats.binomtest(int((values < least).sum()), len(values), lost).pvalue > ALPHA
-    shares = (stats.gamma(alpha).cdf(values[values >= least]) - lost) / (1 - lost)
-    assert stats.kstest(shares, stats.uniform.cdf).pvalue > ALPHA
-
-
-def test_dirichlet_distribution() -> None:
-    alphas = np.array([0.2, 1.0, 3.0])
-    shares = draws.dirichlets(stream(draws.dirichlet_words(3), 40_000), alphas)
-    for share, alpha in zip(shares, alphas, strict=True):
-        assert_follows(share, stats.beta(alpha, alphas.sum() - alpha))
-
-
-def test_dirichlet_of_tiny_alphas_still_adds_up_to_one() -> None:
-    shares = draws.dirichlets(stream(draws.dirichlet_words(3), 1000), [1e-4] * 3)
-    assert shares.sum(axis=0) == pytest.approx(np.ones(1000), abs=1e-6)
 
 
 # ------------------------------------------------------------------------------ independence

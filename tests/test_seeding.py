@@ -46,7 +46,7 @@ def test_words(seed: int, n: int, count: int) -> None:
 def test_reals(w: list[int], alpha: float) -> None:
     assert draws.exponential(w[0]) == CODE["exponential"](w[0])
     assert draws.normal(w[:2], 2) == CODE["normals"](w[0], w[1])
-    assert draws.gamma(w, alpha) == CODE["gamma"](w, alpha)
+    assert draws.dirichlet(w + w[::-1], (alpha, 1.0)) == tuple(CODE["dirichlet"](w + w[::-1], (alpha, 1.0)))
 
 
 # ------------------------------------------------------------------------------ which word a draw is given
@@ -117,7 +117,7 @@ ORDER = {
     "normals are even": Order("dynamics: {x': '0 * ceil(sum(Normal(0, 1, shape=3)))', y': U}", {"y": 4}),
     "one normal": Order("dynamics: {x': '0 * ceil(Normal(0, 1))', y': U}", {"y": 2}),
     "permutations": Order("dynamics: {x': 'sum(Permutation(3, shape=2)[0])', y': U}", {"y": 6}),
-    "gamma variates": Order("dynamics: {x': '0 * ceil(sum(Dirichlet((1, 2))))', y': U}", {"y": 18}),
+    "shares": Order("dynamics: {x': '0 * ceil(sum(Dirichlet((1, 2))))', y': U}", {"y": 18}),
     "a constant rate": Order("dynamics: {x': 'Poisson(300)', y': U}", {"y": 1}),
     "a rate that changes": Order("dynamics: {x': 'Poisson(clip(x / 1000, 0, 129))', y': U}", {"y": 3}),
     "a rate in a reset": Order(

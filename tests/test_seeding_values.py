@@ -165,8 +165,7 @@ reward: 0
     for n in range(9):
         program.step([(1,)])
         w = words(SEED, STEP, n, 27)
-        parts = [float(CODE["gamma"](w[9 * i : 9 * i + 9], alpha)) for i, alpha in enumerate((0.5, 1, 4))]
-        assert program.state[0] == tuple(p / sum(parts) for p in parts)
+        assert program.state[0] == tuple(map(float, CODE["dirichlet"](w, (0.5, 1, 4))))
 
 
 def test_constants_of_an_instance() -> None:

@@ -119,8 +119,7 @@ def _drawn(draw: Draw, args: Sequence[str], words: Sequence[str]) -> str:
             grouped = f"{stacked}.reshape({size}, {len(words) // size}, -1).swapaxes(0, 1)"
             text = f"poissons({grouped}, {flat}, {poisson_bound(draw)!r}).astype(np.int64)"
         case _:
-            grouped = f"{stacked}.reshape({size}, {len(words) // size}, -1).swapaxes(0, 1)"
-            text = f"gammas({grouped}, {flat}).astype(np.float64)"
+            text = f"dirichlets({stacked}, {flat}).astype(np.float64)"
     return f"{text}.reshape({''.join(f'{k}, ' for k in draw.type.shape)}-1)"
 
 

@@ -264,6 +264,27 @@ class KernelLane(Lane):
         named = [(first, self._array(np.array(limits, np.int64))) for first, limits in tables]
         return [f"i32({first} + search({t}, i64({w})))" for (first, t), w in zip(named, words, strict=True)]
 
+    def _dirichlet(self, node: Draw, words: Sequence[str]) -> list[str]:
+        values = []
+        for group, alpha in zip(self._groups(node, words), self._arguments(node), strict=True):
+            value, shrink = self.name(), self.name()
+            self.lines.append(f"{value}, {shrink} = gamma_parts({group}, {alpha})")
+            values.append((value, shrink))
+        largest = self._largest([value for value, _ in values])
+        logs = [self.assign(f"log_share({value}, {largest}, {shrink})") for value, shrink in values]
+        most = self._largest(logs)
+        parts = [self.assign(f"exp32({x} - {most})") for x in logs]
+        total = parts[0]
+        for part in parts[1:]:
+            total = self.assign(f"({total} + {part})")
+        return [f"share({part}, {total})" for part in parts]
+
+    def _largest(self, atoms: Sequence[str]) -> str:
+        found = atoms[0]
+        for atom in atoms[1:]:
+            found = self.assign(f"select({atom} > {found}, {atom}, {found})")
+        return found
+
     def _permutation(self, node: Draw, words: Sequence[str]) -> list[str]:
         n = node.type.shape[-1]
         return [a for k in range(0, len(words), n) for a in self._order(words[k : k + n], real=False)]
@@ -297,8 +318,6 @@ _DRAW: dict[str, Callable[[KernelLane, Draw, Sequence[str]], list[str]]] = {
     ],
     "categorical": KernelLane._categorical,
     "poisson": KernelLane._poisson,
-    "gamma": lambda k, node, words: [
-        f"gamma({g}, {a})" for g, a in zip(k._groups(node, words), k._arguments(node), strict=True)
-    ],
+    "dirichlet": KernelLane._dirichlet,
     "permutation": KernelLane._permutation,
 }

@@ -334,11 +334,12 @@ class Lane:
                 return Value([f"bernoulli({w}, {p})" for w, p in zip(words, ps, strict=True)])
             case "index":
                 return Value([f"({w} * {n} >> 32)" for w, n in zip(words, ps, strict=True)])
+            case "dirichlet":
+                return Value(packed=self.assign(f"dirichlet({tuple_of(words)}, {self.packed(node.args[0])})"))
             case _:
                 step = len(words) // size
-                extra = f", {poisson_bound(node)!r}" if node.base == "poisson" else ""
                 groups = [tuple_of(words[k : k + step]) for k in range(0, len(words), step)]
-                return Value([f"{node.base}({g}, {p}{extra})" for g, p in zip(groups, ps, strict=True)])
+                return Value([f"poisson({g}, {p}, {poisson_bound(node)!r})" for g, p in zip(groups, ps, strict=True)])
 
     def _outcome(self, node: Draw, word: str) -> str:
         """A word against the thresholds of the present row, or against weights known only now."""

@@ -93,7 +93,7 @@ _NAMESPACE: dict[str, Any] = {
     "rt": RUNTIME,
     "nan": np.nan,
     "inf": np.inf,
-    "gammas": variates.gammas,
+    "dirichlets": variates.dirichlets,
     "bernoullis": variates.bernoullis,
     "indices": finite.indices,
     "poissons": finite.poissons,

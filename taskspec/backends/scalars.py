@@ -89,6 +89,6 @@ NAMESPACE: dict[str, Any] = {
     "bisect_right": bisect_right,
     "bernoulli": draws.bernoulli,
     "poisson": draws.poisson,
-    "gamma": draws.gamma,
+    "dirichlet": draws.dirichlet,
     "weighted_categorical": draws.weighted_categorical,
 }

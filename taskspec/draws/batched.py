@@ -48,8 +48,8 @@ def _normal(draw: Draw, args: list[Array], words: Array) -> Array:
     return _real(draws.normals(words, draw.type.size))
 
 
-def _gamma(draw: Draw, args: list[Array], words: Array) -> Array:
-    return _real(draws.gammas(_grouped(draw, words), _rows(draw, args[0])))
+def _dirichlet(draw: Draw, args: list[Array], words: Array) -> Array:
+    return _real(draws.dirichlets(words, _rows(draw, args[0])))
 
 
 def _poisson(draw: Draw, args: list[Array], words: Array) -> Array:
@@ -113,7 +113,7 @@ _SAMPLE: dict[str, Callable[[Draw, list[Array], Array], Array]] = {
     "uniform": lambda draw, args, words: _real(draws.uniforms(words)),
     "exponential": lambda draw, args, words: _real(draws.exponentials(words)),
     "normal": _normal,
-    "gamma": _gamma,
+    "dirichlet": _dirichlet,
     "poisson": _poisson,
     "index": _index,
     "categorical": _categorical,

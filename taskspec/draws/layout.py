@@ -21,8 +21,8 @@ def words_of(draw: Draw) -> int:
     match draw.base:
         case "normal":
             return draws.normal_words(size)
-        case "gamma":
-            return draws.GAMMA_WORDS * size
+        case "dirichlet":
+            return draws.dirichlet_words(size)
         case "poisson" if (bound := poisson_bound(draw)) is not None:
             return draws.poisson_words(bound) * size
         case _:

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from taskspec import draws
-from taskspec.draws.layout import Layout, poisson_bound, row_table
+from taskspec.draws.layout import Layout, poisson_bound, row_table, words_of
 from taskspec.lang.ir import Const, Draw
 
 Flat = tuple[Any, ...]
@@ -32,10 +32,8 @@ def _normal(draw: Draw, args: list[Flat], words: Words) -> Flat:
     return draws.normal(words[: draws.normal_words(n)], n)
 
 
-def _gamma(draw: Draw, args: list[Flat], words: Words) -> Flat:
-    step = draws.GAMMA_WORDS
-    alphas = _stretch(args[0], draw.type.size)
-    return tuple(draws.gamma(words[step * i : step * (i + 1)], float(a)) for i, a in enumerate(alphas))
+def _dirichlet(draw: Draw, args: list[Flat], words: Words) -> Flat:
+    return draws.dirichlet(words[: words_of(draw)], [float(a) for a in args[0]])
 
 
 def _poisson(draw: Draw, args: list[Flat], words: Words) -> Flat:
@@ -93,7 +91,7 @@ _SAMPLE: dict[str, Callable[[Draw, list[Flat], Words], Flat]] = {
     "uniform": _each(draws.uniform),
     "exponential": _each(draws.exponential),
     "normal": _normal,
-    "gamma": _gamma,
+    "dirichlet": _dirichlet,
     "poisson": _poisson,
     "index": _index,
     "categorical": _categorical,

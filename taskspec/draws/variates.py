@@ -7,8 +7,8 @@ float32 from the operations of `polynomials`, each rounded once, in the order wr
 are defined here, finite ones in `finite`.
 
 Words taken: uniform, bernoulli, exponential, index and categorical draws 1; n normals
-`normal_words`; a permutation of n things n; a Poisson of dynamic rate `poisson_words`; a gamma
-`GAMMA_WORDS`; a Dirichlet of n parts `dirichlet_words`.
+`normal_words`; a permutation of n things n; a Poisson of dynamic rate `poisson_words`; a Dirichlet of n
+parts `dirichlet_words`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from taskspec.draws.threefry import CHUNK, Words
 
 GAMMA_TRIES = 4
 GAMMA_WORDS = 9  # two pairs for the normals of four tries, four for their tests, one for alpha < 1
-SMALLEST_ALPHA = F(2**-100)
-SMALLEST_GAMMA = F(2**-126)  # the least normal float32; some machines flush what is below it
+SMALLEST_ALPHA, LARGEST_ALPHA = F(2**-100), F(2**100)
+LEAST = F(2**-126)  # the least normal float32; some machines flush what is below it
 
 # ------------------------------------------------------------------------------ reals
 
@@ -87,25 +87,6 @@ def normals(words: Words, n: int) -> Reals:
     return out[:n]
 
 
-def gamma(words: Sequence[int], alpha: float) -> float:
-    """A gamma variate of shape alpha and scale 1 from GAMMA_WORDS words; see `gammas`."""
-    return float(gammas(np.array(words, np.uint32)[:, None], alpha)[0])
-
-
-def gammas(words: Words, alpha: ArrayLike) -> Reals:
-    """Gamma variates of scale 1: float32 (...) from words (GAMMA_WORDS, ...); alpha broadcasts.
-
-    Marsaglia and Tsang, "A simple method for generating gamma variables", 2000, with alpha raised
-    by one and the result multiplied by U^(1/alpha) where alpha < 1. A try fails with probability
-    under 0.05, and after GAMMA_TRIES failures the mode stands in: less than 7e-6 of all draws.
-    Results up to 2^-126 are 0, which at alpha = 0.05 one in eighty is.
-    """
-    value, shrink = _gamma_parts(words, alpha)
-    made = value * polynomials.exp(-shrink)
-    result: Reals = np.where(made <= SMALLEST_GAMMA, F(0), made)
-    return result
-
-
 def dirichlet_words(n: int) -> int:
     """How many words a Dirichlet draw of n parts takes."""
     return GAMMA_WORDS * n
@@ -120,27 +101,35 @@ def dirichlet(words: Sequence[int], alphas: Sequence[float]) -> tuple[float, ...
 def dirichlets(words: Words, alphas: ArrayLike) -> Reals:
     """Dirichlet shares: float32 (n, ...) from words (9 n, ...) and alphas (n,) or (n, ...).
 
-    Gamma variates over their sum, from first to last; in logarithms, so that small alphas, whose
-    gammas all vanish in float32, still give a share of 1 to somebody.
+    Gamma variates over their sum, from first to last; in logarithms, so that small alphas, whose gammas all vanish in float32,
+    still give a share of 1 to somebody. The largest gamma is taken out first, so that those of large alphas, which differ in
+    their last digits only, keep these. Shares up to LEAST are 0.
     """
-    shape = np.asarray(alphas, np.float32)
+    with np.errstate(over="ignore"):
+        shape = np.asarray(alphas, np.float32)
     rest = words.shape[1:]
     n = len(words) // GAMMA_WORDS
     shape = shape.reshape(n, *(1,) * len(rest)) if shape.ndim == 1 else shape
     grouped = np.moveaxis(words.reshape(n, GAMMA_WORDS, *rest), 1, 0)
     value, shrink = _gamma_parts(grouped, shape)
-    logs = polynomials.log(value) - shrink
+    logs = polynomials.log(np.maximum(value / value.max(axis=0), LEAST)) - shrink
     parts = polynomials.exp(logs - logs.max(axis=0))
     total = parts[0]
     for part in parts[1:]:
         total = total + part
-    result: Reals = parts / total
-    return result
+    shares: Reals = parts / total
+    return np.where(shares > LEAST, shares, F(0))
 
 
-def _gamma_parts(words: Words, alpha: ArrayLike) -> tuple[Reals, Reals]:
-    """``(g, s)``: the gamma variate is g exp(-s), and s is 0 unless alpha < 1."""
-    shape = np.maximum(np.asarray(alpha, np.float32), SMALLEST_ALPHA)
+def _gamma_parts(words: Words, alpha: Reals) -> tuple[Reals, Reals]:
+    """``(g, s)``: the gamma variate of shape alpha and scale 1 is g exp(-s), and s is 0 unless alpha < 1.
+
+    Marsaglia and Tsang, "A simple method for generating gamma variables", 2000, with alpha raised by one and the result
+    multiplied by U^(1/alpha) where alpha < 1. A try fails with probability under 0.05, and after GAMMA_TRIES failures the mode
+    stands in: less than 7e-6 of all draws.
+    """
+    shape: Reals = np.where(alpha > SMALLEST_ALPHA, alpha, SMALLEST_ALPHA)
+    shape = np.where(shape < LARGEST_ALPHA, shape, LARGEST_ALPHA)
     small = shape < F(1)
     raised: Reals = np.where(small, shape + F(1), shape)
     d = raised - F(1 / 3)

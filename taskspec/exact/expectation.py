@@ -40,8 +40,9 @@ def _mean(draw: Draw, builder: Builder) -> Node | None:
             mean = builder.scalar(0.0)
         case "exponential":
             mean = builder.scalar(1.0)
-        case "gamma":
-            mean = draw.args[0]
+        case "dirichlet":
+            alpha = draw.args[0]
+            mean = builder.apply("div", alpha, builder.apply("sum", alpha))
         case "poisson":
             mean = draw.args[0]
         case _:

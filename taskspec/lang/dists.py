@@ -43,7 +43,7 @@ BASES: dict[str, Base] = {
             "Standard normal, Box-Muller in float32; one word each, in pairs.",
         ),
         Base("exponential", Kind.REAL, False, "Standard exponential; one word."),
-        Base("gamma", Kind.REAL, False, "Gamma with the given shape and unit scale, Marsaglia-Tsang."),
+        Base("dirichlet", Kind.REAL, False, "Shares with the given concentrations; nine words each, Marsaglia-Tsang."),
         Base("poisson", Kind.INT, False, "Poisson with the given rate, by inversion of one word."),
         Base("index", Kind.INT, True, "Uniform on range(n); one word."),
         Base(
@@ -128,8 +128,7 @@ def _poisson(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 def _dirichlet(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     alpha = b.cast(a["alpha"], Kind.REAL)
-    gammas = b.draw("gamma", (alpha,), Type(Kind.REAL, alpha.type.shape))
-    return b.apply("div", gammas, b.apply("sum", gammas))
+    return b.draw("dirichlet", (alpha,), alpha.type)
 
 
 def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:

@@ -125,7 +125,7 @@ def _constant(node: Const) -> Range:
 
 def _drawn(node: Draw, args: Args) -> Interval:
     match node.base:
-        case "uniform" | "bernoulli":
+        case "uniform" | "bernoulli" | "dirichlet":
             return (0, 1)
         case "index":
             return (0, max(0, args[0].high - 1))
@@ -135,7 +135,7 @@ def _drawn(node: Draw, args: Args) -> Interval:
             return (0, max(0, node.type.shape[-1] - 1))
         case "normal":
             return (-NORMAL_REACH, NORMAL_REACH)
-        case "poisson" | "exponential" | "gamma":
+        case "poisson" | "exponential":
             return (0, INF)
         case _:
             return EVERYTHING

@@ -16,7 +16,7 @@ from jax import lax
 from taskspec.draws import GAMMA_WORDS, poisson_terms, poisson_words
 from taskspec.draws.polynomials import LN2, LN2_HIGH, LN2_LOW, LOG2E, C, E, L, S
 from taskspec.draws.threefry import PARITY, ROTATIONS
-from taskspec.draws.variates import SMALLEST_ALPHA, SMALLEST_GAMMA
+from taskspec.draws.variates import LARGEST_ALPHA, LEAST, SMALLEST_ALPHA
 from taskspec.lang.arrays import Runtime
 
 Array = Any
@@ -239,10 +239,11 @@ def permutation(w: Words, first: int, size: int, n: int) -> Array:
     return jnp.argsort(words, axis=1, stable=True).astype(jnp.int32).reshape(size, -1)
 
 
-def gamma(w: Words, first: int, size: int, alpha: Array) -> Array:
-    """Marsaglia and Tsang, as `taskspec.draws.gammas`."""
+def dirichlet(w: Words, first: int, size: int, alpha: Array) -> Array:
+    """Gamma variates by Marsaglia and Tsang over their sum, in logarithms, as `taskspec.draws.dirichlets`."""
     words = w.rows(first, size * GAMMA_WORDS).reshape(size, GAMMA_WORDS, -1)
-    alpha = jnp.maximum(alpha, SMALLEST_ALPHA)
+    alpha = jnp.where(alpha > SMALLEST_ALPHA, alpha, SMALLEST_ALPHA)
+    alpha = jnp.where(alpha < LARGEST_ALPHA, alpha, LARGEST_ALPHA)
     rounded = Rounding(words[:, 0])
     small = alpha < 1
     d = jnp.where(small, alpha + 1, alpha) - 1 / 3
@@ -253,8 +254,14 @@ def gamma(w: Words, first: int, size: int, alpha: Array) -> Array:
         candidate, accepted = _attempt(x[i], words[:, 4 + i], d, scale, rounded)
         value = jnp.where(accepted, candidate, value)
     shrink = jnp.where(small, exponentials(words[:, 8]) / rounded(alpha), 0)
-    made = rounded(value * exp(-shrink, rounded))
-    return jnp.where(made <= SMALLEST_GAMMA, 0, made)
+    ratio = jnp.maximum(value / value.max(axis=0), LEAST)
+    logs = log(ratio, rounded) - shrink
+    parts = rounded(exp(logs - logs.max(axis=0), rounded))
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    shares = parts / total
+    return jnp.where(shares > LEAST, shares, 0)
 
 
 def _attempt(x: Array, word: Array, d: Array, scale: Array, rounded: Rounding) -> tuple[Array, Array]:

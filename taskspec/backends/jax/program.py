@@ -178,7 +178,7 @@ _NAMESPACE: dict[str, Any] = {
     "inf": float("inf"),
     **{f"draw_{name}": getattr(library, name) for name in (
         "uniform", "exponential", "normal", "bernoulli", "index", "categorical", "weighted", "poisson", "counts",
-        "permutation", "gamma",
+        "permutation", "dirichlet",
     )},
 }  # fmt: skip
 

@@ -14,7 +14,7 @@ from numba.extending import intrinsic
 
 from taskspec.backends.numba.basics import as_f32, as_i32, f32, f32s, f64, i32, i64, inner, select, u32, u32s, u64
 from taskspec.draws.threefry import PARITY, ROTATIONS
-from taskspec.draws.variates import SMALLEST_ALPHA, SMALLEST_GAMMA
+from taskspec.draws.variates import LARGEST_ALPHA, LEAST, SMALLEST_ALPHA
 
 # -- words --------------------------------------------------------------------------------------------------------
 
@@ -206,9 +206,10 @@ def _attempt(x: Any, word: Any, d: Any, scale: Any) -> Any:
 
 
 @inner
-def gamma(w: Any, alpha: Any) -> Any:
-    """A gamma variate of unit scale from nine words (a tuple)."""
-    shape = max(f32(alpha), f32(SMALLEST_ALPHA))
+def gamma_parts(w: Any, alpha: Any) -> Any:
+    """g and s of a gamma variate g exp(-s) of unit scale, from nine words (a tuple); s is 0 unless alpha < 1."""
+    shape = select(f32(alpha) > f32(SMALLEST_ALPHA), f32(alpha), f32(SMALLEST_ALPHA))
+    shape = select(shape < f32(LARGEST_ALPHA), shape, f32(LARGEST_ALPHA))
     small = shape < f32(1)
     d = select(small, shape + f32(1), shape) - f32(1 / 3)
     scale = f32(1 / 3) / f32(math.sqrt(d))
@@ -218,6 +219,17 @@ def gamma(w: Any, alpha: Any) -> Any:
     for x, word in ((x3, w[7]), (x2, w[6]), (x1, w[5]), (x0, w[4])):
         candidate, accepted = _attempt(x, word, d, scale)
         value = select(accepted, candidate, value)
-    shrink = select(small, exponential32(w[8]) / shape, f32(0))
-    made = value * exp32(-shrink)
-    return f64(select(made <= f32(SMALLEST_GAMMA), f32(0), made))
+    return value, select(small, exponential32(w[8]) / shape, f32(0))
+
+
+@inner
+def log_share(value: Any, largest: Any, shrink: Any) -> Any:
+    """The logarithm of a gamma variate, but for a summand that those of a draw have in common."""
+    ratio = value / largest
+    return log32(select(ratio > f32(LEAST), ratio, f32(LEAST))) - shrink
+
+
+@inner
+def share(part: Any, total: Any) -> Any:
+    found = part / total
+    return f64(select(found > f32(LEAST), found, f32(0)))

@@ -174,9 +174,9 @@ def weighted_poisson(word: int, rate: Number) -> int:
     return int(sum(s <= target for s in sums[:-1]))
 
 
-def gamma(block: Sequence[int], alpha: Number) -> float:
-    """A gamma variate by the method of Marsaglia and Tsang, of nine words."""
-    shape = max(F(as_float(alpha)), F(2.0**-100))
+def gamma(block: Sequence[int], alpha: Number) -> tuple[np.float32, np.float32]:
+    """g and s of a gamma variate g * exp(-s), by the method of Marsaglia and Tsang, of nine words."""
+    shape = min(max(F(as_float(alpha)), F(2.0**-100)), F(2.0**100))
     small = shape < F(1)
     raised = shape + F(1) if small else shape
     d = raised - F(1 / 3)
@@ -187,8 +187,7 @@ def gamma(block: Sequence[int], alpha: Number) -> float:
         if accepted:
             value = candidate
             break
-    value = value * exp(-(standard_exponential(block[8]) / shape)) if small else value
-    return float(value) if value > F(2.0**-126) else 0.0
+    return value, standard_exponential(block[8]) / shape if small else F(0)
 
 
 def gamma_try(x: np.float32, word: int, d: np.float32, scale: np.float32) -> tuple[bool, np.float32]:
@@ -203,5 +202,10 @@ def gamma_try(x: np.float32, word: int, d: np.float32, scale: np.float32) -> tup
 def dirichlet(block: Sequence[int], alphas: Sequence[Number]) -> list[float]:
     pieces = [block[i * GAMMA_WORDS : (i + 1) * GAMMA_WORDS] for i in range(len(alphas))]
     gammas = [gamma(words, alpha) for words, alpha in zip(pieces, alphas, strict=True)]
-    total = sum(gammas)
-    return [g / total if total else math.nan for g in gammas]
+    largest = max(value for value, _ in gammas)
+    logs = [log(max(value / largest, F(2.0**-126))) - shrink for value, shrink in gammas]
+    parts = [exp(x - max(logs)) for x in logs]
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return [float(part / total) if part / total > F(2.0**-126) else 0.0 for part in parts]
