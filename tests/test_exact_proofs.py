@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import tracemalloc
 from collections.abc import Callable
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
-from taskspec import source
+from taskspec import exact, source
+from taskspec.appendix import gather
+from taskspec.cli.app import app
 from taskspec.diagnostics import SpecError
 from taskspec.exact import plans
 from taskspec.exact.certified import rational
@@ -89,8 +94,8 @@ def test_large_rewards_that_cancel_in_floats(monkeypatch: pytest.MonkeyPatch) ->
     """Where rationals are too many, the sum is withheld rather than wrong."""
     monkeypatch.setattr(rational, "MOST_WORK", 0)
     text = CANCELS.replace("FIRST", "1e17")
-    assert status(text, "optimal_return == 0") == "undecidable"
-    assert status(text, "optimal_return == 1") == "undecidable"
+    assert status(text, "optimal_return == 0") == "undecided"
+    assert status(text, "optimal_return == 1") == "undecided"
 
 
 CHAIN = """
@@ -134,7 +139,7 @@ def test_slow_ends_are_waited_for(p: str, steps: str) -> None:
 
 def test_what_never_ends_has_no_value() -> None:
     text = chain("0").replace("{goal: 0, here: 1 - 0}", "here")
-    assert status(text, "optimal_return > 10") == "undecidable"
+    assert status(text, "optimal_return > 10") == "undecided"
     assert status(text.replace("reward: 1", "reward: 0"), "optimal_return == 0") == "proved"
 
 
@@ -187,8 +192,8 @@ def test_what_depends_on_the_rounding_of_decimals_is_withheld() -> None:
         ODDS.replace("UP", "0.1").replace("DOWN", "0.1").replace("1: 0", "1: 0.1").replace("horizon: 4", "horizon: 10")
     )
     assert status(text, "optimal_return == 1") == "proved"
-    assert status(text, "optimal_return <= 1") == "undecidable"
-    assert status(text, "optimal_return > 1") == "undecidable"
+    assert status(text, "optimal_return <= 1") == "undecided"
+    assert status(text, "optimal_return > 1") == "undecided"
     assert status(text, "{claim: optimal_return <= 1, tolerance: 1e-9}") == "proved"
 
 
@@ -261,12 +266,12 @@ reward: R[s, a]
         model = Results(task(text)).model
         assert model is not None
         numbers, bounded = Rational(model, Reader()), Bounded(model)
-        exact, value = numbers.zero(), bounded.zero()
+        true, value = numbers.zero(), bounded.zero()
         for t in range(19, -1, -1):
-            q, found = numbers.backup(t, exact), bounded.backup(t, value)
-            exact, value = (numbers.top(q), bounded.top(found)) if t % 2 else (numbers.bottom(q), bounded.bottom(found))
+            q, found = numbers.backup(t, true), bounded.backup(t, value)
+            true, value = (numbers.top(q), bounded.top(found)) if t % 2 else (numbers.bottom(q), bounded.bottom(found))
         for s in range(4):
-            assert abs(exact.at(s) - Fraction(value.value[s])) <= Fraction(value.error[s])
+            assert abs(true.at(s) - Fraction(value.value[s])) <= Fraction(value.error[s])
             assert value.error[s] <= 1e-11 * max(abs(value.value[s]), np.abs(r).max())
 
 
@@ -334,3 +339,38 @@ def test_a_plan_too_large_to_keep_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     with pytest.raises(SpecError, match=r"E712.*a plan for every time would take"):
         plans.optimal_plan(results.model)
     assert results.expert == Return(1.0)
+
+
+# -- one word for one thing -------------------------------------------------------------------------------------------
+
+STATUSES = {
+    "exact and proved": (LADDER, "random_return == 2**-L", "proved", "exact", "proved"),
+    "tested on episodes": (RARE, "random_return < 1e6", "tested", "estimated", "tested in 1000 episodes"),
+    "undecided": (LADDER, "random_return < 0.1 * 10 * 2**-L", "undecided", "exact", "not decided"),
+    "false": (LADDER, "random_return == 1", "false", "exact", "does not hold"),
+    "contradicted": (RARE, "random_return > 1e6", "contradicted", "estimated", "does not hold"),
+}
+
+
+@pytest.mark.parametrize("name", STATUSES)
+def test_statuses_are_the_same_wherever_they_are_told(name: str, tmp_path: Path) -> None:
+    text, claim, of_claim, of_number, on_page = STATUSES[name]
+    path = tmp_path / "spec.yaml"
+    path.write_text(f"{text}claims:\n  - {claim}\n", encoding="utf-8")
+    (told,) = json.loads(printed("check", str(path), "--json"))["tasks"][0]["claims"]
+    assert (told["status"], told["claim"]) == (of_claim, claim)
+    assert json.loads(printed("solve", str(path), "--json"))["random"]["status"] == of_number
+    assert ("exact" if of_number == "exact" else "from 1,000 episodes") in printed("solve", str(path))
+    (verdict_,) = gather(build(source.read(path))).verdicts
+    assert verdict_.words == on_page
+
+
+def printed(*arguments: str) -> str:
+    return CliRunner().invoke(app, list(arguments)).stdout
+
+
+def test_scores_keep_their_statuses_in_files(tmp_path: Path) -> None:
+    found = exact.scores(task(LADDER))
+    found.save(tmp_path / "scores.json")
+    assert exact.Scores.load(tmp_path / "scores.json", task(LADDER)) == found
+    assert json.loads((tmp_path / "scores.json").read_text())["optimal"]["status"] == "exact"

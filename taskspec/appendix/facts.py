@@ -9,20 +9,25 @@ from fractions import Fraction
 from taskspec.exact import Results as Analysis
 from taskspec.exact import Return, verdicts, wrong_examples
 from taskspec.exact import Verdict as Decision
+from taskspec.exact.statuses import CLAIMS
 from taskspec.spec.task import Task
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """A return; `error` is its standard error when it was estimated from `episodes`."""
+    """A return; `error` is its standard error when it was estimated from `episodes`.
+
+    `tested` counts the episodes on which the abstraction was tested that it comes from.
+    """
 
     value: int | float | Fraction
     error: float = 0.0
     episodes: int = 0
+    tested: int = 0
 
     @property
     def exact(self) -> bool:
-        return self.episodes == 0
+        return self.episodes == self.tested == 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +63,7 @@ def gather(task: Task) -> Facts:
 
 
 def _score(found: Return) -> Score:
-    return Score(found.value, found.error, found.episodes)
+    return Score(found.value, found.error, found.episodes, found.tested)
 
 
 def _by_claim(task: Task, decisions: Iterable[Decision]) -> Iterable[Verdict]:
@@ -70,10 +75,7 @@ def _by_claim(task: Task, decisions: Iterable[Decision]) -> Iterable[Verdict]:
 
 
 def _together(found: Sequence[Decision]) -> Verdict:
-    wrong = next((d for d in found if not d.holds), None)
-    if wrong is not None:
-        undecided = wrong.status == "undecidable"
-        return Verdict(None if undecided else False, "not decided" if undecided else "does not hold")
-    if all(d.status == "proved" for d in found):
-        return Verdict(True, "proved")
-    return Verdict(True, f"not contradicted in {max(d.episodes for d in found)} episodes")
+    order = list(CLAIMS)
+    worst = max(found, key=lambda d: order.index(d.status))
+    shown = CLAIMS[worst.status].shown.format(episodes=max(d.episodes for d in found))
+    return Verdict(True if worst.holds else None if worst.status == "undecided" else False, shown)

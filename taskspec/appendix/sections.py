@@ -13,6 +13,7 @@ from taskspec.appendix.examples import Table
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import Cite, Formula, Inline, Inlines, Mark, Text, inlines
 from taskspec.appendix.writing import Writing
+from taskspec.exact.statuses import NUMBERS
 from taskspec.printers import tree as m
 
 
@@ -83,8 +84,9 @@ def _scores_title(facts: Facts) -> str:
 
 def _scores(facts: Facts) -> Iterator[Line]:
     for name, score in facts.scores.items():
-        if score.exact:
-            yield Line((Text(f"{name} "), Formula(number(score.value))))
+        if not score.episodes:
+            told = f" ({NUMBERS['tested'].shown.format(episodes=score.tested)})" if score.tested else ""
+            yield Line((Text(f"{name} "), Formula(number(score.value)), *([Text(told)] if told else [])))
             continue
         if score.error == 0:
             value = number(round(float(score.value), 6))

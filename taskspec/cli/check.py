@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from taskspec.cli.checking import Checked, Report
     from taskspec.cli.targets import File
+    from taskspec.exact import Verdict
 
 FORMATS = ("text", "json", "github")
 Format = Annotated[
@@ -181,8 +182,17 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
         "name": each.name, "path": path, "variant": each.variant, "errors": errors, "warnings": warnings,
         "method": each.finding.method, "other_parameter_values": each.finding.cases,
         "claims_proved": each.finding.proved, "claims_tested": each.finding.tested,
+        "claims": [_claim(verdict) for verdict in each.finding.verdicts],
         "examples": each.finding.examples, "examples_wrong": each.finding.wrong_examples, "skipped": each.finding.skipped,
         "seconds": round(each.seconds, 6),
+    }  # fmt: skip
+
+
+def _claim(verdict: Verdict) -> dict[str, Any]:
+    """One claim for one choice of parameters, with its status (`exact.statuses`)."""
+    return {
+        "claim": verdict.claim.text, "parameters": dict(verdict.parameters), "status": verdict.status,
+        "detail": verdict.detail, "episodes": verdict.episodes,
     }  # fmt: skip
 
 

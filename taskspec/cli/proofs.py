@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taskspec.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
-    from taskspec.exact import Accepted
+    from taskspec.exact import Accepted, Verdict
     from taskspec.exact.points import Method
     from taskspec.spec.task import Task
 
@@ -18,7 +18,7 @@ class Finding:
     """What was found about one task.
 
     `how` says in a few words how soundness was decided, `method` in full. `cases` counts the other parameter values that
-    were tried, `proved` the claims that hold by the exact model, `tested` those that simulation did not contradict.
+    were tried, `proved` and `tested` the claims of these statuses (`exact.statuses`), which `verdicts` has one by one.
     `accepted` are the warnings that the spec gives a reason for, which are not among the `diagnostics`.
     """
 
@@ -33,6 +33,7 @@ class Finding:
     accepted: tuple[Accepted, ...] = ()
     examples: int = 0
     wrong_examples: int = 0
+    verdicts: tuple[Verdict, ...] = ()
 
     @property
     def claims_words(self) -> str:
@@ -64,7 +65,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
         statuses.count("proved"), statuses.count("tested"), report.skipped, report.accepted,
-        len(task.examples) if sense and defaults else 0, len(report.wrong_examples),
+        len(task.examples) if sense and defaults else 0, len(report.wrong_examples), report.verdicts,
     )  # fmt: skip
 
 

@@ -179,11 +179,14 @@ def _score_table(found: Scores) -> Table:
 def _return(value: Return | None) -> tuple[str, str]:
     """A return, and how sure it is."""
     from taskspec.cli.console import measured
+    from taskspec.exact.statuses import NUMBERS
 
     if value is None:
         return "unknown", ""
-    if value.exact:
-        return f"{value.value:.10g}".replace("-", "−"), "exact"
+    if not value.episodes:
+        sure = NUMBERS[value.status].shown.format(episodes=f"{value.tested:,}") or value.status
+        off = f"± {value.bound:.2g}, " if value.bound > 1e-10 * abs(value.value) else ""
+        return f"{value.value:.10g}".replace("-", "−"), off + sure
     low, high = value.interval()
     mean, half = measured(value.value, (high - low) / 2)
     return mean, f"± {half} from {value.episodes:,} episodes"

@@ -9,22 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exact.evaluator import Evaluator, Terms, Truth
 from taskspec.exact.refusals import Undecidable, Unfit
 from taskspec.exact.returns import EPISODES, Results
 from taskspec.exact.space import words
+from taskspec.exact.statuses import CLAIMS, OfClaim
 from taskspec.lang import syntax as s
 from taskspec.spec.build import build
 from taskspec.spec.task import Claim, Task
 
 CONFIDENCE = 0.999
-Status = Literal["proved", "tested", "false", "contradicted", "undecidable", "broken"]
-_CODES: dict[Status, str] = {
-    "false": "E601", "contradicted": "E604", "undecidable": "E602", "broken": "E603",
-}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +34,7 @@ class Verdict:
 
     claim: Claim
     parameters: Mapping[str, Any]
-    status: Status
+    status: OfClaim
     detail: str = ""
     episodes: int = 0
     diagnostic: Diagnostic | None = None
@@ -84,11 +81,11 @@ def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None
     try:
         truth, episodes = _looked_at(claim, results)
     except Undecidable as error:
-        return _failed(claim, case, "undecidable", str(error), error.place or claim.expr)
+        return _failed(claim, case, "undecided", str(error), error.place or claim.expr)
     except Unfit as error:
         return _failed(claim, case, "broken", str(error), error.place or claim.expr, hint=error.hint)
     except SpecError as error:
-        return _failed(claim, case, "undecidable", error.diagnostics[0].message, claim.expr)
+        return _failed(claim, case, "undecided", error.diagnostics[0].message, claim.expr)
     return _settled(claim, case, truth, episodes)
 
 
@@ -126,7 +123,7 @@ def _settled(claim: Claim, case: Mapping[str, Any], truth: Truth, episodes: int)
     if truth.holds is None:
         hint = "a `tolerance` says how closely it is meant" if _compares(claim.expr) and not episodes else None
         message = f"this claim is neither proved nor contradicted: {truth.detail}"
-        return _failed(claim, case, "undecidable", message, place, episodes, hint)
+        return _failed(claim, case, "undecided", message, place, episodes, hint)
     if not episodes:
         return _failed(claim, case, "false", f"this claim does not hold: {truth.detail}", place)
     how = f"{episodes:,} episodes contradict this claim at {CONFIDENCE:.1%} confidence: {truth.detail}"
@@ -140,12 +137,14 @@ def _compares(expr: s.Expr) -> bool:
 def _failed(
     claim: Claim,
     case: Mapping[str, Any],
-    status: Status,
+    status: OfClaim,
     message: str,
     place: s.Expr,
     episodes: int = 0,
     hint: str | None = None,
 ) -> Verdict:
     notes = (f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}",) if case else ()
-    diagnostic = Diagnostic(_CODES[status], place.place.span, message, hint, notes)
+    code = CLAIMS[status].code
+    assert code is not None
+    diagnostic = Diagnostic(code, place.place.span, message, hint, notes)
     return Verdict(claim, case, status, message, episodes, diagnostic)

@@ -110,6 +110,9 @@ def _sense(task: Task, results: Results) -> list[Diagnostic]:
     return [*sense(task, results), *([] if problem is None else [problem])]
 
 
+RETURNS = ("optimal", "random", "worst", "expert")
+
+
 # -- scores ---------------------------------------------------------------------------------------
 
 
@@ -144,7 +147,9 @@ class Scores:
 
     def record(self) -> dict[str, Any]:
         """As plain data for JSON."""
-        return asdict(self) | {"parameters": dict(self.parameters), "gap": self.gap}
+        returns = {name: getattr(self, name) for name in RETURNS}
+        told = {name: None if r is None else asdict(r) | {"status": r.status} for name, r in returns.items()}
+        return asdict(self) | told | {"parameters": dict(self.parameters), "gap": self.gap}
 
     def save(self, path: str | Path) -> None:
         """Keep the scores in a JSON file, under the task's content hash."""
@@ -161,9 +166,13 @@ class Scores:
         if data.get("content_hash") != task.content_hash or data.get("id") != task.id:
             raise StaleScores(f"E714: {path} holds scores of {data.get('id')} as it was; the task has changed since")
         data.pop("gap", None)
-        for name in ("optimal", "random", "worst", "expert"):
-            data[name] = None if data[name] is None else Return(**data[name])
+        for name in RETURNS:
+            data[name] = None if data[name] is None else _return(data[name])
         return cls(**data)
+
+
+def _return(record: Mapping[str, Any]) -> Return:
+    return Return(**{key: value for key, value in record.items() if key != "status"})
 
 
 class StaleScores(TaskspecError, ValueError):

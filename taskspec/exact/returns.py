@@ -22,6 +22,7 @@ from taskspec.exact.faith import Faith, examined
 from taskspec.exact.model import Model
 from taskspec.exact.plans import Greedy, Plan, Uniform, rule_of, tables
 from taskspec.exact.rollout import Choose, Rollout, at_random, by_expert
+from taskspec.exact.statuses import OfNumber
 from taskspec.lang.ir import Const
 from taskspec.spec.task import Task
 
@@ -48,8 +49,13 @@ class Return:
     tested: int = field(default=0, repr=False)
 
     @property
+    def status(self) -> OfNumber:
+        return "estimated" if self.episodes else "tested" if self.tested else "exact"
+
+    @property
     def exact(self) -> bool:
-        return self.episodes == 0
+        """Whether it was computed, from the task's own model or from one that is proved to be as good."""
+        return self.status == "exact"
 
     def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
         """A confidence interval (normal approximation); what is known for certain when exact."""

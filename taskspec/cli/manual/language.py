@@ -12,7 +12,7 @@ from taskspec.cli.manual import probes
 from taskspec.cli.manual.keys import keys, sections
 from taskspec.cli.manual.markdown import code, table
 from taskspec.draws.finite import POISSON_LIMIT
-from taskspec.exact import vocabulary
+from taskspec.exact import statuses, vocabulary
 from taskspec.exact.soundness import MAX_POINTS
 from taskspec.lang import builder, dists, parse, sets, tables
 from taskspec.lang.functions import FUNCTIONS, INFIX
@@ -186,6 +186,11 @@ def _figures() -> str:
     return ", ".join(code(name) for name in KINDS)
 
 
+def _statuses(which: str) -> str:
+    found = statuses.CLAIMS.values() if which == "claims" else statuses.NUMBERS.values()
+    return table(("status", "meaning"), ((code(s.word), s.doc + (f" ({s.code})" if s.code else "")) for s in found))
+
+
 _TABLES: dict[str, Callable[..., str]] = {
     "sections": sections,
     "keys": keys,
@@ -199,4 +204,5 @@ _TABLES: dict[str, Callable[..., str]] = {
     "limits": _limits,
     "words": _words,
     "figures": _figures,
+    "statuses": _statuses,
 }
