@@ -91,6 +91,22 @@ looking or by remembering, that is how it should be.
 """,
     ),
     Code(
+        "W510",
+        "index-moved",
+        "an index outside its vector",
+        """
+In a state where episodes act, an index that depends on the state, the action, the time or a draw lies
+outside the vector, and is moved to the nearest end; the message shows one. A negative one does not
+count from the end: `v[s - 1]` is `v[0]` where `s` is 0. Branches that are not taken there, as
+`v[s - 1] if s > 0 else 0` has one, are passed over.
+
+```yaml
+reward: v[s - 1]                # wrong, or not what it seems, where s can be 0
+reward: v[max(s - 1, 0)]        # right, if that is meant
+```
+""",
+    ),
+    Code(
         "W511",
         "nothing-to-accept",
         "an accepted warning that is not given",

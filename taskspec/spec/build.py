@@ -151,7 +151,8 @@ class _Build:
             raw_next=tuple(self.names.raw_next[c.name] for c in context.state),
             terminal=terminal, expert=expert, claims=claims, examples=examples, absorbing_reward=absorbing,
             builder=context.builder, reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
-            surface=Surface(context.exprs, self.data, context.named_scopes), document=self.merged.document,
+            surface=Surface(context.exprs, self.data, context.named_scopes, tuple(context.checker.moved.values())),
+            document=self.merged.document,
             content_hash=self._hash(), figure=drawn,
         )  # fmt: skip
 

@@ -16,6 +16,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, rewrite
 from taskspec.lang.scope import Scope
+from taskspec.lang.subscripts import Moved
 from taskspec.lang.types import BOOL, Domain, Kind, Type
 from taskspec.source import Document
 
@@ -156,6 +157,7 @@ class Surface:
     sections: Mapping[str, Any]  # section -> expression, or name -> expression
     data: Mapping[str, Any]  # the merged document, plain
     scopes: Mapping[str, Scope] = field(default_factory=dict, repr=False)  # names visible per section
+    moved: tuple[Moved, ...] = ()  # indices that may lie outside their vectors
 
 
 @dataclass(frozen=True, eq=False)

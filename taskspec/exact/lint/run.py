@@ -9,6 +9,7 @@ from taskspec.exact.lint.actions import expert, inert
 from taskspec.exact.lint.case import Case
 from taskspec.exact.lint.draws import certain
 from taskspec.exact.lint.errata import idle_errata
+from taskspec.exact.lint.indices import moved
 from taskspec.exact.lint.names import unused_names
 from taskspec.exact.lint.observations import constant, duplicate, hidden, hidden_goal, leak
 from taskspec.exact.lint.reals import whole
@@ -26,8 +27,8 @@ Lint = Callable[[Case, Collector], None]
 
 
 LINTS: tuple[Lint, ...] = (
-    unreachable, rewards, indifferent, inert, unused_names, expert, leak, hidden_goal, constant, duplicate, hidden, unread, twins,
-    idle_errata,
+    unreachable, rewards, indifferent, inert, unused_names, expert, leak, hidden_goal, moved, constant, duplicate, hidden, unread,
+    twins, idle_errata,
 )  # fmt: skip
 """What is looked at for the parameters at hand."""
 
