@@ -24,8 +24,8 @@ class Interpreter:
         self.task, self.seed = task, seed
         self.episode, self.steps, self.time = 0, 0, 0
         self.state: list[Flat] = []
-        self._reset_roots = (*task.initial, *task.first_observation)
-        self._step_roots = (*task.next, task.reward, task.terminal, *task.next_observation)
+        self._reset_roots = task.reset_roots
+        self._step_roots = task.step_roots
         self._reset_layout, self._step_layout = task.reset_words, task.step_words
 
     def reset(self) -> list[Flat]:

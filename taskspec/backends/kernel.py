@@ -33,7 +33,7 @@ WIDE = 64
 
 def suits(task: Task) -> bool:
     """Whether a kernel of the task compiles in reasonable time."""
-    roots = (*task.initial, *task.next, task.reward, task.terminal, *task.first_observation, *task.next_observation)
+    roots = (*task.reset_roots, *task.step_roots)
     nodes = [n for n in walk(roots) if not isinstance(n, Const)]
     quadratic = ("argsort", "swap", "put", "index", "argmin", "argmax")
     wide = [n for n in nodes if isinstance(n, Apply) and n.op in quadratic and not isinstance(n.args[0], Const)]

@@ -73,12 +73,10 @@ class Program:
 
     def __post_init__(self) -> None:
         b = self.task.builder
-        roots = (*self.task.next, self.task.reward, self.task.terminal, *self.task.next_observation)
         self.step_words = self.task.step_words
-        self.step = compared(b, roots)
-        start = (*self.task.initial, *self.task.first_observation)
+        self.step = compared(b, self.task.step_roots)
         self.reset_words = self.task.reset_words
-        self.start = compared(b, start)
+        self.start = compared(b, self.task.reset_roots)
         most = max(self.step_words.count, self.reset_words.count, 1)
         self.block = max(64, min(BLOCK, SCRATCH // (8 * most) // 64 * 64))
         self.rows, self.width = most + 2, self.block + GAP

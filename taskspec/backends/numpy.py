@@ -58,10 +58,10 @@ class Module:
 def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     """Generate and compile the array form of a task."""
     b, observation = task.builder, observation_layout(task)
-    roots = (*task.next, task.reward, task.terminal, *task.next_observation)
+    roots = task.step_roots
     hoisted = hoist(b, roots, task.step_words)
     table = tabulate(b, hoisted.roots)
-    start = (*task.initial, *task.first_observation)
+    start = task.reset_roots
     again = _again(start, len(task.state), observation) if mode == "same_step" else None
     source, constants = generate(task, table, hoisted, observation, again)
     namespace = {**_NAMESPACE, "HORIZON": np.array(task.horizon or 0), **arrays(constants, batch.array)}

@@ -302,6 +302,16 @@ class Task:
         """Which of the random words of a step each of its draws takes."""
         return Layout.dealt(self.step_draws)
 
+    @property
+    def step_roots(self) -> tuple[Node, ...]:
+        """All that a step works out: next states, reward, end, observation."""
+        return (*self.next, self.reward, self.terminal, *self.next_observation)
+
+    @property
+    def reset_roots(self) -> tuple[Node, ...]:
+        """All that a reset works out: first states, observation."""
+        return (*self.initial, *self.first_observation)
+
     @cached_property
     def next_observation(self) -> tuple[Node, ...]:
         """The observation after a step, over the STATE and TIME before it: what a step computes."""

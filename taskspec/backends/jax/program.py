@@ -129,8 +129,8 @@ def compile_jax(task: Task) -> JaxProgram:
     Raises:
         SpecError: E715, the task has ints that may leave 32 bits.
     """
-    step = (*task.next, task.reward, task.terminal, *task.next_observation)
-    start = (*task.initial, *task.first_observation)
+    step = task.step_roots
+    start = task.reset_roots
     _check_ints(task, (*step, *start))
     step_words, start_words = task.step_words, task.reset_words
     n = len(task.state)
