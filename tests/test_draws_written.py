@@ -73,7 +73,7 @@ CASES: list[tuple[str, Callable[..., Any]]] = [
     ("argmax((D, 1, 2))", lambda d: [d, 1, 2].index(max(d, 1, 2))),
     ("onehot(D, 3)[1]", lambda d: d == 1),
     ("v[D]", lambda d: 4 + d),
-    ("v[D - 2]", lambda d: [4, 5, 6, 7][d - 2]),
+    ("v[D - 2]", lambda d: [4, 5, 6, 7][max(d - 2, 0)]),
     ("m[D, 1]", lambda d: 2 * d + 1),
     ("sum(m[D])", lambda d: 4 * d + 1),
     ("swap(v, D, 0)[0]", lambda d: 4 + d),

@@ -156,7 +156,7 @@ class ArrayForm:
             case Read(role=role, name=name):
                 return self.names[role, name]
             case Draw():
-                return self._assign(self.drawn(node, [self._values[id(a)] for a in node.args]))
+                return self._assign(self.drawn(node, [self._array(a, self._values[id(a)]) for a in node.args]))
             case Apply(op=op) if op in OPS:
                 return self._function(node, OPS[op])
             case Apply():
@@ -215,8 +215,11 @@ class ArrayForm:
         return out
 
     def _template(self, node: Apply, entry: Op) -> str:
-        real = any(a.type.kind is Kind.REAL for a in node.args)
-        return entry.real_array if real and entry.real_array else entry.array
+        if not any(a.type.kind is Kind.REAL for a in node.args):
+            return entry.array
+        if entry.array_nonzero is not None and any(isinstance(a, Const) and all(a.flat) for a in node.args):
+            return entry.array_nonzero
+        return entry.real_array or entry.array
 
     def _structure(self, node: Apply) -> str:
         args, static = [self._values[id(a)] for a in node.args], node.static
@@ -243,7 +246,7 @@ class ArrayForm:
                 return self._assign(f"rt.{node.op}({', '.join(arrays)})")
 
     def _array(self, node: Node, text: str) -> str:
-        """Structural operators need arrays, where a constant scalar is a mere number."""
+        """Structural operators and draws need arrays, where a constant scalar is a mere number."""
         if isinstance(node, Const) and node.type.is_scalar:
             return self._const_array(node)
         return text

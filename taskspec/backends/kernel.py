@@ -154,7 +154,8 @@ class KernelLane(Lane):
         return picked
 
     def _network(self, node: Apply, atoms: Sequence[str]) -> list[str]:
-        rows, real = list(atoms), node.type.kind is Kind.REAL
+        real = node.type.kind is Kind.REAL
+        rows = [self.assign(f"({a} + 0.0)") for a in atoms] if real else list(atoms)  # no -0.0
         for i, j in network(len(rows)):
             a, b = rows[i], rows[j]
             kept = self.assign(f"(({a} <= {b}) | ({b} != {b}))" if real else f"({a} <= {b})")
@@ -202,7 +203,7 @@ class KernelLane(Lane):
 
     def _array(self, array: Any) -> str:
         for name, known in self.constants.items():
-            if known.dtype == array.dtype and np.array_equal(known, array):
+            if known.dtype == array.dtype and known.tobytes() == array.tobytes():  # 0.0 is not -0.0
                 return name
         name = f"T{len(self.constants)}"
         self.constants[name] = array

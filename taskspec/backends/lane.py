@@ -6,6 +6,7 @@ looks like comes from the operator table; how elements are arranged is decided h
 
 from __future__ import annotations
 
+import marshal
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -88,8 +89,9 @@ class Lane:
         return name
 
     def constant(self, value: Any) -> str:
+        """The name of a value that is kept outside the function; tuples of the same numbers are kept once."""
         for name, known in self.constants.items():
-            if known is value or known == value:
+            if known is value or _identical(known, value):
                 return name
         name = f"C{len(self.constants)}"
         self.constants[name] = value
@@ -203,12 +205,16 @@ class Lane:
                 atoms = [f"(1 if {a} else 0)" for a in atoms]
             return Value([f"({chain[0].join(atoms)})"])
         if node.op == "sort" and x.type.size <= self.unrolled:
-            return Value(list(self._sorted(self.atoms(x))))
+            return Value(self._sorted(self._without_signs(x)))
         if node.op == "cumsum" and x.type.size <= self.unrolled:
             return Value(self._running(self.atoms(x)))
-        name = {"min": "min", "max": "max"}.get(node.op) if x.type.kind is not Kind.REAL else None
+        name = _WHOLE.get(node.op) if x.type.kind is not Kind.REAL else None
         call = f"{name or _HELPERS[node.op]}({self.packed(x)})"
         return Value(packed=self.assign(call)) if node.type.shape else Value([call])
+
+    def _without_signs(self, x: Node) -> list[str]:
+        """The elements with 0.0 for -0.0: of equals that can be told apart, a network keeps no order."""
+        return [f"({a} + 0.0)" for a in self.atoms(x)] if x.type.kind is Kind.REAL else self.atoms(x)
 
     def _sorted(self, atoms: Sequence[str]) -> list[str]:
         """A sorting network (Batcher's odd-even merge sort); nan goes last."""
@@ -231,7 +237,7 @@ class Lane:
         if node.type.size <= self.unrolled:
             return Value([atom for arg in node.args for atom in self.atoms(arg)])
         parts = [f"*{self.packed(a)}" if a.type.size > self.unrolled else ", ".join(self.atoms(a)) for a in node.args]
-        return Value(packed=self.assign(f"({', '.join(parts)})"))
+        return Value(packed=self.assign(tuple_of(parts)))
 
     def _slice(self, node: Apply) -> Value:
         start, count, step = node.static
@@ -361,6 +367,12 @@ class Lane:
         return value.atoms[0]
 
 
+def _identical(a: Any, b: Any) -> bool:
+    """Whether two tuples hold the same numbers of the same types: (1, 0) equals (True, False), and 0.0 equals -0.0."""
+    alike = isinstance(a, tuple) and isinstance(b, tuple) and a == b
+    return alike and marshal.dumps(a, 2) == marshal.dumps(b, 2)  # of version 2, which knows no references
+
+
 _STRUCTURE: dict[str, Callable[[Lane, Apply], Value]] = {
     "vector": Lane._vector,
     "concat": Lane._vector,
@@ -379,6 +391,8 @@ _CHAINS = {
     "any": (" or ", "False"),
     "all": (" and ", "True"),
 }
+_WHOLE = {"min": "min", "max": "max", "sort": "sorted"}
+"""What Python has for bools and ints."""
 _HELPERS = {
     "sum": "sum_", "prod": "prod", "count": "count", "any": "any", "all": "all", "min": "min_", "max": "max_",
     "argmin": "argmin", "argmax": "argmax", "sort": "sort", "argsort": "argsort", "cumsum": "cumsum",

@@ -245,7 +245,12 @@ _ONE = np.array(1, np.uint32)
 
 
 def write(values: Values, flats: Sequence[Array], lanes: Array) -> None:
-    """Write components of observations, (*shape, k) each, as the values of some lanes."""
+    """Write components of observations, (*shape, k) each, as the values of some lanes; in float32 large ones are infinite."""
+    with np.errstate(over="ignore"):
+        _write(values, flats, lanes)
+
+
+def _write(values: Values, flats: Sequence[Array], lanes: Array) -> None:
     layout = values.layout
     if layout.form == "dict":
         for part, flat in zip(values.parts, flats, strict=True):

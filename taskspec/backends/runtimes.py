@@ -34,7 +34,7 @@ class NumpyRuntime(Runtime):
     def sort(self, x: Array) -> Array:
         if not 1 < x.shape[0] <= UNSORTED:
             return super().sort(x)  # type: ignore[no-any-return]
-        rows = list(x)
+        rows = list(self.without_sign(x))
         least = np.minimum if x.dtype.kind in "iub" else np.fmin
         for i, j in network(len(rows)):
             rows[i], rows[j] = least(rows[i], rows[j]), np.maximum(rows[i], rows[j])
@@ -43,6 +43,9 @@ class NumpyRuntime(Runtime):
             np.copyto(place, row)
         return ordered
 
+    def without_sign(self, x: Array) -> Array:
+        return x if x.dtype.kind in "iub" else x + 0.0
+
     def count(self, x: Array) -> Array:
         if len(x) > 127:
             return super().count(x)  # type: ignore[no-any-return]
@@ -50,15 +53,15 @@ class NumpyRuntime(Runtime):
         return total.astype(np.int64)
 
     def swap(self, x: Array, i: Array, j: Array) -> Array:
-        lanes = x.shape[-1]
         if x.ndim != 2:
             return super().swap(x, i, j)  # type: ignore[no-any-return]
+        lanes = max(x.shape[-1], i.shape[-1], j.shape[-1])
+        exchanged = np.empty((len(x), lanes), x.dtype)
+        exchanged[...] = x
+        flat = exchanged.reshape(-1)
         first, second = i * lanes + _lanes(lanes), j * lanes + _lanes(lanes)
-        flat = x.reshape(-1)
-        exchanged = flat.copy()
-        exchanged[first] = flat.take(second)
-        exchanged[second] = flat.take(first)
-        return exchanged.reshape(x.shape)
+        flat[first], flat[second] = flat.take(second), flat.take(first)
+        return exchanged
 
 
 RUNTIME = NumpyRuntime()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable
+from itertools import accumulate
 from typing import Any
 
 from taskspec import draws
@@ -43,7 +44,8 @@ def log(x: float) -> float:
 
 
 def sort(x: Any) -> list[Any]:
-    ordered = sorted(x)
+    """Of reals, with nan last and zeros without a sign."""
+    ordered = sorted(v + 0.0 for v in x)
     return list(reference.sort(x)) if any(v != v for v in ordered) else ordered
 
 
@@ -54,8 +56,7 @@ def argsort(x: Any) -> Any:
 
 
 def cumsum(x: Any) -> list[Any]:
-    total: Any = 0
-    return [total := total + v for v in x]
+    return list(accumulate(x))
 
 
 NAMESPACE: dict[str, Any] = {

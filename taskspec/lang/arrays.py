@@ -77,7 +77,16 @@ class Runtime:
         return xp.where(usable, xp.where(usable, a, 0) % xp.where(usable, b, 1), xp.nan)
 
     def pow(self, a: Array, b: Array) -> Array:
-        return self.xp.power(self.as_real(a), self.as_real(b))
+        a, b = self.as_real(a), self.as_real(b)
+        # With a single exponent for all NumPy takes short cuts, and a square root differs from a power at -0.0 and -inf.
+        return self.xp.power(a, b + self.xp.zeros_like(a))
+
+    def min2(self, a: Array, b: Array) -> Array:
+        """The first of equals; `fmin` gives either 0.0 or -0.0 of the two."""
+        return self.xp.where((a <= b) | (b != b), a, b)
+
+    def max2(self, a: Array, b: Array) -> Array:
+        return self.xp.where((a >= b) | (b != b), a, b)
 
     def sign(self, x: Array) -> Array:
         x = self.xp.asarray(x)
@@ -148,7 +157,7 @@ class Runtime:
 
     def sort(self, x: Array) -> Array:
         """Ascending along the first axis; short vectors by a network, which takes a few operations for all lanes."""
-        n = x.shape[0]
+        n, x = x.shape[0], self.without_sign(x)
         if n > UNSORTED:
             return self.xp.sort(x, axis=0)
         rows = list(x)
@@ -157,6 +166,10 @@ class Runtime:
         for i, j in network(n):
             rows[i], rows[j] = least(rows[i], rows[j]), self.xp.maximum(rows[i], rows[j])
         return self.xp.stack(rows)
+
+    def without_sign(self, x: Array) -> Array:
+        """The numbers with 0.0 for -0.0. A sum with 0.0 would do, but XLA takes it for the number itself."""
+        return x if x.dtype.kind in "iub" else self.xp.where(x == 0, 0.0, x)
 
     def argsort(self, x: Array) -> Array:
         return self.xp.argsort(x, axis=0, stable=True).astype(self.int)

@@ -16,7 +16,7 @@ from taskspec.lang.evaluate import apply_flat
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact
 from taskspec.lang.ops import OPS
 from taskspec.lang.structure import STRUCTURES
-from taskspec.lang.types import BOOL, INT, REAL, Kind, Refused, Shape, Type, join
+from taskspec.lang.types import BOOL, INT, INT_MAX, REAL, Kind, Refused, Shape, Type, join
 
 N = TypeVar("N", bound=Node)
 MAX_ELEMENTS = 2_000_000
@@ -283,7 +283,7 @@ class Builder:
             case "where", (_, a, b) if a is b and a.type == type:
                 return a
             case ("add", (a, Const(value=0))) | ("add", (Const(value=0), a)) | ("sub", (a, Const(value=0))):
-                return a if a.type == type else None
+                return a if a.type == type and type.kind is not Kind.REAL else None  # -0.0 + 0.0 is 0.0
             case ("mul", (a, Const(value=1))) | ("mul", (Const(value=1), a)) | ("div", (a, Const(value=1))):
                 return a if a.type == type else None
             case ("and", (Const(value=True), a)) | ("and", (a, Const(value=True))):
@@ -294,10 +294,15 @@ class Builder:
                 return self.scalar(False)
             case ("or", (Const(value=True), _)) | ("or", (_, Const(value=True))) if type == BOOL:
                 return self.scalar(True)
-            case _, (Apply(op="to_real", args=(inner,)),) if name in interval.ROUNDING:
+            case _, (Apply(op="to_real", args=(inner,)),) if name in interval.ROUNDING and self._is_narrow(inner):
                 return self.cast(inner, Kind.INT)
             case _:
                 return self._decided(name, args) if type == BOOL else None
+
+    def _is_narrow(self, node: Node) -> bool:
+        """Whether an int fits 32 bits, so that rounding, which moves reals to the nearest that does, leaves it as it is."""
+        low, high = self.certain(node)
+        return low >= -INT_MAX and high <= INT_MAX
 
     def _decided(self, name: str, args: tuple[Node, ...]) -> Node | None:
         """A comparison that the bounds of its sides already settle."""

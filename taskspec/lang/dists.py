@@ -90,7 +90,12 @@ class Dist:
 def _uniform(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     unit = b.draw("uniform", (), Type(Kind.REAL, shape))
     width = b.apply("sub", a["high"], a["low"])
-    return b.apply("add", a["low"], b.apply("mul", width, unit))
+    return _moved(b, a["low"], b.apply("mul", width, unit))
+
+
+def _moved(b: Builder, by: Node, value: Node) -> Node:
+    """A draw with something added to it, unless that is the constant 0."""
+    return value if isinstance(by, Const) and not any(by.flat) and by.type.is_scalar else b.apply("add", by, value)
 
 
 def _uniform_int(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
@@ -103,7 +108,7 @@ def _uniform_int(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 def _normal(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     standard = b.draw("normal", (), Type(Kind.REAL, shape))
-    return b.apply("add", a["mean"], b.apply("mul", a["std"], standard))
+    return _moved(b, a["mean"], b.apply("mul", a["std"], standard))
 
 
 def _bernoulli(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:

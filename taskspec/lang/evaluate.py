@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, walk
 from taskspec.lang.ops import OPS
 from taskspec.lang.structure import STRUCTURES
 from taskspec.lang.types import Type
@@ -39,7 +39,10 @@ def evaluate(roots: Iterable[Node], reads: Mapping[tuple[Role, str], Flat], samp
             case Read(role=role, name=name):
                 value = reads[role, name]
             case Apply(op=op, args=args, static=static, type=type_):
-                value = apply_flat(op, [values[id(a)] for a in args], tuple(a.type for a in args), static, type_)
+                flats = [values[id(a)] for a in args]
+                if op in OPS:  # fractions are exact among constants, which are folded; what is computed with is a real
+                    flats = [tuple(map(plain, flat)) for flat in flats]
+                value = apply_flat(op, flats, tuple(a.type for a in args), static, type_)
             case Draw(args=args):
                 value = sample(node, [values[id(a)] for a in args])
         values[id(node)] = tuple(exact(v, node.type.kind) for v in value)

@@ -6,7 +6,8 @@ its mathematics, its documentation and sample inputs on which all forms are test
 
 Every operator is total. The awkward points are decided here once, for every backend:
 reals follow IEEE 754 (1/0 is inf, 0/0 and sqrt(-1) are nan); an int divided by 0 with `//` or `%` gives 0;
-`min`, `max`, `argmin`, `argmax` pass over nan and give the first of equals; `sort` is stable and puts nan last;
+`min`, `max`, `argmin`, `argmax` pass over nan and give the first of equals, 0.0 and -0.0 included; `sort` puts nan last
+and takes the sign from zeros, so that their order does not matter; `argsort` is stable; sums begin with the first element;
 reals become ints by saturating at +-(2**31 - 1), nan becomes 0. An index is moved into range before it is used
 (`Builder.position`).
 """
@@ -45,6 +46,7 @@ class Op:
     lane_divides: str | None = None
     real_lane: str | None = None  # where reals need another form than ints (nan)
     real_array: str | None = None
+    array_nonzero: str | None = None  # of reals, where an argument is a constant other than 0: so no 0.0 meets a -0.0
 
 
 def broadcast(types: tuple[Type, ...]) -> tuple[int, ...] | None:
@@ -202,9 +204,11 @@ TABLE: tuple[Op, ...] = (
     Op("sign", arithmetic, ref.sign, "sign({0})", "rt.sign({0})", "-1, 0 or 1; 0 for nan.",
        ((3,), (-3,), (0,), (-2.5,), (0.0,), (math.nan,))),
     Op("min2", arithmetic, ref.min2, "({0} if {0} <= {1} else {1})", "xp.minimum({0}, {1})", "The smaller of two.",
-       _PAIRS + _NANS, real_lane="({0} if {0} <= {1} or {1} != {1} else {1})", real_array="xp.fmin({0}, {1})"),
+       _PAIRS + _NANS, real_lane="({0} if {0} <= {1} or {1} != {1} else {1})", real_array="rt.min2({0}, {1})",
+       array_nonzero="xp.fmin({0}, {1})"),
     Op("max2", arithmetic, ref.max2, "({0} if {0} >= {1} else {1})", "xp.maximum({0}, {1})", "The larger of two.",
-       _PAIRS + _NANS, real_lane="({0} if {0} >= {1} or {1} != {1} else {1})", real_array="xp.fmax({0}, {1})"),
+       _PAIRS + _NANS, real_lane="({0} if {0} >= {1} or {1} != {1} else {1})", real_array="rt.max2({0}, {1})",
+       array_nonzero="xp.fmax({0}, {1})"),
     # elementary functions
     Op("sqrt", real, ref.sqrt, "sqrt({0})", "xp.sqrt({0})", "Square root; nan below 0.", _REALS),
     Op("exp", real, ref.exp, "exp({0})", "xp.exp({0})", "Exponential; inf on overflow.", _REALS + _BIG),

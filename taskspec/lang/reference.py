@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import Any
 
 from taskspec.lang.types import INT_MAX
@@ -186,10 +187,7 @@ def where(condition: Number, a: Number, b: Number) -> Number:
 
 
 def sum_(x: Vector) -> Number:
-    total: Number = 0
-    for value in x:
-        total = total + value
-    return total
+    return reduce(add, x) if x else 0
 
 
 def prod(x: Vector) -> Number:
@@ -234,7 +232,7 @@ def _order(x: Vector) -> list[int]:
 
 
 def sort(x: Vector) -> tuple[Number, ...]:
-    return tuple(x[i] for i in _order(x))
+    return tuple(x[i] or abs(x[i]) for i in _order(x))  # no -0.0
 
 
 def argsort(x: Vector) -> tuple[int, ...]:

@@ -8,6 +8,7 @@ between passes through `Rounding`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import Any
 
 import jax.numpy as jnp
@@ -295,6 +296,29 @@ class JaxRuntime(Runtime):
             return super().index(x, i)
         return _chain(list(x), i)
 
+    def as_real(self, x: Array) -> Array:
+        """For XLA the product of a converted condition is 0 wherever the condition fails, times infinity and nan as well."""
+        x = jnp.asarray(x)
+        return jnp.where(x, self.real(1), self.real(0)) if x.dtype.kind == "b" else x.astype(self.real)
+
+    def cumsum(self, x: Array) -> Array:
+        """Without the 0.0 that JAX's own begins with, and left to right where that is not too long."""
+        if x.shape[0] > CHAIN:
+            return lax.associative_scan(jnp.add, x, axis=0)
+        return jnp.stack(list(accumulate(x)))
+
+    def floordiv(self, a: Array, b: Array) -> Array:
+        """Zeros with the sign of the quotient, as C and Python have them."""
+        floor = super().floordiv(a, b)
+        if floor.dtype.kind != "f":
+            return floor
+        return jnp.where(floor == 0, jnp.copysign(0.0, jnp.copysign(1.0, a) * jnp.copysign(1.0, b)), floor)
+
+    def mod(self, a: Array, b: Array) -> Array:
+        """Zeros with the sign of the divisor."""
+        rest = super().mod(a, b)
+        return jnp.where(rest == 0, jnp.copysign(0.0, b), rest) if rest.dtype.kind == "f" else rest
+
     def put(self, x: Array, i: Array, value: Array) -> Array:
         """Row by row, so that XLA sees what each row is made of; else it works out all of them for every use of one."""
         if x.ndim != 2 or x.shape[0] > CHAIN:
@@ -307,7 +331,7 @@ class JaxRuntime(Runtime):
 
 
 def _chain(cells: Sequence[Array], i: Array) -> Array:
-    picked = jnp.broadcast_to(cells[-1], i.shape)
+    picked = jnp.broadcast_to(cells[-1], jnp.broadcast_shapes(cells[-1].shape, i.shape))
     for k, cell in enumerate(cells[:-1]):
         picked = jnp.where(i == k, cell, picked)
     return picked

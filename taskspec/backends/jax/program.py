@@ -20,7 +20,8 @@ from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.draws.layout import poisson_bound
 from taskspec.lang.interval import INF, Range
-from taskspec.lang.ir import Const, Draw, Node, Role, plain, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, walk
+from taskspec.lang.ops import Op
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.spec.reach import over, reach
 from taskspec.spec.spaces import Layout, action_layout, observation_layout
@@ -203,9 +204,19 @@ def _emit(
     for draw in (n for n in walk(roots) if isinstance(n, Draw)):
         first = words.first[draw.site]
         names |= {(Role.VARIABLE, v): f"w.signed({first + k})" for k, v in enumerate(word_names(draw))}
-    form = ArrayForm(names, lambda d, a: _drawn(d, a, words, constants), constants)
+    form = JaxForm(names, lambda d, a: _drawn(d, a, words, constants), constants)
     values = form.emit(lowered)
     return form.lines, values
+
+
+class JaxForm(ArrayForm):
+    """The array form as XLA needs it: for XLA `x + 0.0` is x, which it is not where x is -0.0."""
+
+    def _template(self, node: Apply, entry: Op) -> str:
+        template = super()._template(node, entry)
+        nothing = any(isinstance(a, Const) and not any(a.flat) for a in node.args)
+        real = node.op == "add" and node.type.kind is Kind.REAL
+        return f"rt.without_sign({template})" if real and nothing else template
 
 
 def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[str, Any]) -> str:

@@ -28,11 +28,15 @@ def mod_int(a: Any, b: Any) -> Any:
 
 @inner
 def floordiv_real(a: Any, b: Any) -> Any:
+    """Rounded down from the exact quotient, which a / b may have been rounded up from: as Python and NumPy have it."""
     if b == 0.0:
         return a / b
     if not (math.isfinite(a) and math.isfinite(b)):
         return math.nan
-    return np.floor_divide(a, b)
+    rest = np.fmod(a, b)
+    quotient = (a - rest) / b - select((rest != 0.0) & ((rest < 0.0) != (b < 0.0)), 1.0, 0.0)
+    floor = np.floor(quotient)
+    return select(quotient == 0.0, math.copysign(0.0, a / b), floor + select(quotient - floor > 0.5, 1.0, 0.0))
 
 
 @inner
@@ -119,7 +123,7 @@ def _cosine(r: Any) -> Any:
 def sin(x: Any) -> Any:
     q, r = _quarters(x)
     value = select((q == 1.0) | (q == 3.0), _cosine(r), _sine(r))
-    return select(q >= 2.0, -value, value)
+    return select(x == 0.0, x, select(q >= 2.0, -value, value))  # -0.0 too
 
 
 @inner
