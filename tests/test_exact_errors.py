@@ -27,3 +27,12 @@ def test_one_diagnostic_at_its_place(path: Path) -> None:
 def test_every_code_has_a_spec() -> None:
     wanted = {f"{c.code}-{c.slug}" for c in CODES.values() if c.code[:2] in ("W5", "E6")}
     assert {path.stem for path in FILES} == wanted
+
+
+def test_a_stand_in_that_starts_outside_its_states_is_an_error(tmp_path: Path) -> None:
+    sort = (FOLDER.parents[1] / "tasks/derail/sort.yaml").read_text(encoding="utf-8")
+    assert sort.count("low: 0, high: L - 1, doc: rank") == 1
+    text = sort.replace("low: 0, high: L - 1, doc: rank", "low: 1, high: L - 1, doc: rank")
+    (tmp_path / "sort.yaml").write_text(text, encoding="utf-8")
+    found = [d for d in check_file(File(tmp_path / "sort.yaml", "")).diagnostics if d.severity == "error"]
+    assert {d.code for d in found} == {"E602", "E604"}

@@ -96,6 +96,7 @@ FAIL: list[tuple[dict[str, Any], str, tuple[str | int, ...], str]] = [
     (AT | {"next": {"v": [1, 2, 3, 4]}}, "E611", ("next", "v"), "the next v is [0.166667, 0.0833333, 0, 0.333333], not"),
     (AT | {"next": {"s": 1}, "reward": 2, "probability": "1/4"}, "E611", ("probability",), "a probability of 0, not 1/4"),
     (AT | {"t": 4, "truncated": False}, "E611", ("truncated",), "`truncated` is true, not false"),
+    (AT | {"next": {"s": 2}, "probability": 0.7500000001}, "E611", ("probability",), "a probability of 3/4, not"),
     (AT | {"terminal": True}, "E611", ("terminal",), "`terminal` is false, not true"),
     ({"state": {"s": 4}, "expert": {"a": "on"}}, "E611", ("expert", "a"), "the expert's a is back, not on"),
     ({"state": {"s": 1}, "observation": {"s": 2}}, "E611", ("observation", "s"), "'s' in the observation is 1, not 2"),
@@ -260,7 +261,7 @@ def test_pages_print_examples_as_a_table(tmp_path: Path) -> None:
         {"state": {"s": 1}, "action": {"a": "on"}, "next": {"s": {"1": "1/4", "2": "3/4"}}, "doc": "slips & 1|4"},
         {"state": {"s": 1, "v": V}, "action": {"a": "on"}, "reward": 2, "next": {"s": 2}, "probability": "3/4"},
         {"t": 4, "state": {"s": 1}, "action": {"a": "on"}, "truncated": True, "terminal": False},
-        {"for": [{"n": 2}], "state": {"s": 2}, "expert": {"a": "on"}},
+        {"for": [{"n": 2}], "state": {"s": 2}, "expert": {"a": "on", "b": "Bernoulli(1/2)"}},
         {"initial": {"mood": "calm"}},
     ]
     task = build(source.read_text(json.dumps(SPEC | {"examples": shown}), "walk.yaml"))
@@ -269,12 +270,14 @@ def test_pages_print_examples_as_a_table(tmp_path: Path) -> None:
     )
     markdown = (tmp_path / "walk.md").read_text(encoding="utf-8")
     rows = [line.strip() for line in markdown.partition("- **Examples**\n\n")[2].splitlines()[:7]]
-    assert rows[:2] == ["|  | for | state | action | what follows |  |", "|---|---|---|---|---|---|"]
-    assert rows[2].startswith(r"| slips &amp; 1\|4 |  | $s = 1$ | $a = \text{on}$ | $s' = \begin{cases} 1 &")
-    assert rows[3].endswith(r"$s' = 2$, reward $2$, with probability $\frac{3}{4}$ |  |")
-    assert rows[4] == r"|  |  | $s = 1$, $t = 4$ | $a = \text{on}$ | the episode is cut |  |"
-    assert rows[5] == r"|  | n = 2 | $s = 2$ |  | expert $a = \text{on}$ | (✗ does not hold) |"
-    assert rows[6] == r"|  |  |  |  | first $\mathrm{mood} = \text{calm}$ |  |"
+    assert rows[:2] == ["| for | state | action | what follows |  |  |", "|---|---|---|---|---|---|"]
+    assert rows[2].startswith(r"|  | $s = 1$ | $a = \text{on}$ | $s' = \begin{cases} 1 &")
+    assert rows[2].endswith(r"\end{cases}$ | slips &amp; 1\|4 |  |")
+    assert rows[3].endswith(r"$s' = 2$, reward $2$, with probability $\frac{3}{4}$ |  |  |")
+    assert rows[4] == r"|  | $s = 1$, $t = 4$ | $a = \text{on}$ | the episode is cut |  |  |"
+    assert rows[5].startswith(r"| n = 2 | $s = 2$ |  | expert $a = \text{on}$, $b \sim \mathrm{Bernoulli}")
+    assert rows[5].endswith("|  | (✗ does not hold) |")
+    assert rows[6] == r"|  |  |  | first $\mathrm{mood} = \text{calm}$ |  |  |"
     html, latex = ((tmp_path / f"walk.{x}").read_text(encoding="utf-8") for x in ("html", "tex"))
     table = html.partition("<table>")[2].partition("</table>")[0]
     assert (table.count("<tr>"), table.count("<th "), table.count("<td>")) == (6, 6, 30)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 
 from taskspec.appendix.prose import Formula, Inlines, Mark, Text, inlines
 from taskspec.appendix.writing import Writing
@@ -25,7 +26,7 @@ def table(w: Writing, wrong: frozenset[int] = frozenset()) -> Table | None:
     """The examples of a task without columns that stay empty; None where there are none."""
     data = w.data.get("examples") or ()
     columns = [(title, tuple(make(w, e) for e in w.task.examples)) for title, make in _COLUMNS if w.task.examples]
-    columns.insert(0, ("", tuple(inlines(entry.get("doc")) for entry in data)))
+    columns.append(("", tuple(inlines(entry.get("doc")) for entry in data)))
     columns.append(("", tuple(_mark(i in wrong) for i in range(len(data)))))
     kept = [(title, cells) for title, cells in columns if any(cells)]
     return Table(tuple(t for t, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True))) if kept else None
@@ -51,23 +52,25 @@ def _given(role: Role) -> Callable[[Writing, Example], Inlines]:
 
 def _what_follows(w: Writing, example: Example) -> Inlines:
     """Everything that follows, as one list."""
-    parts = [part for part in (_of(w, f) for f in example.follows if f.section not in _ENDS) if part]
-    parts += [_ends(w, example)] if any(f.section in _ENDS for f in example.follows) else []
+    said = [f for f in example.follows if f.section not in _ENDS]
+    parts = [_of(w, section, list(found)) for section, found in groupby(said, lambda f: f.section)]
+    parts += [_ends(w, example)] if len(said) < len(example.follows) else []
     if example.probability is not None:
         parts.append((Text("with probability "), Formula(w.math(example.probability))))
     return tuple(piece for i, part in enumerate(parts) for piece in ((Text(", "), *part) if i else part))
 
 
-def _of(w: Writing, found: Followed) -> Inlines:
-    """One thing that follows, with the word for it."""
-    if found.name is None:
-        return (Text(f"{found.section} "), Formula(w.math(found.expr)))
-    equation = Formula(w.equation(w.symbol(found.name, found.section == "next"), found.expr, found.name))
-    word = _WORDS.get(found.section)
-    return (Text(f"{word} "), equation) if word else (equation,)
+def _of(w: Writing, section: str, found: list[Followed]) -> Inlines:
+    """What follows of one section, after the word for it."""
+    word = Text(f"{_WORDS[section]} ") if section in _WORDS else None
+    items = [
+        w.math(f.expr) if f.name is None else w.equation(w.symbol(f.name, section == "next"), f.expr, f.name)
+        for f in found
+    ]
+    return (*([word] if word else []), *_joined(items))
 
 
-_WORDS = {"initial": "first", "observation": "observed", "expert": "expert"}
+_WORDS = {"initial": "first", "reward": "reward", "observation": "observed", "expert": "expert"}
 _ENDS = {"terminal": "terminates", "truncated": "is cut"}
 
 

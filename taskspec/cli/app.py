@@ -15,6 +15,7 @@ from taskspec.cli.build import build
 from taskspec.cli.check import check
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.explain import explain
+from taskspec.cli.mutate import mutate
 from taskspec.cli.new import new
 from taskspec.cli.options import flowed
 from taskspec.cli.reference import reference
@@ -30,6 +31,7 @@ COMMANDS = (
     ("explain", explain, READ),
     ("new", new, WRITE),
     ("check", check, WRITE),
+    ("mutate", mutate, WRITE),
     ("build", build, WRITE),
     ("schema", schema, WRITE),
     ("run", run_command, USE),

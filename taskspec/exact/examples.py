@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.exact.certified.readings import Reader
 from taskspec.exact.follow import Asked, compare, likely
 from taskspec.exact.space import domain, words
 from taskspec.lang.check import Checker
@@ -183,7 +185,7 @@ class _Trial:
             return self.task.first_observation
         return self.task.next_observation if self.example.acts else self.task.observation.nodes
 
-    def _chance(self) -> float | None:
+    def _chance(self) -> Fraction | None:
         expr = self.example.probability
         node = None if expr is None else assign(self.checker, expr, self.fixed, CHANCE)
         if expr is None or not isinstance(node, Const):
@@ -192,7 +194,7 @@ class _Trial:
             self.collector.add(
                 "E402", expr.place, f"a probability of {words(float(node.value))} is not between 0 and 1"
             )
-        return float(node.value)
+        return Reader(as_written=True)(node.value)
 
 
 def _named(components: tuple[Component, ...], nodes: tuple[Node, ...], name: str | None) -> tuple[Component, Node]:

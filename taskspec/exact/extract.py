@@ -21,6 +21,8 @@ MAX_ENTRIES = 50_000_000
 WHOLE = 4_000_000
 SWEEP = 200
 """How often all non-zeros of the largest model may be gone through: a sweep for each step of an episode."""
+LOST = 1e-9
+"""How much of the start may be missing for rounding."""
 OVERHEAD = 20_000
 """What a sweep costs whatever the size of the model, as non-zeros."""
 
@@ -61,7 +63,9 @@ def extract(task: Task, reachable: bool | None = None, limit: int = MAX_ENTRIES)
 
 
 def _check_inside(model: Model) -> None:
-    """Refuse a model in which an episode can leave the state space."""
+    """Refuse a model in which an episode can start outside the state space, or leave it."""
+    if model.start.sum() < 1 - LOST:
+        refuse("an episode can start outside the state space")
     for t, step in enumerate(model.steps):
         if step.escaping is None:
             continue

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -11,18 +10,20 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.outcomes import branches, count, is_finite
+from taskspec.exact.certified.rational import Chances
+from taskspec.exact.certified.readings import Inexact, Reader
+from taskspec.exact.outcomes import FLOATS, Numbers, branches, count, is_finite
 from taskspec.exact.space import plain, words
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Node, draws
+from taskspec.lang.ir import Draw, Node, draws
 from taskspec.lang.normal import NormalForms
 from taskspec.spec.task import Component, Example
 
 Array = np.ndarray[Any, Any]
 MOST_OUTCOMES, MOST_NUMBERS = 100_000, 2_000_000
 RELATIVE, ABSOLUTE, CHANCE = 1e-9, 1e-12, 1e-9
-"""How far apart equal numbers may be, and equal probabilities."""
+"""How far apart equal numbers may be, and equal probabilities that are not known exactly."""
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,15 @@ class Asked:
 
 @dataclass(frozen=True)
 class Outcomes:
-    """Values (K, elements) of some nodes together, with their probabilities (K,), each once."""
+    """Values (K, elements) of some nodes together, with their probabilities (K,) as rationals or floats, each once."""
 
     values: Array
     weights: Array
 
-    def chance(self, row: Array) -> float:
+    def chance(self, row: Array) -> float | Fraction:
         """How likely some values are."""
-        return float(self.weights[_close(self.values, row)].sum())
+        found: float | Fraction = sum(self.weights[_close(self.values, row)].tolist())
+        return found
 
 
 def _close(rows: Array, row: Array) -> Array:
@@ -54,21 +56,38 @@ def _close(rows: Array, row: Array) -> Array:
     return np.asarray(((rows == row) | near | (np.isnan(rows) & np.isnan(row))).all(axis=1))
 
 
+def _alike(one: float | Fraction, other: float | Fraction) -> bool:
+    """Whether two probabilities are equal: exactly where both are known exactly."""
+    if isinstance(one, Fraction) and isinstance(other, Fraction):
+        return one == other
+    return abs(float(one) - float(other)) <= CHANCE
+
+
 def outcomes(nodes: Sequence[Node]) -> Outcomes | None:
     """Everything that can come of some nodes that read nothing; None where there is no end to it, or too much."""
     found = draws(nodes)
     size = sum(node.type.size for node in (*nodes, *found))
     if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / size):
         return None
+    try:
+        return _enumerated(nodes, found, Chances(Reader(as_written=True)))
+    except Inexact:
+        return _enumerated(nodes, found, FLOATS)
+
+
+def _enumerated(nodes: Sequence[Node], found: Sequence[Draw], numbers: Numbers) -> Outcomes:
+    """All outcomes, with probabilities as rationals or as floats."""
     rows, weights = [], []
-    for branch in branches(found, {}, 1):
+    for branch in branches(found, {}, 1, numbers):
         n = 1 if branch.origin is None else len(branch.origin)
         values = evaluate(nodes, {}, branch.sample)
         flat = [np.broadcast_to(v, (*v.shape[:-1], n)).reshape(-1, n) for v in values]
         rows.append(np.concatenate(flat).T.astype(np.float64))
         weights.append(np.broadcast_to(branch.weight, (n,)))
     distinct, which = np.unique(np.concatenate(rows), axis=0, return_inverse=True)
-    return Outcomes(distinct, np.bincount(which.reshape(-1), np.concatenate(weights), len(distinct)))
+    order = np.argsort(which.reshape(-1), kind="stable")
+    starts = np.searchsorted(which.reshape(-1)[order], np.arange(len(distinct)))
+    return Outcomes(distinct, np.add.reduceat(np.concatenate(weights)[order], starts))
 
 
 def compare(asked: Asked, collector: Collector) -> None:
@@ -77,7 +96,7 @@ def compare(asked: Asked, collector: Collector) -> None:
     if actual is None or expected is None:
         _compare_forms(asked, collector)
         return
-    if all(abs(actual.chance(row) - p) <= CHANCE for row, p in zip(expected.values, expected.weights, strict=True)):
+    if all(_alike(actual.chance(row), p) for row, p in zip(expected.values, expected.weights, strict=True)):
         return
     message = f"{asked.what} is {_told(asked.component, actual)}, not {_told(asked.component, expected)}"
     collector.add("E611", asked.expr.place, message)
@@ -96,7 +115,7 @@ def _compare_forms(asked: Asked, collector: Collector) -> None:
     collector.add("E612", asked.expr.place, message, "write the distribution as the spec does")
 
 
-def likely(asked: Sequence[Asked], chance: float, example: Example, collector: Collector) -> None:
+def likely(asked: Sequence[Asked], chance: Fraction, example: Example, collector: Collector) -> None:
     """Report a set of values that is not as likely as the example says."""
     actual = outcomes([a.actual for a in asked])
     expected = outcomes([a.expected for a in asked])
@@ -105,7 +124,7 @@ def likely(asked: Sequence[Asked], chance: float, example: Example, collector: C
         collector.add("E612", example.place, message)
     elif expected is None or len(expected.values) > 1:
         collector.add("E613", example.place, "where a probability is given, what follows is one value for each name")
-    elif abs(actual.chance(expected.values[0]) - chance) > CHANCE:
+    elif not _alike(actual.chance(expected.values[0]), chance):
         message = f"this has a probability of {_number(actual.chance(expected.values[0]))}, not {_number(chance)}"
         collector.add("E611", example.probability.place if example.probability else example.place, message)
 
@@ -119,7 +138,7 @@ def _told(c: Component, found: Outcomes) -> str:
     told = [_one(c, found.values[i]) for i in order[:4]]
     if len(order) == 1:
         return told[0]
-    chances = [_number(float(found.weights[i])) for i in order[:4]]
+    chances = [_number(found.weights[i]) for i in order[:4]]
     parts = [f"{value} ({p})" for value, p in zip(told, chances, strict=True)]
     return ", ".join(parts) + (", ..." if len(order) > 4 else "")
 
@@ -134,6 +153,6 @@ def _value(asked: Asked) -> str:
     return "this" if found is None else _told(asked.component, found)
 
 
-def _number(p: float) -> str:
-    ratio = Fraction(p).limit_denominator(1000) if math.isfinite(p) else Fraction(0)
-    return str(ratio) if abs(float(ratio) - p) <= 1e-12 else f"{p:.6g}"
+def _number(p: float | Fraction) -> str:
+    ratio = Fraction(p).limit_denominator(1000)
+    return str(ratio) if abs(ratio - Fraction(p)) <= 1e-12 else f"{float(p):.6g}"

@@ -46,11 +46,16 @@ def _key(node: Node, numbers: dict[int, int], rank: dict[int, int], edges: dict[
             found = [numbers[id(a)] for a in args]
             if op == "le" and _only_equal(args, edges):
                 op = "eq"
-            if op in COMMUTATIVE or (op in ("min2", "max2") and node.type.kind is not Kind.REAL):
+            if op in COMMUTATIVE or (op in ("min2", "max2") and not _may_be_zeros(args)):
                 found.sort()
             elif op == "swap":
                 found = [found[0], *sorted(found[1:])]
             return ("apply", op, node.type, static, tuple(found))
+
+
+def _may_be_zeros(args: tuple[Node, ...]) -> bool:
+    """Whether two reals may both be zero: then the first of 0 and -0 is taken, and their order matters."""
+    return all(a.type.kind is Kind.REAL and not (isinstance(a, Const) and all(a.flat)) for a in args)
 
 
 def _only_equal(args: tuple[Node, ...], edges: dict[int, Range]) -> bool:

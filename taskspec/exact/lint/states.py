@@ -50,7 +50,7 @@ def _report(case: Case, path: tuple[str, ...], c: Component, missing: list[str],
 def _missing(c: Component, seen: Array) -> list[str]:
     """Values that a component never takes, in words; of a vector only those at the ends of its range."""
     low, high = int(min(c.low)), int(max(c.high))
-    if high - low >= 100_000:
+    if high - low >= 100_000 or not seen.size:
         return []
     every = np.arange(low, high + 1)
     if not c.type.is_scalar:

@@ -1,0 +1,223 @@
+"""Every small change of one expression: a token replaced, a prime set or taken away, a part left out or exchanged.
+
+Changes are made in the text, so that one changes what an author would have mistyped, and nothing else. Many of them no longer
+have a meaning; whoever builds the spec finds out.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+from itertools import pairwise
+
+from taskspec.diagnostics import Origin, Span, SpecError
+from taskspec.lang import syntax as s
+from taskspec.lang.functions import FUNCTIONS
+from taskspec.lang.parse import parse
+
+_TOKEN = re.compile(
+    r"""(?P<quoted>"[^"]*"|'(?:(?!')\W|\w(?=\w|\s))[^']*')
+      | (?P<number>\d+(?:\.\d+)?(?:[eE][-+]?\d+)?)
+      | (?P<word>[^\W\d]\w*'?)
+      | (?P<sign>\*\*|//|<=|>=|==|!=|[-+*/%<>])
+      | (?P<other>\S)""",
+    re.VERBOSE,
+)
+_SIGNS: Mapping[str, Sequence[str]] = {
+    "<": ("<=", ">", ">="), "<=": ("<", ">", ">="), ">": (">=", "<", "<="), ">=": (">", "<", "<="),
+    "==": ("!=", "<=", ">="), "!=": ("==", "<", ">"),
+    "+": ("-", "*"), "-": ("+", "*"), "*": ("+", "/", "**"), "/": ("*", "//"), "//": ("/", "*"), "%": ("//", "*"), "**": ("*",),
+}  # fmt: skip
+_WORDS: Mapping[str, Sequence[str]] = {
+    "and": ("or",), "or": ("and",), "in": ("not in",), "True": ("False",), "False": ("True",), "true": ("false",),
+    "false": ("true",), "min": ("max",), "max": ("min",), "any": ("all",), "all": ("any",), "floor": ("ceil", "round"),
+    "ceil": ("floor", "round"), "round": ("floor", "ceil"), "argmin": ("argmax",), "argmax": ("argmin",), "sin": ("cos",),
+    "cos": ("sin",), "sort": ("reverse", "argsort"), "argsort": ("sort",), "sum": ("prod", "max"), "prod": ("sum",),
+    "norm1": ("norm2",), "norm2": ("norm1",), "Uniform": ("UniformInt",), "UniformInt": ("Uniform",), "count": ("any",),
+}  # fmt: skip
+_RESERVED = frozenset({"if", "else", "for", "and", "or", "not", "in", "True", "False"})
+
+
+NOWHERE = Span(Origin("", ""), 1, 1, 1, 1)
+"""The place of everything in a text that stands in no file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """The characters from `start` to `end` of a text, replaced by `new`."""
+
+    start: int
+    end: int
+    new: str
+
+    def apply(self, text: str) -> str:
+        return text[: self.start] + self.new + text[self.end :]
+
+
+@dataclass(frozen=True, slots=True)
+class Names:
+    """What may be mistaken for what: for each name the others of its type; and the names that take a prime."""
+
+    alike: Mapping[str, Sequence[str]]
+    primed: frozenset[str]
+
+
+def changes(text: str, names: Names) -> Iterator[Change]:
+    """Every change of an expression, each resulting text once."""
+    seen = {text}
+    for change in (*_by_token(text, names), *_by_part(text)):
+        changed = change.apply(text)
+        if changed not in seen and changed.strip():
+            seen.add(changed)
+            yield change
+
+
+# -- tokens -------------------------------------------------------------------------------------------------------
+
+
+def _by_token(text: str, names: Names) -> Iterator[Change]:
+    before = ""
+    for found in _TOKEN.finditer(text):
+        token, kind = found.group(), found.lastgroup
+        follows = text[found.end() :].lstrip()
+        for new in _replacements(token, kind or "", before, follows, names):
+            end = found.end()
+            if new == "":  # what is left out takes the space behind it along
+                end += len(text[end:]) - len(text[end:].lstrip())
+            yield Change(found.start(), end, new)
+        before = token
+
+
+def _replacements(token: str, kind: str, before: str, follows: str, names: Names) -> Iterator[str]:
+    match kind:
+        case "number":
+            yield from off_by_one(token)
+        case "sign" if token in "+-" and not _ends_operand(before):
+            yield ""
+        case "sign":
+            yield from _SIGNS[token]
+        case "word" if token == "not":
+            yield from () if follows.startswith("in ") else ("",)
+        case "word" if before == "not" and token == "in":
+            return
+        case "word" if not (follows.startswith("=") and not follows.startswith("==")):
+            yield from _words(token, follows, names)
+
+
+def _ends_operand(token: str) -> bool:
+    return bool(token) and (token[-1].isalnum() or token[-1] in "_')]}") and token not in _RESERVED - {"True", "False"}
+
+
+def _words(token: str, follows: str, names: Names) -> Iterator[str]:
+    yield from _WORDS.get(token, ())
+    bare, prime = token.removesuffix("'"), "'" * token.endswith("'")
+    if token in _RESERVED or follows.startswith("("):
+        return
+    yield from (other + prime for other in names.alike.get(bare, ()))
+    if prime:
+        yield bare
+    elif bare in names.primed:
+        yield bare + "'"
+
+
+def off_by_one(number: str) -> Iterator[str]:
+    """A number with its last digit one higher, and one lower where it stays a number without a sign."""
+    value = Decimal(number)
+    step = Decimal(1).scaleb(min(0, int(value.as_tuple().exponent)))
+    yield str(value + step)
+    if value >= step:
+        yield str(value - step)
+
+
+# -- parts --------------------------------------------------------------------------------------------------------
+
+
+def _by_part(text: str) -> Iterator[Change]:
+    """What changes whole parts: operands left out, branches and arguments exchanged, calls undone, signs turned."""
+    try:
+        root = parse(s.Text(text, lambda start, end: NOWHERE))
+    except SpecError:
+        return
+    for node in s.below(root):
+        if isinstance(node, tuple(_PARTS)):
+            yield from _PARTS[type(node)](node, text)
+
+
+def _source(expr: s.Expr, text: str) -> str:
+    return text[expr.place.start : expr.place.end]
+
+
+def _whole(expr: s.Expr, new: str) -> Change:
+    return Change(expr.place.start, expr.place.end, new)
+
+
+def _operands(node: s.Binary, text: str) -> Iterator[Change]:
+    """Without one of the operands, and with the other sign of the first where it is one of a sum."""
+    gap = text[node.left.place.end : node.right.place.start]
+    at = node.left.place.end + gap.index(node.op)
+    yield _whole(node, text[node.place.start : at].rstrip())
+    yield _whole(node, text[at + len(node.op) : node.place.end].lstrip())
+    if node.op in "+-" and not isinstance(node.left, s.Unary | s.Number):
+        yield Change(node.place.start, node.place.start, "-")
+
+
+def _conditions(node: s.Logical, text: str) -> Iterator[Change]:
+    """Without one of the conditions, and with one of them denied where no other change does."""
+    for i, operand in enumerate(node.operands):
+        rest = [f"({_source(o, text)})" for j, o in enumerate(node.operands) if j != i]
+        yield _whole(node, "(" + f" {node.op} ".join(rest) + ")")
+        if not isinstance(operand, s.Compare | s.Unary):
+            yield _whole(operand, f"(not ({_source(operand, text)}))")
+
+
+def _links(node: s.Compare, text: str) -> Iterator[Change]:
+    """A chain without its last link, and without its first."""
+    if len(node.rest) > 1:
+        yield _whole(node, text[node.place.start : node.rest[-2][1].place.end])
+        yield _whole(node, text[node.rest[0][1].place.start : node.place.end])
+
+
+def _branches(node: s.IfElse, text: str) -> Iterator[Change]:
+    then, condition, otherwise = (_source(e, text) for e in (node.then, node.condition, node.otherwise))
+    yield _whole(node, f"({then})")
+    yield _whole(node, f"({otherwise})")
+    yield _whole(node, f"(({otherwise}) if {condition} else ({then}))")
+
+
+def _arguments(node: s.Call, text: str) -> Iterator[Change]:
+    """Neighbouring arguments exchanged, and a function of the language undone."""
+    for one, other in pairwise(node.args):
+        between = text[one.place.end : other.place.start]
+        new = _source(other, text) + between + _source(one, text)
+        yield Change(one.place.start, other.place.end, new)
+    if node.function in FUNCTIONS and node.args:
+        yield _whole(node, f"({_source(node.args[0], text)})")
+
+
+def _elements(node: s.SetOf, text: str) -> Iterator[Change]:
+    """A set without one of its elements."""
+    for i in range(len(node.items) if len(node.items) > 1 else 0):
+        rest = [_source(item, text) for j, item in enumerate(node.items) if j != i]
+        yield _whole(node, "{" + ", ".join(rest) + "}")
+
+
+def _ends(node: s.Subscript, text: str) -> Iterator[Change]:
+    """A slice without one of its ends."""
+    for index in node.indices:
+        if isinstance(index, s.Slice):
+            for end in (index.start, index.stop):
+                if end is not None:
+                    yield _whole(end, "")
+
+
+_PARTS: dict[type, Callable[..., Iterator[Change]]] = {
+    s.Binary: _operands,
+    s.Logical: _conditions,
+    s.Compare: _links,
+    s.IfElse: _branches,
+    s.Call: _arguments,
+    s.SetOf: _elements,
+    s.Subscript: _ends,
+}

@@ -1,0 +1,150 @@
+"""What notices that a spec was changed: the compiler, the checks, its examples, its claims, or nothing at all."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exact.report import check
+from taskspec.exact.soundness import cases, check_ranges
+from taskspec.mutation.mutants import Mutant
+from taskspec.mutation.same import same_task
+from taskspec.source import Document
+from taskspec.spec.build import build
+from taskspec.spec.merge import merge, variant_names
+from taskspec.spec.task import Task
+
+Class = Literal["error", "equivalent", "warning", "example", "claim", "range", "silent", "slow"]
+CLASSES: Mapping[Class, str] = {
+    "error": "the changed spec is refused, or unsound",
+    "equivalent": "proved to be the same task",
+    "warning": "the changed spec is warned about",
+    "example": "an example does not hold any more",
+    "claim": "a claim does not hold any more, or cannot be decided",
+    "range": "the tasks are the same; other parameter values are allowed",
+    "silent": "nothing notices",
+    "slow": "not decided in time",
+}
+SECONDS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What became of a mutant; and what was said of it, which has no place, for nobody has written its text."""
+
+    kind: Class
+    code: str | None = None
+    message: str | None = None
+
+    @classmethod
+    def by(cls, kind: Class, found: Diagnostic) -> Judgement:
+        return cls(kind, found.code, found.message)
+
+
+@dataclass(frozen=True)
+class Original:
+    """A spec as it stands: its tasks by variant, and what they are for other parameter values."""
+
+    document: Document
+    tasks: Mapping[str | None, Task]
+
+    @classmethod
+    def of(cls, document: Document) -> Original:
+        """Raises SpecError when the document has no task, or one with mistakes that its own sections cause."""
+        names = list(variant_names(document.data).values())
+        complete = [variant for variant in names if not merge(document, variant).missing]
+        return cls(document, {variant: build(document, variant) for variant in complete})
+
+
+def judge(original: Original, mutant: Mutant) -> Judgement:
+    """What notices a mutant, the first of the stages that does."""
+    try:
+        with _within(SECONDS):
+            return _judged(original, mutant)
+    except TimeoutError:
+        return Judgement("slow")
+
+
+def _judged(original: Original, mutant: Mutant) -> Judgement:
+    try:
+        document = mutant.document()
+        pairs = list(_changed(original, document))
+    except SpecError as error:
+        return Judgement.by("error", error.diagnostics[0])
+    if _decides_values_alone(mutant):
+        wrong = next((d for _, task in pairs for d in _ranges(task)), None)
+        return Judgement("range") if wrong is None else Judgement.by("error", wrong)
+    pairs = [pair for pair in pairs if not everywhere(same_task, *pair)]
+    if not pairs:
+        return Judgement("equivalent")
+    for look in (_check, _ranges):
+        if found := sorted(((_class(d), d) for _, task in pairs for d in look(task)), key=lambda x: _ORDER.index(x[0])):
+            return Judgement.by(*found[0])
+    return Judgement("silent")
+
+
+def _check(task: Task) -> tuple[Diagnostic, ...]:
+    return check(task, ranges=False).diagnostics
+
+
+def _ranges(task: Task) -> tuple[Diagnostic, ...]:
+    return check_ranges(task).diagnostics if task.parameters else ()
+
+
+_ORDER: tuple[Class, ...] = ("error", "example", "claim", "warning")
+
+
+def _class(diagnostic: Diagnostic) -> Class:
+    """What a diagnostic counts as."""
+    if diagnostic.severity == "warning":
+        return "warning"
+    return "claim" if diagnostic.code.startswith("E60") else "example" if diagnostic.code.startswith("E61") else "error"
+
+
+def _changed(original: Original, document: Document) -> Iterator[tuple[Task, Task]]:
+    """The tasks whose data the change is part of, before and after it."""
+    for variant, before in original.tasks.items():
+        if merge(original.document, variant).data != merge(document, variant).data:
+            yield before, build(document, variant)
+
+
+def _decides_values_alone(mutant: Mutant) -> bool:
+    """Whether only the range of a parameter was changed."""
+    return mutant.section == "parameters" and mutant.path[-1] in ("low", "high")
+
+
+def everywhere(same: Callable[[Task, Task], bool], one: Task, other: Task) -> bool:
+    """Whether two tasks are the same for their parameters as they are, and for all others that are tried."""
+    if not same(one, other):
+        return False
+    for values in cases(one):
+        try:
+            pair = [build(task.document, task.variant, values, task.suite) for task in (one, other)]
+        except SpecError:
+            return False
+        if not same(*pair):
+            return False
+    return True
+
+
+@contextmanager
+def _within(seconds: int) -> Iterator[None]:
+    """Raises TimeoutError when the inside takes longer, where the system has timers."""
+    if not hasattr(signal, "SIGALRM"):
+        yield
+        return
+
+    def stop(*_: Any) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.alarm(seconds)
+    try:
+        yield
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
