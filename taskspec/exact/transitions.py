@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from taskspec.exact.expectation import expected
+from taskspec.exact.failure import refuse
 from taskspec.exact.outcomes import FLOATS, Branch, Numbers, branches, count
-from taskspec.exact.space import Reads, Space
+from taskspec.exact.space import MAX_CODES, Reads, Space
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
 from taskspec.spec.task import Task
@@ -90,7 +91,13 @@ class Steps:
             yield Outcomes(branch.weight, branch.origin, code, outside, values[-2], values[-1])
 
     def starts(self, numbers: Numbers = FLOATS) -> tuple[Array, Array]:
-        """Codes (N,) of the first states and their probabilities (N,), each code once."""
+        """Codes (N,) of the first states and their probabilities (N,), each code once.
+
+        Raises:
+            SpecError: E712, there are more states than ints count.
+        """
+        if self.states.size > MAX_CODES:
+            refuse(f"{self.task.name} has more states than can be counted")
         codes, weights = [], []
         for branch in branches(draws(self.task.initial), {}, 1, numbers):
             values = evaluate(self.task.raw_initial, {}, branch.sample)

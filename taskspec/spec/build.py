@@ -138,8 +138,10 @@ class _Build:
         scope("claims")
         self.collector.raise_if_errors()
         assert reward is not None and terminal is not None and absorbing is not None
+        raw_initial = tuple(sections.raw_initial[c.name] for c in context.state)
+        raw_next = tuple(self.names.raw_next[c.name] for c in context.state)
         sections.check_widths(
-            initial=initial, dynamics=changed, reward=[reward], terminal=[terminal], absorbing_reward=[absorbing],
+            initial=raw_initial, dynamics=raw_next, reward=[reward], terminal=[terminal], absorbing_reward=[absorbing],
             abstraction=mapped, observation=observation.nodes, expert=expert if isinstance(expert, tuple) else (),
         )  # fmt: skip
         self.collector.raise_if_errors()
@@ -147,8 +149,7 @@ class _Build:
             name=self.merged.name, suite=suite, version=int(self.data.get("version", 0)), variant=self.merged.variant,
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
             horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
-            raw_initial=tuple(sections.raw_initial[c.name] for c in context.state),
-            raw_next=tuple(self.names.raw_next[c.name] for c in context.state),
+            raw_initial=raw_initial, raw_next=raw_next,
             terminal=terminal, expert=expert, claims=claims, examples=examples, absorbing_reward=absorbing,
             builder=context.builder, reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
             surface=Surface(context.exprs, self.data, context.named_scopes, tuple(context.checker.moved.values())),
