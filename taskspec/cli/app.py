@@ -23,6 +23,7 @@ from taskspec.cli.run import run as run_command
 from taskspec.cli.schema import schema
 from taskspec.cli.scoring import score, solve
 from taskspec.cli.show import show
+from taskspec.limits import limits
 
 READ, WRITE, USE, PRINT = "Read tasks", "Write tasks", "Run and score tasks", "Print tasks"
 COMMANDS = (
@@ -48,6 +49,7 @@ class Commands(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         with failures.reported():
+            limits()  # what the environment says of them is looked at before anything rests on it
             return super().invoke(ctx)
 
 

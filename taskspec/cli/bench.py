@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from taskspec.cli.options import CHARTS, Json, Parameters, complete_targets, flowed
+from taskspec.limits import Limits
 
-MAX_LANES = 2**24
 PROGRAMS = ("scalar", "numpy", "numba", "jax", "jax-scan")
 BACKENDS = ("auto", "numpy", "numba", "jax")
 
@@ -35,7 +35,7 @@ Programs = Annotated[
 Lanes = Annotated[
     list[int] | None,
     typer.Option(
-        "--lanes", "-l", metavar="N", min=1, max=MAX_LANES, show_default=False,
+        "--lanes", "-l", metavar="N", min=1, max=Limits.lanes, show_default=False,
         help="How many environments of a TASK are stepped together; 1, 64, 1024 and 4096 by default.",
     ),
 ]  # fmt: skip
@@ -58,7 +58,7 @@ def seals(
     lanes: Annotated[
         int | None,
         typer.Option(
-            "--lanes", "-l", metavar="N", min=1, max=MAX_LANES, show_default=False,
+            "--lanes", "-l", metavar="N", min=1, max=Limits.lanes, show_default=False,
             help="Vector environments instead: ours beside SyncVectorEnv.",
         ),
     ] = None,

@@ -195,11 +195,12 @@ terminal: s == goal    # right
     Code(
         "E314",
         "too-costly",
-        "an expression too large to compile",
+        "a spec that would cost more than it may",
         """
 An expression may be at most so long, so deep, and so large once its sets and comprehensions are
-written out. The limits are far above what a readable spec needs; a set that grows past them is
-usually better written as a distribution over each of its coordinates.
+written out; a state so wide; a spec so rich in variants and claims. The [limits](language.md#limits) are far above what a
+readable spec needs, and the message says how to raise the one that was reached; a set that grows past them is usually better
+written as a distribution over each of its coordinates.
 
 ```yaml
 initial: {x: "Uniform({p for p in box(0, 999, 4)})"}    # wrong: 10^12 points

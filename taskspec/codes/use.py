@@ -131,7 +131,8 @@ operating system gives.
         "a task without an exact model",
         """
 Exact results need a finite state space, finitely many outcomes per step, and a size that fits in
-memory. The message says which of them fails. Choose smaller parameters, or give the spec an
+memory and in the time that an analysis has. The message says which of them fails, and which of the
+[limits](language.md#limits) to raise where that helps. Choose smaller parameters, or give the spec an
 `abstraction`.
 """,
     ),

@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from taskspec.draws.polynomials import F, Ints, Reals, uniform
 from taskspec.draws.threefry import Words
+from taskspec.limits import Limits
 
 NEVER = 1 << 32  # a threshold above every word
 POISSON_SHARE = 64  # the largest mean of one sequential search: exp(64) is well inside float32
-POISSON_LIMIT = 100_000
+POISSON_LIMIT = Limits.poisson
 
 
 def index(word: int, n: int) -> int:

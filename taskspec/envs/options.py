@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from typing import Any, NoReturn
 
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.limits import count, how_to_raise, limits
+from taskspec.spec.task import Task
 
 ENDINGS = ("terminate", "absorb")
 
@@ -45,6 +47,22 @@ def positive(name: str, value: Any) -> int:
         number = 0
     if number < 1:
         raise invalid(f"{name} must be a positive int, not {value!r}")
+    return number
+
+
+def lanes_of(task: Task, number: int) -> int:
+    """A number of environments to step together.
+
+    Raises:
+        SpecError: E713 for more than there is room for, in number or in the bytes of their states.
+    """
+    most, widest = limits(), max(c.type.size for c in (*task.state, *task.action, *task.observation.components))
+    if number > most.lanes:
+        message = f"num_envs may be {most.lanes:,} at most, not {count(number)}"
+        raise invalid(message, how_to_raise("lanes", number))
+    if (needed := number * widest * 8 / 1e6) > most.megabytes:
+        message = f"a component of {count(number)} environments takes {needed:,.0f} megabytes; the limit is {most.megabytes:,}"
+        raise invalid(message, how_to_raise("megabytes", needed))
     return number
 
 

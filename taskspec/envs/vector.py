@@ -23,7 +23,7 @@ from taskspec.backends.vector import Mode, Options
 from taskspec.backends.vector import NotRunningError as EngineNotRunning
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import ENDINGS, invalid, one_of, positive, seed_of, uncopied
+from taskspec.envs.options import ENDINGS, invalid, lanes_of, one_of, positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.envs.state import plain_state
 from taskspec.spec.task import Task
@@ -85,7 +85,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         mode = AutoresetMode(autoreset_mode)
         task = task.absorbing() if ending == "absorb" else task
         self.task = task.observing_time() if observe_time else task
-        self.num_envs = num_envs
+        self.num_envs = lanes_of(self.task, num_envs)
         self.backend = select.choose(self.task, backend)
         self.metadata = {"render_modes": [], "autoreset_mode": mode}
         self.render_mode = None

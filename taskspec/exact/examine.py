@@ -11,6 +11,8 @@ import numpy as np
 
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout
+from taskspec.exact.codes import distinct, holds, union, without
+from taskspec.exact.cost import Cost
 from taskspec.exact.outcomes import Branch, branches, count, is_finite
 from taskspec.exact.phases import Check, Phase
 from taskspec.exact.points import Batch, Grid, Method
@@ -66,11 +68,11 @@ class Examination:
     def batches(self) -> Iterator[Batch]:
         if self.phase.name == "start":
             lanes = 1 if len(self.enumerated) == len(self.phase.draws) else STARTS
-            yield Batch({}, lanes, None)
+            yield Batch({}, Cost(self.phase.roots).batch(lanes), None)
             return
         outcomes = max(1.0, count(self.enumerated, {}))
         most = min(BATCH, BATCH * 4 // outcomes, MOST_WORDS // max(1, self.layout.count))
-        yield from self.phase.points.batches(int(max(256, most)))
+        yield from self.phase.points.batches(Cost(self.phase.roots).batch(max(256, most)))
 
     def flagged(self, batch: Batch) -> Iterator[tuple[Check, Branch, Array, Array]]:
         """Checks that fail somewhere in a batch: the branch, the flags of its outcomes, and the values."""
@@ -113,7 +115,7 @@ class Examination:
             found = codes.get(check)
             if found is None:
                 yield violation
-            elif (best := self._best(check, np.unique(np.concatenate(found)))) is not None:
+            elif (best := self._best(check, union(found))) is not None:
                 yield best
 
     def _best(self, check: Check, states: Array) -> Violation | None:
@@ -121,12 +123,12 @@ class Examination:
         if not self._searchable:
             return self._at(check, int(states[0]), None)
         if self.phase.name == "decision":
-            entered = states[np.isin(states, self.visits.entered)]
+            entered = states[holds(states, self.visits.entered)]
             return self._at(check, int((entered if len(entered) else states)[0]), None)
-        acting = states[np.isin(states, self.visits.acting)]
+        acting = states[holds(states, self.visits.acting)]
         if len(acting):
             return self._at(check, int(acting[0]), True)
-        unfinished = states[~np.isin(states, self._finished)]
+        unfinished = without(states, self._finished)
         return self._at(check, int(unfinished[0]), False) if len(unfinished) else None
 
     def _at(self, check: Check, state: int, acting: bool | None) -> Violation | None:
@@ -168,9 +170,9 @@ class Examination:
                 for found in steps.outcomes(np.arange(steps.states.size), np.array([actions]), t):
                     inside = np.ones(len(found.code), np.bool_) if found.outside is None else ~found.outside
                     terminal = np.broadcast_to(found.terminal, found.code.shape)
-                    going.append(np.unique(found.code[inside & ~terminal]))
-                    ended.append(np.unique(found.code[inside & terminal]))
-        return np.setdiff1d(np.concatenate(ended), np.concatenate(going))
+                    going.append(distinct(found.code[inside & ~terminal]))
+                    ended.append(distinct(found.code[inside & terminal]))
+        return without(union(ended), union(going))
 
 
 def _enumerated(phase: Phase) -> tuple[Draw, ...]:

@@ -6,34 +6,36 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.exact.cost import Cost, duration
 from taskspec.exact.failure import refuse, scipy_sparse
 from taskspec.exact.model import Model, Step
 from taskspec.exact.outcomes import count
 from taskspec.exact.reach import visits
 from taskspec.exact.rows import Sink, all_rows
-from taskspec.exact.transitions import MAX_OUTCOMES, Steps
-from taskspec.lang.ir import draws
+from taskspec.exact.space import MAX_CODES
+from taskspec.exact.transitions import Steps
+from taskspec.limits import count as count_of
+from taskspec.limits import how_to_raise, limits
 from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
-MAX_ENTRIES = 50_000_000
-"""Non-zeros that a model may have: 12 bytes each, so 600 MB."""
 WHOLE = 4_000_000
-SWEEP = 200
-"""How often all non-zeros of the largest model may be gone through: a sweep for each step of an episode."""
+MOST_ACTIONS = 10_000_000
 LOST = 1e-9
 """How much of the start may be missing for rounding."""
+SWEEP = 1e9
+"""Non-zeros that are gone through in a second, nominally: all of them in a sweep for each step of an episode."""
 OVERHEAD = 20_000
 """What a sweep costs whatever the size of the model, as non-zeros."""
 
 
-def extract(task: Task, reachable: bool | None = None, limit: int = MAX_ENTRIES) -> Model:
+def extract(task: Task, reachable: bool | None = None, limit: int | None = None) -> Model:
     """The exact model of a finite task.
 
     Args:
         reachable: only states that episodes enter (True), or all declared ones (False); None takes
             all where that is cheap.
-        limit: how many non-zeros the matrices may have; checked before memory is spent.
+        limit: how many non-zeros the matrices may have, 12 bytes each; checked, as the time is, before it is spent.
 
     Raises:
         SpecError: (E712) when the task is not finite or too large; (E705) without scipy.
@@ -41,18 +43,14 @@ def extract(task: Task, reachable: bool | None = None, limit: int = MAX_ENTRIES)
     scipy_sparse()
     steps = Steps(task)
     _check_finite(steps)
-    per_state = steps.actions.size * steps.branching
     times = task.horizon or 1 if steps.uses_time else 1
+    room = _Room(steps, times, limits().transitions if limit is None else limit)
     if reachable is None:
-        reachable = steps.states.size > WHOLE or steps.states.size * per_state * times > limit
-    codes = _reachable(steps, int(limit // max(1, per_state * times))) if reachable else np.arange(steps.states.size)
-    size = len(codes) * per_state * times
-    if size > limit:
-        refuse(
-            f"the exact model would have up to {size:,.0f} entries; the limit is {limit:,}", "choose smaller parameters"
-        )
-    if (task.horizon or 1) * (size / times + OVERHEAD) > SWEEP * limit:
-        refuse(f"an episode of {task.horizon:,} steps is too long to plan", "choose a smaller horizon, or `none`")
+        reachable = steps.states.size > min(WHOLE, room.states)
+    if not reachable:
+        room.check(steps.states.size)
+    codes = visits(steps, room.states, room.hint).entered if reachable else np.arange(steps.states.size)
+    room.check(len(codes))
     start = np.zeros(len(codes))
     first, weight = steps.starts()
     start[np.searchsorted(codes, first)] = weight
@@ -60,6 +58,44 @@ def extract(task: Task, reachable: bool | None = None, limit: int = MAX_ENTRIES)
     _check_inside(model)
     _check_rewards(model)
     return model
+
+
+class _Room:
+    """How large a model may be: its transitions, the time to find them, and that to plan an episode with them."""
+
+    def __init__(self, steps: Steps, times: int, most: int) -> None:
+        self.horizon, self.times, self.most = steps.task.horizon or 1, times, most
+        self.cost = Cost(steps.roots)
+        self.per_state = max(1.0, steps.actions.size * steps.branching * times)
+
+    @property
+    def states(self) -> int:
+        """How many states there may be."""
+        return max(1, int(min(self.most, self.cost.affordable()) // self.per_state))
+
+    @property
+    def hint(self) -> str | None:
+        """What to raise when there are more."""
+        if self.cost.affordable() < self.most:
+            return how_to_raise("seconds", 10 * limits().seconds)
+        return how_to_raise("transitions", 10 * self.most)
+
+    def check(self, states: int) -> None:
+        """Refuse (E712) a model of so many states if it has no room."""
+        size = states * self.per_state
+        if size > self.most:
+            message = f"the exact model would have up to {count_of(int(size))} transitions; the limit is {self.most:,}"
+            refuse(message, how_to_raise("transitions", size))
+        if size > self.cost.affordable():
+            needed = self.cost.seconds(size)
+            refuse(
+                f"the exact model takes {duration(needed)}; the limit is {limits().seconds}",
+                how_to_raise("seconds", needed),
+            )
+        needed = self.horizon * (size / self.times + OVERHEAD) / SWEEP
+        if needed > limits().seconds:
+            message = f"to plan an episode of {self.horizon:,} steps takes {duration(needed)}; the limit is {limits().seconds}"
+            refuse(message, how_to_raise("seconds", needed))
 
 
 def _check_inside(model: Model) -> None:
@@ -95,22 +131,17 @@ def _check_finite(steps: Steps) -> None:
     for c in (*task.state, *task.action):
         if not c.is_finite:
             refuse(f"'{c.name}' has infinitely many values", "give it bounds, or the spec an `abstraction`")
-    if steps.branching > MAX_OUTCOMES:
+    most = limits().outcomes
+    if steps.branching > most:
         found = next((d for d in steps.draws if count([d], {}) == float("inf")), None)
         if found is not None:
             refuse(f"a step draws from a {found.base} distribution, which has infinitely many outcomes")
-        refuse(f"a step has up to {steps.branching:,.0f} outcomes; the limit is {MAX_OUTCOMES:,}")
-    if count(draws(task.initial), {}) > MAX_OUTCOMES:
-        refuse("the start has too many outcomes to enumerate")
+        refuse(f"a step has up to {steps.branching:,.0f} outcomes; the limit is {most:,}",
+               how_to_raise("outcomes", steps.branching))  # fmt: skip
     if steps.uses_time and task.horizon is None:
         refuse("dynamics or rewards depend on the time, and there is no horizon")
-    if steps.states.size > 2**62 or steps.actions.size > 10_000_000:
-        refuse(f"there are {steps.states.size:,} states and {steps.actions.size:,} actions")
-
-
-def _reachable(steps: Steps, most: int) -> Array:
-    """Codes of the states that episodes enter; refused as soon as there are more than a model could hold."""
-    return visits(steps, max(1, most)).entered
+    if steps.states.size > MAX_CODES or steps.actions.size > MOST_ACTIONS:
+        refuse(f"there are {count_of(steps.states.size)} states and {count_of(steps.actions.size)} actions")
 
 
 def _steps(steps: Steps, codes: Array, times: int) -> tuple[Step, ...]:

@@ -91,18 +91,23 @@ def _outcomes(draw: Draw, known: dict[int, interval.Range]) -> float:
     shape = draw.type.shape
     match draw.base:
         case "bernoulli":
-            return 2.0 ** min(draw.type.size, 1000)
+            return _power(2, draw.type.size)
         case "categorical":
-            return float(draw.args[0].type.shape[-1]) ** min(draw.type.size, 100)
+            return _power(draw.args[0].type.shape[-1], draw.type.size)
         case "index":
             most = max(1.0, interval.bounds(draw.args[0], known)[1])
-            return most if shape == () else most ** min(draw.type.size, 100)
+            return _power(most, draw.type.size)
         case "poisson":
-            return float(_poisson_most(draw)) ** min(draw.type.size, 100)
+            return _power(_poisson_most(draw), draw.type.size)
         case "permutation":
-            return math.prod(float(math.factorial(min(shape[-1], 170))) for _ in range(draw.type.size // shape[-1]))
+            return _power(math.factorial(min(shape[-1], 170)), draw.type.size // shape[-1])
         case _:
             return math.inf
+
+
+def _power(base: float, exponent: int) -> float:
+    """`base ** exponent`; 1e300 stands for all that is beyond it, as it is finite for all that."""
+    return 1e300 if exponent * math.log(max(1.0, base)) > 690 else float(base) ** exponent
 
 
 def is_finite(draw: Draw) -> bool:

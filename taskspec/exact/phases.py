@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.exact.bounds import proved
+from taskspec.exact.cost import Cost
 from taskspec.exact.outcomes import count
 from taskspec.exact.places import Section, Written, distributions
 from taskspec.exact.points import Grid, Samples
@@ -103,7 +104,7 @@ def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> Phase:
     if task.is_finite and outcomes <= MOST_OUTCOMES:
         actions = Space(task.action, Role.ACTION) if name == "step" else None
         grid = Grid(Space(task.state, Role.STATE), actions, times)
-        if grid.size * outcomes <= limit:
+        if grid.size * outcomes <= min(limit, Cost(roots).affordable()):
             return Phase(task, name, left, grid, True)
     given = visited(task) if left else None
     components = [(Role.STATE, c) for c in task.state] + [(Role.ACTION, c) for c in task.action]

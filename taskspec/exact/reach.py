@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.exact.codes import distinct, union, without
 from taskspec.exact.failure import refuse
 from taskspec.exact.transitions import Steps
 
@@ -24,30 +25,30 @@ class Visits:
     entered: Array
 
 
-def visits(steps: Steps, limit: int | None = None) -> Visits:
+def visits(steps: Steps, limit: int | None = None, hint: str | None = None) -> Visits:
     """The states of all episodes, whatever the actions and draws. Steps out of the state space are passed over.
 
     Raises:
-        SpecError: (E712) beyond `limit` states.
+        SpecError: (E712) beyond `limit` states, with a hint at how to raise that.
     """
     horizon = steps.task.horizon
-    level = np.unique(steps.starts()[0])
+    level = distinct(steps.starts()[0])
     acting, entered = level[:0], level
     t = 0
-    _check_few(entered, limit)
+    _check_few(entered, limit, hint)
     while len(level) and (horizon is None or t < horizon):
-        acting = np.union1d(acting, level)
+        acting = union([acting, level])
         going, ended = _successors(steps, level, t)
-        entered = np.union1d(entered, np.union1d(going, ended))
-        _check_few(entered, limit)
-        level = going if steps.uses_time else np.setdiff1d(going, acting, assume_unique=True)
+        entered = union([entered, going, ended])
+        _check_few(entered, limit, hint)
+        level = going if steps.uses_time else without(going, acting)
         t += 1
     return Visits(acting, entered)
 
 
-def _check_few(entered: Array, limit: int | None) -> None:
+def _check_few(entered: Array, limit: int | None, hint: str | None) -> None:
     if limit is not None and len(entered) > limit:
-        refuse(f"more than {limit:,} states can be reached", "choose smaller parameters")
+        refuse(f"more than {limit:,} states can be reached", f"choose smaller parameters, or: {hint}" if hint else None)
 
 
 def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
@@ -61,9 +62,9 @@ def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
             for found in steps.outcomes(here, there, t):
                 inside = np.ones(len(found.code), np.bool_) if found.outside is None else ~found.outside
                 terminal = np.broadcast_to(found.terminal, found.code.shape)
-                going.append(np.unique(found.code[inside & ~terminal]))
-                ended.append(np.unique(found.code[inside & terminal]))
-    return np.unique(np.concatenate(going)), np.unique(np.concatenate(ended))
+                going.append(distinct(found.code[inside & ~terminal]))
+                ended.append(distinct(found.code[inside & terminal]))
+    return union(going), union(ended)
 
 
 def _action_chunks(size: int) -> list[Array]:

@@ -16,7 +16,8 @@ from taskspec.exact.abstraction import Abstraction, abstraction
 from taskspec.exact.certified.enclosure import Enclosure, NoNumber
 from taskspec.exact.certified.solver import Rule, Solvers
 from taskspec.exact.confidence import CUT, mean_interval, return_range
-from taskspec.exact.extract import MAX_ENTRIES, extract
+from taskspec.exact.cost import Budget, Cost
+from taskspec.exact.extract import extract
 from taskspec.exact.failure import refuse
 from taskspec.exact.faith import Faith, examined
 from taskspec.exact.model import Model
@@ -76,7 +77,7 @@ class Results:
     `model` is that of the task or of its abstraction, or None; `why_not` then says why.
     """
 
-    def __init__(self, task: Task, episodes: int = EPISODES, seed: int = 0, limit: int = MAX_ENTRIES) -> None:
+    def __init__(self, task: Task, episodes: int = EPISODES, seed: int = 0, limit: int | None = None) -> None:
         self.task, self.episodes, self.seed, self.limit = task, episodes, seed, limit
         self.unsettled: str | None = None
         self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
@@ -239,17 +240,20 @@ def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0
     if endless and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
         _refuse_endless(task)
     parts = []
-    lanes = max(1, min(episodes, WORDS // max(1, Rollout(task, 1).words)))
+    cost = Cost((*task.next, task.reward, task.terminal))
+    lanes = cost.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))
+    budget = Budget(cost, f"{episodes:,} episodes")
     for first in range(0, episodes, lanes):
-        parts.append(_simulate(task, choose, min(lanes, episodes - first), seed + first))
+        parts.append(_simulate(task, choose, min(lanes, episodes - first), seed + first, budget))
     return np.concatenate(parts)
 
 
-def _simulate(task: Task, choose: Choose, lanes: int, seed: int) -> Array:
+def _simulate(task: Task, choose: Choose, lanes: int, seed: int, budget: Budget) -> Array:
     rollout, rng = Rollout(task, lanes, seed), np.random.default_rng(seed)
     state, total, running = rollout.start(), np.zeros(lanes), np.ones(lanes, np.bool_)
     factor, t = 1.0, 0
     while running.any() and (task.horizon is None or t < task.horizon):
+        budget.spend(lanes)
         moved = rollout.step(state, choose(state, t, rng), t)
         total += np.where(running, factor * moved.reward, 0.0)
         running = running & ~moved.terminal

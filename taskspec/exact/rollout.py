@@ -14,9 +14,11 @@ import numpy as np
 from taskspec import draws
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout
+from taskspec.exact.cost import BYTES
 from taskspec.exact.points import columns, sampled
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, Role
+from taskspec.limits import limits
 from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
@@ -117,12 +119,14 @@ def visited(task: Task) -> Mapping[Key, Array]:
     parts = []
     rng = np.random.default_rng(0)
     everyone = [sampled_actions(task), _held(task)] + ([by_expert(task)] if isinstance(task.expert, tuple) else [])
+    numbers = sum(c.type.size for c in (*task.state, *task.action))
+    lanes = max(1, min(LANES, int(limits().megabytes * 1e6 / (BYTES * numbers * STEPS * len(everyone)))))
     for choose in everyone:
-        rollout = Rollout(task, LANES)
+        rollout = Rollout(task, lanes)
         state = rollout.start()
         for t in range(min(STEPS, STEPS if task.horizon is None else task.horizon)):
             action = choose(state, t, rng)
-            parts.append(reads_of(state, action, t) | {(Role.TIME, "t"): np.full(LANES, t)})
+            parts.append(reads_of(state, action, t) | {(Role.TIME, "t"): np.full(lanes, t)})
             moved = rollout.step(state, action, t)
             if moved.terminal.all() or not _are_numbers(moved.state):
                 break

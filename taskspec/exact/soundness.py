@@ -19,10 +19,10 @@ from taskspec.exact.examine import Examination, Violation
 from taskspec.exact.phases import Check, phases
 from taskspec.exact.points import Method
 from taskspec.exact.wording import report
+from taskspec.limits import limits
 from taskspec.spec.build import build
 from taskspec.spec.task import Parameter, Task
 
-MAX_POINTS = 2_000_000
 RANGE_POINTS = 50_000
 MAX_CASES = 8
 
@@ -35,7 +35,7 @@ class Soundness:
     method: Method
 
 
-def examine(task: Task, limit: int = MAX_POINTS) -> Soundness:
+def examine(task: Task, limit: int | None = None) -> Soundness:
     """Check a task for its present parameters.
 
     Args:
@@ -43,7 +43,7 @@ def examine(task: Task, limit: int = MAX_POINTS) -> Soundness:
     """
     collector = Collector()
     methods = []
-    for phase in phases(task, limit):
+    for phase in phases(task, limits().points if limit is None else limit):
         examination = Examination(phase)
         for violation in _causes(list(examination.violations())):
             report(violation, examination, collector)

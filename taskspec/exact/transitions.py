@@ -10,16 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.exact.codes import distinct
 from taskspec.exact.expectation import expected
 from taskspec.exact.failure import refuse
 from taskspec.exact.outcomes import FLOATS, Branch, Numbers, branches, count
 from taskspec.exact.space import MAX_CODES, Reads, Space
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
+from taskspec.limits import count as count_of
+from taskspec.limits import how_to_raise, limits
 from taskspec.spec.task import Task
 
 Array = np.ndarray[Any, Any]
-MAX_OUTCOMES = 1_000_000
 TIME = (Role.TIME, "t")
 
 
@@ -94,10 +96,14 @@ class Steps:
         """Codes (N,) of the first states and their probabilities (N,), each code once.
 
         Raises:
-            SpecError: E712, there are more states than ints count.
+            SpecError: (E712) when there are too many, or more states than there are codes.
         """
+        found, most = count(draws(self.task.initial), {}), limits().outcomes
+        if found > most:
+            message = f"the start has up to {found:,.0f} outcomes; the limit is {most:,}"
+            refuse(message, how_to_raise("outcomes", found))
         if self.states.size > MAX_CODES:
-            refuse(f"{self.task.name} has more states than can be counted")
+            refuse(f"there are {count_of(self.states.size)} states")
         codes, weights = [], []
         for branch in branches(draws(self.task.initial), {}, 1, numbers):
             values = evaluate(self.task.raw_initial, {}, branch.sample)
@@ -106,8 +112,9 @@ class Steps:
             inside = slice(None) if outside is None else ~outside
             codes.append(code[inside])
             weights.append(np.broadcast_to(branch.weight, (size,))[inside])
-        distinct, which = np.unique(np.concatenate(codes), return_inverse=True)
-        return distinct, total(which, np.concatenate(weights), len(distinct))
+        every = np.concatenate(codes)
+        first = distinct(every)
+        return first, total(np.searchsorted(first, every), np.concatenate(weights), len(first))
 
 
 def total(which: Array, values: Array, size: int) -> Array:

@@ -6,23 +6,19 @@ here: sizes of vectors, bits of integers and the number of nodes.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from fractions import Fraction
 from typing import Any, TypeVar, cast
 
-from taskspec.lang import interval
-from taskspec.lang.evaluate import apply_flat
+from taskspec.lang import folding, interval
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact
 from taskspec.lang.ops import OPS
 from taskspec.lang.structure import STRUCTURES
-from taskspec.lang.types import BOOL, INT, INT_MAX, REAL, Kind, Refused, Shape, Type, join
+from taskspec.lang.types import BOOL, INT, INT_MAX, Kind, Refused, Shape, Type, join
+from taskspec.limits import Limits, count, how_to_raise, limits
 
 N = TypeVar("N", bound=Node)
-MAX_ELEMENTS = 2_000_000
-MAX_NODES = 200_000
-MAX_BITS = 256
-_RATIONAL = ("add", "sub", "mul", "div", "neg")
 
 
 class Builder:
@@ -32,6 +28,9 @@ class Builder:
         self._nodes: dict[Any, Node] = {}
         self._ranges: dict[int, interval.Range] = {}
         self._certain: dict[int, interval.Range] = {}
+        self._folded: dict[Any, Const] = {}  # by operator, static values and ids of constants, which `_nodes` keeps
+        self._ints: dict[int, Const] = {}
+        self._most = limits().operations
         self._sites = 0
         self._written: list[dict[int, Draw]] = []
 
@@ -43,13 +42,17 @@ class Builder:
         self.check_size(type.shape)
         # A set may have a hundred thousand elements, and they are ints: a task's tables are built here.
         items = tuple(map(int, flat)) if type.kind is Kind.INT else tuple(exact(v, type.kind) for v in flat)
-        if type.kind is Kind.INT and items and max(max(items), -min(items)).bit_length() > MAX_BITS:
-            raise Refused(f"this integer has more than {MAX_BITS} bits", "E314")
+        if type.kind is Kind.INT and items and max(max(items), -min(items)).bit_length() > Limits.bits:
+            raise Refused(f"this integer has more than {Limits.bits} bits", "E314")
         key = (Const, type, tuple(map(repr, items)) if type.kind is Kind.REAL else items)
         return self._intern(key, lambda: Const(items[0] if type.is_scalar else items, type))
 
     def scalar(self, value: Any) -> Const:
         """A Python number as a constant of its own kind."""
+        if type(value) is int:
+            if value not in self._ints:
+                self._ints[value] = self.const(value, INT)
+            return self._ints[value]
         kind = Kind.BOOL if isinstance(value, bool) else Kind.INT if isinstance(value, int) else Kind.REAL
         return self.const(value, Type(kind))
 
@@ -96,6 +99,12 @@ class Builder:
 
     def apply(self, name: str, *args: Node) -> Node:
         """An operator of the table on arguments of any kind that promotes."""
+        key = (name, (), *map(id, args))
+        if key in self._folded:
+            return self._folded[key]
+        return self._kept(key, args, self._applied(name, *args))
+
+    def _applied(self, name: str, *args: Node) -> Node:
         op = OPS[name]
         if name in interval.ROUNDING and args[0].type.kind is not Kind.REAL:
             return self.cast(args[0], Kind.INT)
@@ -103,24 +112,30 @@ class Builder:
         if isinstance(result, str):
             raise Refused(result, "E307" if "shape" in result else "E306")
         self.check_size(result.shape)
-        rational = self._fold_rational(name, args, result)
+        rational = folding.rational(name, args, result)
         if rational is not None:
-            return rational
+            return self._of(rational, result)
         args = self._promote(name, args, result)
         if all(isinstance(a, Const) for a in args):
-            return self._fold(name, args, result, ())
+            return self._of(folding.folded(name, args, (), result), result)
         simpler = self._identity(name, args, result)
         return simpler if simpler is not None else self._apply(name, args, result, ())
 
     def structure(self, name: str, args: Sequence[Node], static: tuple[int, ...] = ()) -> Node:
         """An operator of `lang.structure`; elements of mixed kinds are promoted."""
+        key = (name, static, *map(id, args))
+        if key in self._folded:
+            return self._folded[key]
+        return self._kept(key, args, self._arranged(name, args, static))
+
+    def _arranged(self, name: str, args: Sequence[Node], static: tuple[int, ...]) -> Node:
         if name in ("vector", "concat"):
             kind = join(*(a.type.kind for a in args))
             args = [self.cast(a, kind) for a in args]
         result = STRUCTURES[name].rule(tuple(a.type for a in args), static)
         self.check_size(result.shape)
         if all(isinstance(a, Const) for a in args):
-            return self._fold(name, tuple(args), result, static)
+            return self._of(folding.folded(name, args, static, result), result)
         simpler = self._rearranged(name, args, static)
         return simpler if simpler is not None else self._apply(name, tuple(args), result, static)
 
@@ -158,9 +173,9 @@ class Builder:
     def power(self, base: Node, exponent: Node) -> Node:
         """`base ** exponent`: exact for ints with a constant exponent >= 0, products for small ones, else C's pow."""
         if isinstance(base, Const) and isinstance(exponent, Const) and base.type.is_scalar and exponent.type.is_scalar:
-            folded = self._fold_power(base, exponent)
+            folded = folding.power(base, exponent)
             if folded is not None:
-                return folded
+                return self.const(*folded)
         if isinstance(exponent, Const) and exponent.type == INT and 0 <= exponent.value <= 16:
             return self._repeated(base, exponent.value)
         if isinstance(exponent, Const) and exponent.type == INT and -16 <= exponent.value < 0:
@@ -191,10 +206,25 @@ class Builder:
 
     # -- how ------------------------------------------------------------------------------------------------------
 
+    def _kept(self, key: Any, args: Sequence[Node], result: Node) -> Node:
+        """The result of an operation; of one on constants it is kept, as comprehensions ask for the same over and over."""
+        if isinstance(result, Const) and all(isinstance(a, Const) for a in args):
+            self._folded[key] = result
+        return result
+
+    def _of(self, flat: Sequence[Any], type: Type) -> Const:
+        return self.const(flat[0] if type.is_scalar else flat, type)
+
+    def settle(self) -> None:
+        """The task is built: what backends and exact models make of it is bounded by it, and counts no more."""
+        self._folded.clear()
+        self._most = sys.maxsize
+
     def _intern(self, key: Any, make: Callable[[], N]) -> N:
         if key not in self._nodes:
-            if len(self._nodes) >= MAX_NODES:
-                raise Refused(f"the task expands to more than {MAX_NODES} operations", "E314")
+            if len(self._nodes) >= self._most:
+                message = f"the task expands to more than {self._most:,} operations"
+                raise Refused(message, "E314", how_to_raise("operations", 2 * self._most))
             self._nodes[key] = make()
         return cast("N", self._nodes[key])
 
@@ -205,8 +235,10 @@ class Builder:
     def check_size(self, shape: Shape) -> None:
         """Refuse (E314) a vector too large to hold, before it is made."""
         size = Type(Kind.INT, shape).size
-        if size > MAX_ELEMENTS:
-            raise Refused(f"a vector of {size:,} elements is too large; the limit is {MAX_ELEMENTS:,}", "E314")
+        most = limits().elements
+        if size > most:
+            message = f"a vector of {count(size)} elements is too large; the limit is {most:,}"
+            raise Refused(message, "E314", how_to_raise("elements", size))
 
     def _promote(self, name: str, args: tuple[Node, ...], result: Type) -> tuple[Node, ...]:
         """Arguments cast to what the operator works on."""
@@ -234,36 +266,6 @@ class Builder:
         if name in ("argmin", "argmax"):
             return tuple(self.cast(a, Kind.INT) for a in args)
         return tuple(self.cast(a, result.kind) for a in args)
-
-    def _fold(self, name: str, args: tuple[Node, ...], type: Type, static: tuple[int, ...]) -> Const:
-        constants = [a for a in args if isinstance(a, Const)]
-        flat = apply_flat(name, [c.flat for c in constants], tuple(c.type for c in constants), static, type)
-        return self.const(flat[0] if type.is_scalar else flat, type)
-
-    def _fold_rational(self, name: str, args: tuple[Node, ...], result: Type) -> Const | None:
-        """Arithmetic on whole numbers and fractions, which stay exact until they meet a float."""
-        if name not in _RATIONAL or result.kind is not Kind.REAL or not all(isinstance(a, Const) for a in args):
-            return None
-        flats = [a.flat for a in args if isinstance(a, Const)]
-        if any(isinstance(v, float) for flat in flats for v in flat) or (name == "div" and not all(flats[1])):
-            return None
-        fractions = [tuple(Fraction(v) for v in flat) for flat in flats]
-        values = apply_flat(name, fractions, tuple(a.type for a in args), (), result)
-        if any(max(v.numerator.bit_length(), v.denominator.bit_length()) > MAX_BITS for v in values):
-            return None
-        return self.const(values[0] if result.is_scalar else values, result)
-
-    def _fold_power(self, base: Const, exponent: Const) -> Const | None:
-        b, e = base.value, exponent.value
-        if exponent.type.kind is Kind.REAL or (base.type.kind is Kind.REAL and not isinstance(b, Fraction)):
-            return None
-        if b == 0 and e < 0:
-            return self.const(float("inf"), REAL)
-        if max(abs(Fraction(b).numerator), Fraction(b).denominator).bit_length() * abs(e) > MAX_BITS * 4:
-            raise Refused("this power is too large to write out", "E314")
-        value = Fraction(b) ** int(e)
-        integral = base.type.kind is not Kind.REAL and e >= 0
-        return self.const(int(value), INT) if integral else self.const(value, REAL)
 
     def _repeated(self, base: Node, count: int) -> Node:
         if count == 0:

@@ -11,17 +11,17 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NoReturn, TypeVar, assert_never
 
-from taskspec.diagnostics import Collector, nearest, suggest
+from taskspec.diagnostics import Collector, Diagnostic, SpecError, nearest, suggest
 from taskspec.lang import calls, comparisons, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import Domain, Kind, Refused, Type
+from taskspec.limits import how_to_raise, limits
 
 T = TypeVar("T")
 CONSTANTS = {"pi": math.pi, "inf": math.inf}
-MAX_EXPANDED = 50_000
 _ARITHMETIC = {"+": "add", "-": "sub", "*": "mul", "/": "div", "//": "floordiv", "%": "mod"}
 _TRUTHS = {**dict.fromkeys(("yes", "on"), "write `true`"), **dict.fromkeys(("no", "off"), "write `false`")}
 
@@ -37,7 +37,8 @@ class Checker:
         self.builder = builder
         self.collector = collector
         self.moved: dict[int, subscripts.Moved] = {}  # by id of the node
-        self._expanded = 0
+        self._expanded = self._checked = 0
+        self._most = limits().expressions
         self._times = 1  # how often the present expression is written out by comprehensions around it
 
     # -- entry ----------------------------------------------------------------------------------------------------
@@ -56,7 +57,13 @@ class Checker:
 
         Raises:
             Poisoned: when it is broken; every mistake in it has been reported.
+            SpecError: (E314) when there have been too many expressions by now.
         """
+        self._checked += 1
+        if self._checked > self._most:
+            message = f"the task has more than {self._most:,} expressions, each counted as often as it is written out"
+            hint = how_to_raise("expressions", 2 * self._most)
+            raise SpecError([Diagnostic("E314", expr.place.span, message, hint)])
         try:
             return self._value(expr, scope, want)
         except Refused as refused:
@@ -96,12 +103,8 @@ class Checker:
             case s.Table():
                 return tables.table(self, expr, scope, want)
             case s.SetOf() | s.Comprehension():
-                self.fail(
-                    "E306",
-                    expr,
-                    "a set is not a value",
-                    "draw from it with `Uniform({...})`, or test with `x in {...}`",
-                )
+                hint = "draw from it with `Uniform({...})`, or test with `x in {...}`"
+                self.fail("E306", expr, "a set is not a value", hint)
             case _:
                 assert_never(expr)
 
@@ -172,8 +175,10 @@ class Checker:
     def expand(self, expr: s.Expr, count: int = 1) -> None:
         """Count what is written out on the author's behalf: calls of definitions, elements of comprehensions."""
         self._expanded += count
-        if count * self._times > MAX_EXPANDED or self._expanded > MAX_EXPANDED:
-            self.fail("E314", expr, f"definitions and comprehensions write out more than {MAX_EXPANDED:,} expressions")
+        most, wanted = limits().expansions, max(count * self._times, self._expanded)
+        if wanted > most:
+            message = f"definitions and comprehensions write out more than {most:,} expressions"
+            self.fail("E314", expr, message, how_to_raise("expansions", wanted))
 
     @contextmanager
     def repeated(self, count: int) -> Iterator[None]:

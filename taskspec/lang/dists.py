@@ -14,12 +14,10 @@ from typing import TYPE_CHECKING
 
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.types import INT_MAX, Kind, Refused, Shape, Type
+from taskspec.limits import Limits
 
 if TYPE_CHECKING:
     from taskspec.lang.builder import Builder
-
-
-POISSON_LIMIT = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,9 +120,9 @@ def _exponential(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 def _poisson(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     rate = b.cast(a["rate"], Kind.REAL)
     high = b.bounds(rate)[1]
-    if not high <= POISSON_LIMIT:
+    if not high <= Limits.poisson:
         raise Refused(
-            f"the rate of Poisson is not known to stay below {POISSON_LIMIT:,}", "E408",
+            f"the rate of Poisson is not known to stay below {Limits.poisson:,}", "E408",
             "give it a bound: `Poisson(clip(rate, 0, 100))`",
         )  # fmt: skip
     args = (rate,) if isinstance(rate, Const) else (rate, b.const(high, Type(Kind.REAL)))

@@ -117,6 +117,8 @@ def _tidy(edge: Interval, kind: Kind) -> Interval:
 
 
 def _constant(node: Const) -> Range:
+    if node.type.kind is not Kind.REAL:  # a table may have a million of them
+        return Range(*_tidy((min(node.flat), max(node.flat)), node.type.kind), True)
     flat = [plain(v) for v in node.flat]
     numbers = [v for v in flat if v == v]
     edge = (min(numbers), max(numbers)) if numbers else EVERYTHING

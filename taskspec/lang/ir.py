@@ -133,4 +133,4 @@ def exact(value: Any, kind: Kind) -> Any:
 
 def plain(value: Any) -> Any:
     """A constant's scalar as a bool, int or float: what leaves the compiler."""
-    return float(value) if isinstance(value, Fraction) else value
+    return float(value) if type(value) is Fraction else value  # `isinstance` asks the numbers' abstract classes

@@ -15,11 +15,10 @@ from typing import NoReturn
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
 from taskspec.lang.functions import FUNCTIONS
+from taskspec.lang.mistakes import SyntaxFailure, explain
+from taskspec.limits import Limits, how_to_raise, limits
 
 PRIME = "\u02b9"
-MAX_LENGTH = 20_000
-MAX_DEPTH = 100
-MAX_TREE = 150  # levels of operators: `a + b + c` has two
 _OPENERS, _CLOSERS = "([{", ")]}"
 
 _BINARY: dict[type[ast.operator], str] = {
@@ -31,29 +30,7 @@ _COMPARE: dict[type[ast.cmpop], str] = {
 }  # fmt: skip
 _UNARY: dict[type[ast.unaryop], str] = {ast.USub: "-", ast.UAdd: "+", ast.Not: "not"}
 
-_CONFUSIONS = (
-    (r"&&", "write `and`"),
-    (r"\|\|", "write `or`"),
-    (r"(?<![=!<>])=(?!=)", "`==` compares; `=` is only for keyword arguments"),
-    (r"!(?!=)", "write `not x`"),
-    (r"\?", "write `x if condition else y`"),
-)
-_CHARACTERS = {
-    "−": "`-`", "–": "`-`", "×": "`*`", "·": "`*`", "⋅": "`*`", "÷": "`/`", "≤": "`<=`", "≥": "`>=`", "≠": "`!=`", "∧": "`and`",
-    "∨": "`or`", "¬": "`not`", "∈": "`in`", "∞": "`inf`", "′": "`'`", "’": "`'`", "‘": "`'`", "“": "`'`", "”": "`'`",
-    "²": "`**2`", "√": "`sqrt(x)`",
-}  # fmt: skip
-"""What to write for characters of mathematics and of typography, the likeliest ones."""
-_PRODUCT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)([^\W\d]\w*)")
 _NAME, _DIGITS = re.compile(r"[A-Za-z]\w*", re.ASCII), re.compile(r"0|[1-9]\d{0,14}", re.ASCII)
-_WORDS = re.compile(r"\s*\w+(\s+\w+)+\s*")
-
-
-class _Failure(Exception):
-    """One syntax error; a text gives at most one, since what follows it is guesswork."""
-
-    def __init__(self, start: int, end: int, message: str, hint: str | None = None, code: str = "E301") -> None:
-        self.start, self.end, self.message, self.hint, self.code = start, end, message, hint, code
 
 
 def parse(text: s.Text) -> s.Expr:
@@ -64,7 +41,7 @@ def parse(text: s.Text) -> s.Expr:
     """
     try:
         return _parse(text)
-    except _Failure as failure:
+    except SyntaxFailure as failure:
         place = s.Place(text, failure.start, failure.end)
         diagnostic = Diagnostic(failure.code, place.span, failure.message, failure.hint)
     raise SpecError((diagnostic,))
@@ -92,7 +69,7 @@ def _parse(text: s.Text) -> s.Expr:
             warnings.simplefilter("ignore", SyntaxWarning)
             tree = ast.parse("(" + source + "\n)", mode="eval")
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
-        _explain(text.value, error)
+        explain(text.value, error)
     _bound_tree(text.value, tree.body)
     return _Reader(text, source).expr(tree.body)
 
@@ -100,34 +77,30 @@ def _parse(text: s.Text) -> s.Expr:
 def _bound_tree(value: str, root: ast.AST) -> None:
     """Refuse trees too deep for the recursive passes that follow."""
     level: list[ast.AST] = [root]
-    for _ in range(MAX_TREE):
+    for _ in range(Limits.operators):  # levels of operators: `a + b + c` has two
         level = [child for node in level for child in ast.iter_child_nodes(node)]
         if not level:
             return
-    raise _Failure(0, len(value), f"operators are nested more than {MAX_TREE} deep", code="E314")
+    raise SyntaxFailure(0, len(value), f"operators are nested more than {Limits.operators} deep", code="E314")
 
 
 def _prepare(value: str) -> str:
     """The text with primes replaced, after checking its length, brackets and quotes."""
-    if len(value) > MAX_LENGTH:
-        raise _Failure(
-            0,
-            1,
-            f"this expression has {len(value)} characters; the limit is {MAX_LENGTH}",
-            code="E314",
-        )
+    if len(value) > limits().characters:
+        message = f"this expression has {len(value):,} characters; the limit is {limits().characters:,}"
+        raise SyntaxFailure(0, 1, message, how_to_raise("characters", len(value)), "E314")
     if not value.strip():
-        raise _Failure(0, max(1, len(value)), "an expression is missing here")
+        raise SyntaxFailure(0, max(1, len(value)), "an expression is missing here")
     out: list[str] = []
     brackets: list[int] = []
     position = 0
     while position < len(value):
         position = _scan(value, position, out, brackets)
     if brackets:
-        raise _Failure(brackets[-1], brackets[-1] + 1, f"this '{value[brackets[-1]]}' is never closed")
+        raise SyntaxFailure(brackets[-1], brackets[-1] + 1, f"this '{value[brackets[-1]]}' is never closed")
     source = "".join(out)
     if not source.strip():
-        raise _Failure(0, len(value), "an expression is missing here: this is only a comment")
+        raise SyntaxFailure(0, len(value), "an expression is missing here: this is only a comment")
     return source
 
 
@@ -136,13 +109,13 @@ def _scan(value: str, at: int, out: list[str], brackets: list[int]) -> int:
     char = value[at]
     if char == "'" and at > 0 and (value[at - 1].isalnum() or value[at - 1] in "_'"):
         if value[at - 1] == "'":
-            raise _Failure(at, at + 1, "only one prime: the next value is `x'`")
+            raise SyntaxFailure(at, at + 1, "only one prime: the next value is `x'`")
         out.append(PRIME)
         return at + 1
     if char in "'\"":
         end = value.find(char, at + 1)
         if end < 0:
-            raise _Failure(at, at + 1, "this quote is never closed")
+            raise SyntaxFailure(at, at + 1, "this quote is never closed")
         out.append(value[at : end + 1])
         return end + 1
     if char == "#":
@@ -151,7 +124,7 @@ def _scan(value: str, at: int, out: list[str], brackets: list[int]) -> int:
         out.append(" " * (end - at))
         return end
     if char == PRIME or char == "\\":
-        raise _Failure(at, at + 1, f"'{char}' does not belong in an expression")
+        raise SyntaxFailure(at, at + 1, f"'{char}' does not belong in an expression")
     _balance(value, at, brackets)
     out.append(char)
     return at + 1
@@ -161,52 +134,14 @@ def _balance(value: str, at: int, brackets: list[int]) -> None:
     char = value[at]
     if char in _OPENERS:
         brackets.append(at)
-        if len(brackets) > MAX_DEPTH:
-            raise _Failure(at, at + 1, f"brackets are nested more than {MAX_DEPTH} deep", code="E314")
+        if len(brackets) > Limits.brackets:
+            raise SyntaxFailure(at, at + 1, f"brackets are nested more than {Limits.brackets} deep", code="E314")
     elif char in _CLOSERS:
         if not brackets:
-            raise _Failure(at, at + 1, f"this '{char}' closes nothing")
+            raise SyntaxFailure(at, at + 1, f"this '{char}' closes nothing")
         opener = brackets.pop()
         if _OPENERS.index(value[opener]) != _CLOSERS.index(char):
-            raise _Failure(at, at + 1, f"this '{char}' does not match the '{value[opener]}' before it")
-
-
-def _explain(value: str, error: Exception) -> NoReturn:
-    """Say what Python's parser stumbled over, in the terms of this language."""
-    for pattern, hint in _CONFUSIONS:
-        found = re.search(pattern, value)
-        if found:
-            raise _Failure(found.start(), found.end(), f"'{found[0]}' is not an operator here", hint)
-    if not isinstance(error, SyntaxError):
-        raise _Failure(0, len(value), "this expression is nested too deeply", code="E314")
-    if "integer string conversion" in (error.msg or ""):
-        raise _Failure(0, len(value), "a number in this expression has too many digits", code="E314")
-    start = _offset(value, error.lineno or 1, error.offset or 1)
-    end = _offset(value, error.end_lineno or error.lineno or 1, error.end_offset or error.offset or 1)
-    if start >= len(value):
-        raise _Failure(
-            max(0, len(value.rstrip()) - 1),
-            len(value.rstrip()),
-            "the expression ends too early here",
-        )
-    message = (error.msg or "invalid syntax").split(". Perhaps")[0]
-    product = _PRODUCT.search(value) if message.endswith("literal") else None
-    if product:
-        hint = f"a product is written `{product[1]} * {product[2]}`"
-        raise _Failure(product.start(), product.end(), f"'{product[0]}' is neither a number nor a name", hint)
-    if message.startswith("invalid syntax"):
-        message = "this cannot be read as an expression"
-    advice = "a label of several words stands in quotes of its own" if _WORDS.fullmatch(value) else None
-    if message.startswith("invalid character") and value[start] in _CHARACTERS:
-        advice = f"write {_CHARACTERS[value[start]]}"
-    raise _Failure(start, max(end, start + 1), message, advice)
-
-
-def _offset(value: str, line: int, column: int) -> int:
-    """Character offset of a 1-based line and column of the text wrapped in one bracket."""
-    lines = value.split("\n")
-    before = sum(len(text) + 1 for text in lines[: line - 1])
-    return max(0, before + column - 1 - (1 if line == 1 else 0))
+            raise SyntaxFailure(at, at + 1, f"this '{char}' does not match the '{value[opener]}' before it")
 
 
 class _Reader:
@@ -232,7 +167,7 @@ class _Reader:
 
     def fail(self, node: ast.expr | ast.keyword, message: str, hint: str | None = None) -> NoReturn:
         place = self.place(node)
-        raise _Failure(place.start, place.end, message, hint, "E316")
+        raise SyntaxFailure(place.start, place.end, message, hint, "E316")
 
     def expr(self, node: ast.expr) -> s.Expr:
         place = self.place(node)
@@ -304,7 +239,9 @@ class _Reader:
         place = self.place(node.func)
         shown = self.text.value[place.start : place.end]
         shown = f"`{shown}`" if len(shown) < 20 else "this"
-        raise _Failure(place.start, place.end, f"{shown} is not a function, but a bracket follows it", "`*` multiplies")
+        raise SyntaxFailure(
+            place.start, place.end, f"{shown} is not a function, but a bracket follows it", "`*` multiplies"
+        )
 
     def index(self, node: ast.expr) -> s.Expr | s.Slice:
         if not isinstance(node, ast.Slice):

@@ -14,13 +14,14 @@ from taskspec.lang import batch
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node, Role, draws, reads
 from taskspec.lang.scope import Scope, Value
-from taskspec.lang.types import Domain, Kind, Type
+from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
+from taskspec.limits import count as count_of
+from taskspec.limits import how_to_raise, limits
 
 if TYPE_CHECKING:
     from taskspec.lang.check import Checker
 
-MAX_CANDIDATES = 2_000_000
-MAX_UNROLLED = 10_000
+MOST_AXES = 32  # as many as arrays may have
 Array = np.ndarray[Any, Any]
 
 
@@ -98,12 +99,7 @@ def unroll(checker: Checker, expr: s.Comprehension, scope: Scope) -> list[Node]:
         )
     clause = expr.clauses[0]
     points = _candidates(checker, clause, scope)
-    if len(points.rows) > MAX_UNROLLED:
-        checker.fail(
-            "E314",
-            expr,
-            f"{len(points.rows):,} elements are too many to write out; the limit is {MAX_UNROLLED:,}",
-        )
+    _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
     checker.expand(expr, len(points.rows))
     nodes = []
     with checker.repeated(max(1, len(points.rows))):
@@ -143,8 +139,7 @@ def _enumerate(checker: Checker, expr: s.Comprehension, scope: Scope) -> _Points
     for clause in expr.clauses:
         points = _candidates(checker, clause, inner)
         count *= len(points.rows)
-        if count > MAX_CANDIDATES:
-            checker.fail("E314", expr, f"this set has {count:,} candidates; the limit is {MAX_CANDIDATES:,}")
+        _check_few(checker, "candidates", count, expr, "candidates of a set")
         columns = {name: np.repeat(rows, len(points.rows), axis=0) for name, rows in columns.items()}
         repeated = np.tile(points.rows, (count // max(1, len(points.rows)), *(1 for _ in points.rows.shape[1:])))
         _add_columns(checker, clause, repeated, points.domain, columns, bindings, expr)
@@ -226,13 +221,10 @@ def _box(checker: Checker, low: s.Expr, high: s.Expr, n: s.Expr, expr: s.Expr, s
     a, b, axes = (checker.integer(e, scope, "an argument of `box`") for e in (low, high, n))
     if axes < 1 or b < a:
         checker.fail("E407", expr, f"box({a}, {b}, {axes}) has no points")
-    count = (b - a + 1) ** min(axes, 64)
-    if count > MAX_CANDIDATES:
-        checker.fail(
-            "E314",
-            expr,
-            f"box({a}, {b}, {axes}) has {count:,} points; the limit is {MAX_CANDIDATES:,}",
-        )
+    if axes > MOST_AXES:
+        checker.fail("E314", expr, f"a box of {axes:,} axes is too large; the limit is {MOST_AXES}")
+    _check_few(checker, "candidates", (b - a + 1) ** axes, expr, "points of a box")
+    _check_width(checker, expr, a, b)
     axis = np.arange(a, b + 1)
     grid = np.meshgrid(*[axis] * axes, indexing="ij")
     rows = np.stack([g.ravel() for g in grid], axis=1)
@@ -246,9 +238,27 @@ def _range(checker: Checker, expr: s.Call, scope: Scope) -> _Points:
     if len(bounds) == 3 and bounds[2] == 0:
         checker.fail("E315", expr, "the step of `range` cannot be 0")
     chosen = range(*bounds)
-    if len(chosen) > MAX_CANDIDATES:
-        checker.fail("E314", expr, f"this range has {len(chosen):,} values; the limit is {MAX_CANDIDATES:,}")
+    _check_few(checker, "candidates", _length(chosen), expr, "values of a range")
+    _check_width(checker, expr, *bounds)
     return _Points(np.array(chosen, dtype=np.int64))
+
+
+def _length(values: range) -> int:
+    """The length of a range of any size, which `len` has not."""
+    return max(0, -((values.start - values.stop) // values.step))
+
+
+def _check_width(checker: Checker, expr: s.Expr, *ends: int) -> None:
+    if max(map(abs, ends)) >= INT_WIDEST:
+        checker.fail("E318", expr, "ints have 64 bits; this set goes further")
+
+
+def _check_few(checker: Checker, limit: str, number: int, expr: s.Expr, what: str) -> None:
+    """Refuse (E314) more of something than a limit allows."""
+    most = getattr(limits(), limit)
+    if number > most:
+        message = f"{count_of(number)} {what} are too many; the limit is {most:,}"
+        checker.fail("E314", expr, message, how_to_raise(limit, number))
 
 
 def _kind(array: Array) -> Kind:

@@ -39,6 +39,11 @@ class Structure:
     samples: tuple[tuple[tuple[Any, ...], tuple[int, ...]], ...]
 
 
+def _row(flat: Flat, shape: tuple[int, ...], i: int) -> Flat:
+    step = strided(shape)
+    return flat[i * step : (i + 1) * step]
+
+
 def _rows(flat: Flat, shape: tuple[int, ...]) -> list[Flat]:
     step = strided(shape)
     return [flat[i * step : (i + 1) * step] for i in range(shape[0])]
@@ -63,8 +68,7 @@ def _slice(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...
 
 
 def _index(args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...]) -> Flat:
-    rows = _rows(args[0], types[0].shape)
-    return _join([rows[i] for i in args[1]])
+    return _join([_row(args[0], types[0].shape, i) for i in args[1]])
 
 
 def _index_type(types: tuple[Type, ...], static: tuple[int, ...]) -> Type:
@@ -107,7 +111,7 @@ STRUCTURES: dict[str, Structure] = {
         ),
         Structure(
             "element", lambda t, s: Type(t[0].kind, t[0].shape[1:]),
-            lambda a, t, s: _rows(a[0], t[0].shape)[s[0]], "Static (index,) along the first axis.",
+            lambda a, t, s: _row(a[0], t[0].shape, s[0]), "Static (index,) along the first axis.",
             (((_V,), (2,)), ((_M,), (1,)), ((_LONG,), (19,)), ((_WIDE,), (2,))),
         ),
         Structure("reshape", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0], "The same elements, in shape `static`.",

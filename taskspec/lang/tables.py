@@ -16,11 +16,11 @@ from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import BOOLEAN_LABELS, Domain, Kind, Type
+from taskspec.limits import limits
 
 if TYPE_CHECKING:
     from taskspec.lang.check import Checker
 
-MAX_CELLS = 65_536
 TOLERANCE = 1e-9
 """How far a row of floating-point probabilities may be from 1; rows of fractions must sum to 1 exactly."""
 
@@ -141,7 +141,7 @@ def _column(checker: Checker, expr: s.Expr, scope: Scope) -> _Column:
     low, high = checker.builder.bounds(node)
     if value.domain is not None:
         low, high = 0, len(value.domain.labels) - 1
-    if not high - low < MAX_CELLS:
+    if not high - low < limits().cells:
         return _Column(expr, node, value.domain, None)
     node = checker.builder.within(node, low, high)
     return _Column(expr, node, value.domain, range(int(low), int(high) + 1))
@@ -200,10 +200,10 @@ def _grid(
 
     A combination without a cell is reported.
     """
-    size = 1
+    size, most = 1, limits().cells
     for column in columns:
-        size *= MAX_CELLS + 1 if column.values is None else len(column.values)
-    if size > MAX_CELLS:
+        size *= most + 1 if column.values is None else len(column.values)
+    if size > most:
         if keys[-1] != tuple(None for _ in columns):
             checker.fail(
                 "E410",
@@ -211,14 +211,12 @@ def _grid(
                 "this table needs a last row `else:`, since its columns have endlessly many values",
             )
         return None
-    order = _by_precision(keys)
-    exact = {keys[n]: n for n in order if None not in keys[n]}
-    general = [(keys[n], n) for n in order if None in keys[n]]
+    rows = {keys[n]: n for n in reversed(_by_precision(keys))}
+    masks = dict.fromkeys(tuple(k is None for k in keys[n]) for n in _by_precision(keys))
     grid = []
     for values in itertools.product(*(c.values or () for c in columns)):
-        cell = exact.get(values)
-        if cell is None:
-            cell = next((n for key, n in general if _matches(key, values)), None)
+        asked = (tuple(None if m else v for m, v in zip(mask, values, strict=True)) for mask in masks)
+        cell = next((rows[key] for key in asked if key in rows), None)
         if cell is None:
             missing = ", ".join(f"{_name(c)} = {c.shown(v)}" for c, v in zip(columns, values, strict=True))
             checker.fail("E410", expr, f"this table has no row for {missing}", "add the row, or `else:`")
@@ -233,10 +231,6 @@ def _by_precision(keys: Sequence[tuple[_Key, ...]]) -> list[int]:
 
 def _name(column: _Column) -> str:
     return column.expr.written if isinstance(column.expr, s.Name) else "the column"
-
-
-def _matches(key: tuple[_Key, ...], values: tuple[int, ...]) -> bool:
-    return all(k is None or k == v for k, v in zip(key, values, strict=True))
 
 
 _Cell = tuple[list[Node], list[Node]]

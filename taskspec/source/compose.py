@@ -12,11 +12,9 @@ from typing import Any
 
 import yaml
 
+from taskspec.limits import Limits, how_to_raise, limits
 from taskspec.source.excerpts import special_start
 from taskspec.source.nodes import Finding, Mapping, Node, Scalar, Sequence, Style
-
-MAX_NODES = 100_000
-MAX_DEPTH = 100
 
 _STYLES: dict[str | None, Style] = {"'": "'", '"': '"', "|": "|", ">": ">"}
 
@@ -97,7 +95,7 @@ class _Builder:
         self.open: list[Mapping | Sequence] = []
         self.keys: list[Node | None] = []  # the key whose value comes next, per open collection
         self.last: Node | None = None
-        self.count = 0
+        self.count, self.most = 0, limits().values
 
     def take(self, event: Any) -> None:
         match event:
@@ -130,8 +128,8 @@ class _Builder:
         raise RefusedError(special_start(self.text, _range(event)[0], self.in_flow))
 
     def _begin(self, node: Mapping | Sequence) -> None:
-        if len(self.open) >= MAX_DEPTH:
-            message = f"values are nested more than {MAX_DEPTH} deep"
+        if len(self.open) >= Limits.depth:
+            message = f"values are nested more than {Limits.depth} deep"
             raise RefusedError(Finding("E114", node.start, node.start + 1, message))
         self._place(node)
         self.open.append(node)
@@ -145,9 +143,9 @@ class _Builder:
 
     def _place(self, node: Node) -> None:
         self.count += 1
-        if self.count > MAX_NODES:
-            message = f"the file holds more than {MAX_NODES} values"
-            raise RefusedError(Finding("E114", node.start, node.start + 1, message))
+        if self.count > self.most:
+            message, hint = f"the file holds more than {self.most:,} values", how_to_raise("values", 2 * self.most)
+            raise RefusedError(Finding("E114", node.start, node.start + 1, message, hint))
         self.last = node
         match self.open[-1] if self.open else None:
             case None:

@@ -12,13 +12,13 @@ from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
 from taskspec.diagnostics import Collector, Origin, Span, SpecError
+from taskspec.limits import how_to_raise, limits
 from taskspec.source.nodes import Finding, Mapping, Node, Scalar, Sequence
 from taskspec.source.scalars import places, resolve
 
 Path: TypeAlias = tuple[str | int, ...]
 """Where a value stands in the data: keys of mappings and indices of lists, from the root down."""
 
-MAX_BYTES = 1_000_000
 _MAX_FINDINGS = 50
 _BREAKS = re.compile(r"\r\n|\r|\n")
 # Control characters, the line separators that editors do not show, and what is not a character.
@@ -115,10 +115,10 @@ def read(path_or_text: str | os.PathLike[str], name: str | None = None) -> Docum
 
 def read_file(path: str | os.PathLike[str], name: str | None = None) -> Document:
     """Read a spec from a file in UTF-8 of at most a megabyte. Raises SpecError."""
-    name = name or os.fspath(path)
+    name, most = name or os.fspath(path), limits().file
     try:
         with FilePath(path).open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
+            content = file.read(most + 1)
     except FileNotFoundError:
         raise _failure(name, "E710", f"there is no file {name!r}") from None
     except (OSError, ValueError) as error:
@@ -164,17 +164,21 @@ def _compose(text: str) -> tuple[Node | None, list[Finding]]:
 
 
 def _before_reading(text: str) -> Iterable[Finding]:
-    if len(text) > MAX_BYTES:
-        yield Finding("E114", 0, 0, f"the file is larger than {MAX_BYTES:,} bytes")
+    if len(text) > limits().file:
+        yield Finding("E114", 0, 0, _too_long(), how_to_raise("file", len(text)))
     elif found := _NOT_TEXT.search(text):
         code_point = f"U+{ord(found.group()):04X}"
         message = f"the character {code_point} cannot stand in a spec"
         yield Finding("E113", found.start(), found.end(), message, "remove it")
 
 
+def _too_long() -> str:
+    return f"the file is larger than {limits().file:,} bytes"
+
+
 def _decode(content: bytes, name: str) -> str:
-    if len(content) > MAX_BYTES:
-        raise _failure(name, "E114", f"the file is larger than {MAX_BYTES:,} bytes")
+    if len(content) > limits().file:
+        raise _failure(name, "E114", _too_long())
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable
 from typing import TypeAlias
 
+from taskspec.limits import Limits
 from taskspec.source.nodes import Scalar
 
 # One entry per character of a value: the character, and the range of the file it came from.
@@ -29,8 +30,6 @@ _HEX = re.compile(r"0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _INF = re.compile(r"[-+]?\.(inf|Inf|INF)")
 _NAN = re.compile(r"\.(nan|NaN|NAN)")
-
-MAX_DIGITS = 300
 
 _BREAK = re.compile(r"\r\n|\r|\n")
 _BLANK = re.compile(r"[ \t\r\n]+")
@@ -60,7 +59,7 @@ def resolve(text: str) -> str | int | float | bool | None:
         return None
     if text in _BOOLS:
         return _BOOLS[text]
-    if text[0] not in "+-.0123456789" or len(text) > MAX_DIGITS:
+    if text[0] not in "+-.0123456789" or len(text) > Limits.digits:
         return text
     if _INT.fullmatch(text):
         return int(text)
@@ -77,7 +76,7 @@ def resolve(text: str) -> str | int | float | bool | None:
 
 def is_overlong_number(text: str) -> bool:
     """Whether a plain scalar is a number with more digits than anybody needs."""
-    return len(text) > MAX_DIGITS and bool(_INT.fullmatch(text) or _FLOAT.fullmatch(text) or _HEX.fullmatch(text))
+    return len(text) > Limits.digits and bool(_INT.fullmatch(text) or _FLOAT.fullmatch(text) or _HEX.fullmatch(text))
 
 
 def places(text: str, scalar: Scalar) -> list[tuple[int, int]]:

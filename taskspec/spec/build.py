@@ -9,12 +9,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from taskspec.diagnostics import Collector, SpecError, raise_if_errors, suggest
+from taskspec.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors, suggest
 from taskspec.lang.check import Poisoned
 from taskspec.lang.ir import Const
 from taskspec.lang.scope import FunctionDef, Scope
-from taskspec.lang.types import BOOL, REAL
+from taskspec.lang.types import BOOL, REAL, Refused
 from taskspec.lang.uncalled import check_uncalled
+from taskspec.limits import Limits
 from taskspec.source import Document, Path, read_text
 from taskspec.spec.context import Context
 from taskspec.spec.declare import INSTANCE_SEED
@@ -29,7 +30,6 @@ from taskspec.spec.sections import Sections
 from taskspec.spec.taken import check_names
 from taskspec.spec.task import Component, Surface, Task
 
-MAX_HORIZON = 2**31 - 2
 OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "num_envs", "vectorization_mode",
                      "vector_kwargs", "wrappers", "backend", "max_episode_steps", "disable_env_checker"})  # fmt: skip
 """Keyword arguments of `gym.make`, `gym.make_vec` and our own makers, which no parameter may be called."""
@@ -55,7 +55,7 @@ def build(
     raise_if_errors(check_shape(document))
     merged = merge(document, variant)
     raise_if_errors(check_merged(merged))
-    return check_on_request(_Build(merged, Collector()).task(dict(parameters or {}), suite))
+    return _Build(merged, Collector()).checked(dict(parameters or {}), suite)
 
 
 def _reduced(task: Task) -> tuple[Any, ...]:
@@ -93,7 +93,7 @@ def build_abstract(task: Task) -> Task | None:
     if merged is None:
         return None
     try:
-        found = check_on_request(_Build(merged, Collector()).task(task.values, task.suite))
+        found = _Build(merged, Collector()).checked(task.values, task.suite)
     except SpecError as error:
         note = "this is about the abstraction, which takes from the task what it does not give itself"
         raise SpecError(replace(d, notes=(*d.notes, note)) for d in error.diagnostics) from None
@@ -108,6 +108,19 @@ class _Build:
         self.names = Names(self.context)
         self.sections = Sections(self.context, self.names)
         self.merged, self.data, self.collector = merged, merged.data, collector
+
+    def checked(self, given: dict[str, Any], suite: str) -> Task:
+        """The task.
+
+        Raises:
+            SpecError: with every mistake found, or with the limit that there are too many operations for.
+        """
+        try:
+            return check_on_request(self.task(given, suite))
+        except Refused as refused:  # a limit of the whole task, reached outside of any expression
+            self.collector.raise_if_errors()
+            place = self.merged.span(("name",))
+            raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
 
     def task(self, given: dict[str, Any], suite: str) -> Task:
         """The whole pipeline, in order."""
@@ -145,6 +158,7 @@ class _Build:
             abstraction=mapped, observation=observation.nodes, expert=expert if isinstance(expert, tuple) else (),
         )  # fmt: skip
         self.collector.raise_if_errors()
+        context.builder.settle()
         return Task(
             name=self.merged.name, suite=suite, version=int(self.data.get("version", 0)), variant=self.merged.variant,
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
@@ -219,6 +233,8 @@ class _Build:
             self.collector.add("E210", self.merged.key_span((section,)), f"`{section}:` names no component", hint)
         scope = self.context.constant_scope("domains are fixed")
         found = [self.context.declare.component((section, name), scope) for name in self.data[section]]
+        size = sum(c.type.size for c in found if c is not None)
+        self.context.declare.fits(size, self.merged.key_span((section,)), f"`{section}:`")
         self.collector.raise_if_errors()  # without its components no section can be checked
         return tuple(c for c in found if c is not None)
 
@@ -233,9 +249,9 @@ class _Build:
             )
         except Poisoned:
             return None
-        if not 1 <= steps <= MAX_HORIZON:
+        if not 1 <= steps <= Limits.horizon:
             self.collector.add("E407", expr.place, f"a horizon of {steps:,} steps is not possible",
-                               f"between 1 and {MAX_HORIZON:,}, or `none`")  # fmt: skip
+                               f"between 1 and {Limits.horizon:,}, or `none`")  # fmt: skip
         return steps
 
     def _discount(self) -> float:

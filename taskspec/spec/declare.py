@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.diagnostics import Collector, suggest
+from taskspec.diagnostics import Collector, Placed, suggest
 from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
 from taskspec.lang.builder import Builder
@@ -22,6 +22,7 @@ from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Node, plain
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import INT, INT_WIDEST, Domain, Kind, Refused, Type
+from taskspec.limits import count, how_to_raise, limits
 from taskspec.source import Path
 from taskspec.spec.forms import Forms
 from taskspec.spec.merge import Merged
@@ -224,9 +225,17 @@ class Declarations:
         if expr is None:
             raise Poisoned
         shape = static_shape(self.checker, expr, scope)
-        if math.prod(shape) > 1_000_000:
-            self.checker.fail("E314", expr, f"a component of {math.prod(shape):,} elements is too large")
+        if not self.fits(math.prod(shape), expr.place, "a component"):
+            raise Poisoned
         return shape
+
+    def fits(self, size: int, place: Placed, what: str) -> bool:
+        """Whether the state, the action or the observation may have so many elements; reported (E314) where it may not."""
+        most = limits().width
+        if size > most:
+            message = f"{what} of {count(size)} elements is too large; the limit is {most:,}"
+            self.collector.add("E314", place, message, how_to_raise("width", size))
+        return size <= most
 
     def _bounds(
         self, entry: Mapping[str, Any], path: Path, type_: Type, scope: Scope
@@ -311,7 +320,7 @@ def _convert(value: Any, kind: str) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | float | Fraction) or is_nan:
         return None
     if kind == "int":
-        return int(value) if abs(value) <= INT_WIDEST and value == int(value) else None
+        return int(value) if -INT_WIDEST <= value <= INT_WIDEST and value == int(value) else None
     try:
         return float(value) if kind == "real" else None
     except OverflowError:

@@ -12,6 +12,7 @@ from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Scope, Value
 from taskspec.lang.types import BOOL, Kind, Type
+from taskspec.limits import count, how_to_raise, limits
 from taskspec.source import Path
 from taskspec.spec.context import Context
 from taskspec.spec.names import Names, poison
@@ -20,7 +21,6 @@ from taskspec.spec.reach import reach
 from taskspec.spec.task import FINITE_SPACES, Claim, Component, Observation, Soft
 from taskspec.spec.widths import kept, saturated, widest
 
-MAX_ONE_HOT = 1_000_000
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 
 
@@ -174,6 +174,9 @@ class Sections:
         scope = self.names.scope("observation")
         values = {name: None if expr is None else self.checker.check(expr, scope) for name, expr in declared.items()}
         found = {name: value for name, value in values.items() if value is not None}
+        size, place = sum(v.node.type.size for v in found.values()), context.merged.key_span(("observation",))
+        if not context.declare.fits(size, place, "`observation:`"):
+            return Observation((), ())
         edges = {name: [self._edge(name, key, v.node.type) for key in ("low", "high")] for name, v in found.items()}
         components = tuple(observed.expression(name, v, *edges[name]) for name, v in found.items())
         ordered = [self._check_order(c) for c in components if edges[c.name] != [None, None]]
@@ -184,15 +187,16 @@ class Sections:
     def _check_space(self, components: tuple[Component, ...], space: str) -> None:
         """Refuse a space that cannot hold what is observed."""
         endless = next((c.name for c in components if not c.is_finite), None)
-        message = None
+        message = hint = None
         if space in FINITE_SPACES and endless is not None:
             message = f"`{space}` needs ints with bounds, choices or conditions, which '{endless}' is not"
         elif space == "discrete" and not (len(components) == 1 and components[0].type.is_scalar):
             message = "`discrete` is one number, but more are observed"
-        elif space == "one_hot" and sum(n for c in components for n in c.counts) > MAX_ONE_HOT:
-            message = f"`one_hot` would have more than {MAX_ONE_HOT:,} elements"
+        elif space == "one_hot" and (needed := sum(n for c in components for n in c.counts)) > limits().one_hot:
+            message = f"`one_hot` would have {count(needed)} elements; the limit is {limits().one_hot:,}"
+            hint = how_to_raise("one_hot", needed)
         if message is not None:
-            hint = "declare bounds: `{value: ..., low: ..., high: ...}`" if endless else None
+            hint = "declare bounds: `{value: ..., low: ..., high: ...}`" if endless else hint
             self.collector.add("E214", self.context.merged.span(("observation", "space")), message, hint)
 
     def _check_order(self, c: Component) -> bool:
@@ -297,13 +301,35 @@ class Sections:
         value = self.checker.check(expr, scope)
         return None if value is None else value.node
 
+    def _check_episodes(self, path: Path, entry: Any) -> None:
+        """Report (E314) a claim that asks for more episodes than are simulated."""
+        wanted = entry.get("episodes") if isinstance(entry, dict) else None
+        most = limits().episodes
+        if wanted is not None and wanted > most:
+            message = f"{count(wanted)} episodes are too many; the limit is {most:,}"
+            self.collector.add(
+                "E314", self.context.merged.span((*path, "episodes")), message, how_to_raise("episodes", wanted)
+            )
+
+    def _check_few(self, claims: list[Any]) -> None:
+        """Report (E314) more claims than are checked."""
+        number = sum(len(entry.get("for") or (1,)) if isinstance(entry, dict) else 1 for entry in claims)
+        most = limits().claims
+        if number > most:
+            message = f"{number:,} claims, counted for all their parameter values, are too many; the limit is {most:,}"
+            self.collector.add(
+                "E314", self.context.merged.key_span(("claims",)), message, how_to_raise("claims", number)
+            )
+
     def claims(self) -> Iterable[Claim]:
         """The claims as surface syntax; they are evaluated on the exact model."""
         context = self.context
+        self._check_few(context.data.get("claims") or [])
         for i, entry in enumerate(context.data.get("claims") or ()):
             path: Path = ("claims", i) if isinstance(entry, str) else ("claims", i, "claim")
             text = entry if isinstance(entry, str) else entry["claim"]
             expr = parse_into(context.forms.text(path, str(text)), self.collector)
+            self._check_episodes(path[:2], entry)
             if expr is not None:
                 rest = {} if isinstance(entry, str) else {k: v for k, v in entry.items() if k not in ("claim", "for")}
                 cases = () if isinstance(entry, str) else tuple(entry.get("for") or ())

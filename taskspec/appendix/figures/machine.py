@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from taskspec.diagnostics import SpecError
-from taskspec.exact.transitions import MAX_OUTCOMES, Steps
+from taskspec.exact.transitions import Steps
+from taskspec.limits import limits
 from taskspec.spec.task import Task
 
 MAX_STATES = 300
@@ -45,7 +46,7 @@ def explore(task: Task) -> Machine | None:
         return None
     try:
         steps = Steps(task)
-        if steps.branching > MAX_OUTCOMES or steps.uses_time or steps.actions.size > 12:
+        if steps.branching > limits().outcomes or steps.uses_time or steps.actions.size > 12:
             return None
         start, weights = steps.starts()
     except SpecError:

@@ -7,17 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from taskspec import limits
 from taskspec.appendix.figures import KINDS
 from taskspec.cli.manual import probes
 from taskspec.cli.manual.keys import keys, sections
 from taskspec.cli.manual.markdown import code, table
-from taskspec.draws.finite import POISSON_LIMIT
 from taskspec.exact import statuses, vocabulary
-from taskspec.exact.soundness import MAX_POINTS
-from taskspec.lang import builder, dists, parse, sets, tables
+from taskspec.lang import dists
 from taskspec.lang.functions import FUNCTIONS, INFIX
-from taskspec.source import compose, document, scalars
-from taskspec.spec.build import MAX_HORIZON
 
 _MARK = re.compile(r"<!-- (\w+)(?: (\w+))? -->")
 
@@ -157,23 +154,12 @@ def _space_kinds() -> str:
 
 
 def _limits() -> str:
-    limits = (
-        ("size of a file", f"{document.MAX_BYTES:,} bytes"),
-        ("values in a file, and depth of nesting", f"{compose.MAX_NODES:,}, {compose.MAX_DEPTH}"),
-        ("digits of a number", f"{scalars.MAX_DIGITS}"),
-        ("length of an expression", f"{parse.MAX_LENGTH:,} characters"),
-        ("nesting of brackets, and of operators", f"{parse.MAX_DEPTH}, {parse.MAX_TREE}"),
-        ("elements of a vector", f"{builder.MAX_ELEMENTS:,}"),
-        ("candidates of a set", f"{sets.MAX_CANDIDATES:,}"),
-        ("elements of a comprehension that reads the state", f"{sets.MAX_UNROLLED:,}"),
-        ("cells of a table", f"{tables.MAX_CELLS:,}"),
-        ("operations of a task", f"{builder.MAX_NODES:,}"),
-        ("bits of an integer constant", f"{builder.MAX_BITS}"),
-        ("rate of `Poisson`", f"{POISSON_LIMIT:,}"),
-        ("horizon", f"{MAX_HORIZON:,} steps"),
-        ("state-action pairs that `check` tries one by one", f"{MAX_POINTS:,}"),
-    )
-    return table(("what", "limit"), limits)
+    rows = limits.table()
+    return table(("limit", "default", "what"), ((_limit_name(row), f"{row.value:,}", row.what) for row in rows))
+
+
+def _limit_name(row: limits.Row) -> str:
+    return "" if row.fixed else code(row.name)
 
 
 def _words(name: str) -> str:

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Protocol, Union, get_args, get_origin, get_ty
 from pydantic import BaseModel, ValidationError
 
 from taskspec.diagnostics import Collector, Diagnostic, Span, suggest
+from taskspec.limits import how_to_raise, limits
 from taskspec.source import Document, Path
 from taskspec.spec.merge import Merged, variant_names
 from taskspec.spec.schema import fields, values
@@ -51,7 +52,7 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     collector = Collector()
     if isinstance(document.data, dict):
         _validate(document, collector)
-        for problem in (*_format(document.data), *_bases(document.data), *_roles(document.data)):
+        for problem in (*_format(document.data), *_many(document.data), *_bases(document.data), *_roles(document.data)):
             _add(collector, document, problem)
     else:
         message = f"a spec is a mapping of sections, not {values.kind(document.data)}"
@@ -187,6 +188,14 @@ def _format(data: dict[str, Any]) -> Iterator[Problem]:
     if isinstance(version, int) and version != FORMAT:
         message = f"format {version} is not known here"
         yield Problem("E207", ("taskspec",), message, f"this version reads `taskspec: {FORMAT}`")
+
+
+def _many(data: dict[str, Any]) -> Iterator[Problem]:
+    """More variants than one file may have."""
+    variants, most = data.get("variants"), limits().variants
+    if isinstance(variants, dict) and len(variants) > most:
+        message = f"{len(variants):,} variants are too many; the limit is {most:,}"
+        yield Problem("E314", ("variants",), message, how_to_raise("variants", len(variants)), of_key=True)
 
 
 def _bases(data: dict[str, Any]) -> Iterator[Problem]:

@@ -1,0 +1,253 @@
+"""What a spec may cost: each limit is reached before the cost is spent, says how to raise it, and can be raised."""
+
+from __future__ import annotations
+
+import os
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskspec import limits
+from taskspec.diagnostics import SpecError
+from taskspec.exact import check
+from taskspec.exact.extract import extract
+from taskspec.exact.returns import simulate
+from taskspec.exact.rollout import at_random
+from taskspec.limits import Limits, changed, count, how_to_raise, table
+from taskspec.source import read_text
+from taskspec.spec.build import build
+from taskspec.spec.task import Task
+
+BASE = {
+    "taskspec": "1",
+    "name": "Walk",
+    "state": "{s: {type: int, low: 0, high: 9}}",
+    "action": "{a: {type: bool}}",
+    "horizon": "9",
+    "initial": "{s: 0}",
+    "dynamics": "{s': 'min(s + a, 9)'}",
+    "reward": "s' == 9",
+}
+VECTOR = {"state": "{s: {type: int, low: 0, high: 9}, v: {type: bool, shape: 12}}", "initial": "{s: 0, v: false}"}
+BOOLS = {
+    "state": "{s: {type: bool, shape: 12}}",
+    "initial": "{s: 'Bernoulli(1/2, shape=12)'}",
+    "dynamics": "{}",
+    "reward": "s[0]",
+}
+
+
+def text(**sections: str) -> str:
+    return "".join(f"{key}: {value}\n" for key, value in (BASE | sections).items())
+
+
+def written(**sections: str) -> Task:
+    return build(read_text(text(**sections)))
+
+
+def first(error: Any) -> tuple[str, str, str | None]:
+    d = error.diagnostics[0]
+    return d.code, d.message, d.hint
+
+
+@pytest.fixture
+def set_limits(monkeypatch: pytest.MonkeyPatch) -> Any:
+    def set_them(**values: int) -> None:
+        monkeypatch.setenv(limits.VARIABLE, ",".join(f"{k}={v}" for k, v in values.items()))
+        limits.limits.cache_clear()
+
+    yield set_them
+    monkeypatch.undo()
+    limits.limits.cache_clear()
+
+
+def lanes(number: int) -> Any:
+    vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
+    return vector.VectorEnvironment(written(), number, backend="numpy")
+
+
+# For each limit: a value that is too small for what is done, one that is not, and the code of the refusal.
+REACHED: dict[str, tuple[int, int, str, Callable[[], Any]]] = {
+    "file": (100, 1000, "E114", written),
+    "values": (20, 100, "E114", written),
+    "variants": (1, 2, "E314", lambda: written(variants="{b: {}, c: {}}")),
+    "claims": (2, 3, "E314", lambda: written(claims="[actions == 2, {claim: actions == 2, for: [{}, {}]}]")),
+    "characters": (10, 30, "E314", lambda: written(reward="s + s + s + s + s")),
+    "expansions": (9, 10, "E314", lambda: written(reward="'sum([s + i for i in range(10)])'")),
+    "expressions": (30, 300, "E314", lambda: written(reward="'sum([s + i for i in range(10)])'")),
+    "operations": (10, 100, "E314", lambda: written(reward="'sum([s * i for i in range(10)])'")),
+    "elements": (9, 10, "E314", lambda: written(reward="'sum(Normal(shape=10))'")),
+    "width": (12, 13, "E314", lambda: written(**VECTOR)),
+    "candidates": (99, 100, "E314", lambda: written(reward="'s in {p[0] for p in box(0, 9, 2)}'")),
+    "unrolled": (9, 10, "E314", lambda: written(reward="'sum([s + i for i in range(10)])'")),
+    "cells": (9, 10, "E410", lambda: written(reward="{by: s, rows: {" + ", ".join(f"{i}: {i}" for i in range(10)) + "}}")),
+    "one_hot": (9, 10, "E214", lambda: written(observation="{space: one_hot, o: s}")),
+    "points": (5, 100, "", lambda: check(written(reward="1 / (s - 1/2)")).method.exact),
+    "outcomes": (4095, 4096, "E712", lambda: extract(written(**BOOLS))),
+    "transitions": (19, 20, "E712", lambda: extract(written())),
+    "episodes": (9, 10, "E314", lambda: written(claims="[{claim: actions == 2, episodes: 10}]")),
+    "lanes": (9, 10, "E713", lambda: lanes(10)),
+    "seconds": (0, 1, "E712", lambda: extract(written())),
+    "megabytes": (0, 1, "E713", lambda: lanes(10)),
+}  # fmt: skip
+
+
+def test_every_limit_is_reached() -> None:
+    assert REACHED.keys() == {row.name for row in table() if not row.fixed}
+
+
+@pytest.mark.parametrize("name", REACHED)
+def test_a_limit_refuses_says_how_to_raise_it_and_can_be_raised(name: str, set_limits: Any) -> None:
+    little, enough, code, act = REACHED[name]
+    set_limits(**{name: enough})
+    assert act() is not False
+    set_limits(**{name: little})
+    if not code:  # samples stand in
+        assert act() is False
+        return
+    with pytest.raises(SpecError) as caught:
+        act()
+    assert {d.code for d in caught.value.diagnostics} == {code}
+    if code != "E410":  # a table that is too large is no look-up, and needs its `else`
+        assert f"{limits.VARIABLE}={name}=" in (caught.value.diagnostics[0].hint or "")
+
+
+def test_what_the_hint_says_is_enough(set_limits: Any) -> None:
+    for name in (
+        "variants",
+        "claims",
+        "candidates",
+        "unrolled",
+        "width",
+        "one_hot",
+        "transitions",
+        "lanes",
+        "episodes",
+    ):
+        little, _, _, act = REACHED[name]
+        set_limits(**{name: little})
+        with pytest.raises(SpecError) as caught:
+            act()
+        hint = caught.value.diagnostics[0].hint or ""
+        said = changed(Limits(), hint[hint.index("=") + 1 : hint.index(" allows")])
+        set_limits(**{name: getattr(said, name)})
+        act()
+
+
+def test_the_time_of_a_simulation_is_bounded(set_limits: Any) -> None:
+    task = written(horizon="1000")
+    assert simulate(task, at_random(task), 10).shape == (10,)
+    set_limits(seconds=0)
+    with pytest.raises(SpecError, match=r"E712.*10 episodes take more than 0 seconds"):
+        simulate(task, at_random(task), 10)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [("second=3", "did you mean 'seconds'"), ("x=3", "there are: file, values"), ("seconds", "seconds=10"),
+     ("seconds=", "seconds=10"),
+     ("seconds=much", "gives no number"), ("seconds=1,,candidates=-inf", "gives no number"), ("seconds=nan", "gives no number"),
+     ("depth=1000", "'depth' cannot be changed"), ("=3", "no limit ''"), ("seconds=-1", "gives no number")],
+)  # fmt: skip
+def test_what_cannot_be_understood_is_said(value: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(text())
+    run = taskspec(tmp_path, "check", "a.yaml", TASKSPEC_LIMITS=value)
+    assert run.returncode == 1
+    assert run.stderr.startswith(f"error[E713 invalid-option]: {limits.VARIABLE}: ") and words in run.stderr
+
+
+def test_limits_are_read_from_the_environment() -> None:
+    assert changed(Limits(), " seconds = 60 , candidates=1e7,") == Limits(seconds=60, candidates=10**7)
+    assert changed(Limits(), "") == Limits()
+
+
+def test_large_numbers_are_said_in_words() -> None:
+    assert [count(n) for n in (999, 10**14, 10**20, 1000**20, 10**5000)] == [
+        "999", "100,000,000,000,000", "about 10^20", "about 10^60", "about 10^5000",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("needed", "said"), [(7, "7"), (999.5, "1000"), (12345, "13e3"), (10**6, "10e5"), (10**6 + 1, "11e5")]
+)
+def test_hints_round_up(needed: float, said: str) -> None:
+    assert how_to_raise("seconds", needed) == f"TASKSPEC_LIMITS=seconds={said} allows it"
+    assert how_to_raise("seconds", 10**40) is None
+
+
+# -- bombs: each ends in seconds, within a gigabyte, with a message or without need of one --------------------------------------
+
+ROWS = "{by: [s, r], rows: {" + ", ".join(f"{i}: {{else: {i}}}" for i in range(256)) + "}}"
+PAIR = "{s: {type: int, low: 0, high: 255}, r: {type: int, low: 0, high: 255}}"
+BOMBS: dict[str, dict[str, str]] = {
+    "episodes": {"claims": "[{claim: optimal_return == 1, episodes: 1000000000}]"},
+    "large state": {"state": "{s: {type: bool, shape: 1000000}}", "initial": "{s: false}", "dynamics": "{}", "reward": "s[0]"},
+    "wide state": {"state": "{s: {type: bool, shape: 20000}}", "initial": "{s: 'Bernoulli(1/2, shape=20000)'}", "dynamics": "{}",
+                   "reward": "s[0]"},
+    "many components": {"state": "{" + ", ".join(f"s{i}: {{type: int, low: 0, high: 9, shape: 1000}}" for i in range(19)) + "}",
+                        "initial": "{" + ", ".join(f"s{i}: 0" for i in range(19)) + "}", "dynamics": "{}", "reward": "s0[0]"},
+    "many values": {"state": "{" + ", ".join(f"s{i}: {{type: int, low: 0, high: 999}}" for i in range(20)) + "}",
+                    "initial": "{" + ", ".join(f"s{i}: 0" for i in range(20)) + "}",
+                    "dynamics": "{s0': 'min(s0 + a, 999)'}", "reward": "s0"},
+    "variants": {"variants": "{" + ", ".join(f"v{i}: {{title: x}}" for i in range(3000)) + "}"},
+    "chain": {"variants": "{" + ", ".join(f"v{i}: {{base: v{i - 1}}}" if i else "v0: {}" for i in range(200)) + "}"},
+    "circle": {"variants": "{" + ", ".join(f"v{i}: {{base: v{(i + 1) % 200}}}" for i in range(200)) + "}"},
+    "permutation": {"state": "{s: {type: int, low: 0, high: 9}, p: {type: int, low: 0, high: 99999, shape: 100000}}",
+                    "initial": "{s: 0, p: Permutation(100000)}"},
+    "set": {"state": "{s: {type: int, low: 0, high: 999999}}", "initial": "{s: 'Uniform({i for i in range(1000000)})'}",
+            "dynamics": "{}"},
+    "points": {"initial": "{s: 'Uniform({clip(p[0], 0, 9) for p in box(0, 999, 2)})'}"},
+    "members": {"reward": "'(s, s) in {p for p in box(0, 900, 2)}'"},
+    "long expressions": {"reward": f"'sum([{' + '.join(['1'] * 2000)} + s for i in range(10000)])'"},
+    "outcomes": {"noise": "{n: 'UniformInt(0, 1000000, shape=100)'}", "dynamics": "{s': clip(sum(n), 0, 9)}"},
+    "rows": {"state": PAIR, "initial": "{s: 0, r: 0}", "dynamics": "{}", "reward": ROWS},
+    "claims": {"claims": "[" + ", ".join(["'prefers(soft(1), a == true)'"] * 5000) + "]"},
+    "mines": {"state": "{m: {type: bool, shape: 16}, o: {type: bool, shape: 16}}", "action": "{a: {type: int, low: 0, high: 15}}",
+              "initial": "{m: 'Bernoulli(1/5, shape=16)', o: false}", "dynamics": "{o': 'put(o, a, True)'}", "horizon": "16",
+              "reward": "'-1 if m[a] else not o[a]'", "terminal": "m[a]", "claims": "[optimal_return > 1]"},
+}  # fmt: skip
+
+
+def taskspec(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    def bound() -> None:
+        resource.setrlimit(resource.RLIMIT_DATA, (10**9, 10**9))
+        resource.setrlimit(resource.RLIMIT_CPU, (20, 20))
+
+    return subprocess.run([sys.executable, "-m", "taskspec", *arguments], cwd=folder, env={**os.environ, **environment},
+                          capture_output=True, text=True, preexec_fn=bound, check=False)  # fmt: skip
+
+
+PRINTED = ("many components", "many values", "permutation", "set", "chain")
+
+
+@pytest.mark.parametrize(("bomb", "command"), [*((b, "check") for b in BOMBS), *((b, "docs") for b in PRINTED)])
+def test_bombs_end(bomb: str, command: str, tmp_path: Path) -> None:
+    (tmp_path / "walk.yaml").write_text(text(**BOMBS[bomb]), encoding="utf-8")
+    run = taskspec(tmp_path, command, "walk.yaml")
+    assert run.returncode in (0, 1), run.stdout + run.stderr
+    assert "internal error" not in run.stderr
+    if run.returncode:
+        assert "error[E" in run.stdout + run.stderr
+
+
+def test_a_map_is_read_in_time_that_grows_with_its_cells() -> None:
+    """Four times the cells take four times as long, give or take; they took sixteen times as long."""
+
+    def seconds(n: int) -> float:
+        rows = ", ".join(["'" + "S.#G" * (n // 4) + "'"] * n)
+        grid = f"m: {{grid: [{rows}], legend: {{S: 0, .: 1, '#': 2, G: 3}}}}"
+        grid = f"{{{grid}, o: '[[m[i, j] == 1 for j in range({n})] for i in range({n})]'}}"
+        document = read_text(text(constants=grid))
+        start = time.process_time()
+        build(document)
+        return time.process_time() - start
+
+    seconds(8)
+    small, large = min(seconds(32) for _ in range(3)), min(seconds(64) for _ in range(3))
+    assert large < 10 * small
