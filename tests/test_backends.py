@@ -12,7 +12,7 @@ import pytest
 
 from taskspec.backends.arrayform import ArrayForm, Scratch, arrays
 from taskspec.backends.kernel import EVERYTHING, KernelLane
-from taskspec.backends.lane import Value
+from taskspec.backends.lanevalues import Value
 from taskspec.backends.numpy import _NAMESPACE as NUMPY
 from taskspec.envs.conformance import Agreement
 from taskspec.lang import batch

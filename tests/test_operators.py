@@ -18,7 +18,8 @@ import pytest
 
 from taskspec import draws
 from taskspec.backends import scalars
-from taskspec.backends.lane import Lane, Value
+from taskspec.backends.lane import Lane
+from taskspec.backends.lanevalues import Value
 from taskspec.backends.phase import _INEXACT
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout, words_of

@@ -10,7 +10,8 @@ from typing import Any
 from taskspec.backends.emit_action import names_of, read_action
 from taskspec.backends.emit_observation import observe
 from taskspec.backends.invariant import Invariants, frozen_components
-from taskspec.backends.lane import Lane, Value
+from taskspec.backends.lane import Lane
+from taskspec.backends.lanevalues import Value
 from taskspec.backends.phase import Phase
 from taskspec.backends.source import without_unused
 from taskspec.lang.ir import Node, Role
@@ -101,7 +102,7 @@ def _lane(
         names[Role.VARIABLE, name] = _held(name, node.type)
     for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True) if phase else ():
         names[Role.VARIABLE, name] = _held(name, node.type)
-    return Lane(names, phase.words if phase else {}, task.builder.certain, constants)
+    return Lane(names, phase.words if phase else {}, task.builder.certain, constants=constants)
 
 
 def _unpack(phase: Phase, call: str) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taskspec.backends.lane import Value
+from taskspec.backends.lanevalues import Value
 from taskspec.backends.source import literal
 from taskspec.lang.types import Kind
 from taskspec.spec.spaces import Layout

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from struct import Struct
 
-from taskspec.backends.lane import UNROLLED, Lane, Value
+from taskspec.backends.lane import Lane
+from taskspec.backends.lanevalues import UNROLLED, Value
 from taskspec.backends.phase import Phase, is_filled
 from taskspec.lang.ir import Node
 from taskspec.lang.types import Kind

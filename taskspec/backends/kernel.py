@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.lane import Lane, Value
+from taskspec.backends.lane import Lane
+from taskspec.backends.lanevalues import Value
 from taskspec.backends.source import literal
 from taskspec.draws import poisson_table, poisson_terms, thresholds
 from taskspec.draws.layout import poisson_bound

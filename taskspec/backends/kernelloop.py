@@ -10,7 +10,7 @@ from taskspec.backends.arraystep import never
 from taskspec.backends.hoist import word_names
 from taskspec.backends.kernel import EVERYTHING, KernelLane
 from taskspec.backends.kernelmemory import Program, Row
-from taskspec.backends.lane import Value
+from taskspec.backends.lanevalues import Value
 from taskspec.backends.source import literal, without_unused
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.draws.layout import words_of
@@ -44,7 +44,7 @@ def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting:
     for draw in words.draws:
         for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
             names[Role.VARIABLE, name] = Value([f"i64({number})"])
-    lane = KernelLane(names, numbers, p.task.builder.certain, p.constants, unrolled=EVERYTHING)
+    lane = KernelLane(names, numbers, p.task.builder.certain, constants=p.constants, unrolled=EVERYTHING)
     lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
     shown = _shown(p, roots, words)
     hidden = {len(roots) - len(p.observation.components) + i for i in shown}

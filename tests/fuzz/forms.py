@@ -11,7 +11,8 @@ import numpy as np
 from taskspec.backends import scalars
 from taskspec.backends.arrayform import ArrayForm, Scratch, arrays
 from taskspec.backends.kernel import EVERYTHING, KernelLane
-from taskspec.backends.lane import Lane, Value
+from taskspec.backends.lane import Lane
+from taskspec.backends.lanevalues import Value
 from taskspec.backends.numpy import _NAMESPACE as NUMPY
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
