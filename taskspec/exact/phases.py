@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
 from taskspec.lang.types import Kind
+from taskspec.spec.reach import reach
 from taskspec.spec.task import Component, Task
 
 Array = np.ndarray[Any, Any]
@@ -107,8 +108,16 @@ def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> Phase:
         if grid.size * outcomes <= min(limit, Cost(roots).affordable()):
             return Phase(task, name, left, grid, True)
     given = visited(task) if left else None
-    components = [(Role.STATE, c) for c in task.state] + [(Role.ACTION, c) for c in task.action]
+    components = [(Role.STATE, c) for c in _reached(task)] + [(Role.ACTION, c) for c in task.action]
     return Phase(task, name, left, Samples(tuple(components), _times(task, name), given), not left)
+
+
+def _reached(task: Task) -> Iterator[Component]:
+    """The components of the state, those without bounds limited to how far episodes get."""
+    reached = reach(task.state, task.initial, task.next, task.horizon)
+    for c in task.state:
+        low, high = reached[c.name]
+        yield replace(c, low=tuple(max(v, low) for v in c.low), high=tuple(min(v, high) for v in c.high))
 
 
 def _times(task: Task, name: str) -> range:

@@ -30,6 +30,8 @@ from taskspec.spec.task import Task
 Array = np.ndarray[Any, Any]
 EPISODES = 1000
 LONGEST = 20_000
+UNENDING = 2_000
+"""Steps after which not one episode of many has ended: then none is expected to."""
 WORDS = 4_000_000
 CONFIDENCE = 0.95
 
@@ -238,7 +240,7 @@ def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0
     """
     endless = isinstance(task.terminal, Const) and not task.terminal.value
     if endless and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
-        _refuse_endless(task)
+        _refuse_endless(task, LONGEST)
     parts = []
     cost = Cost((*task.next, task.reward, task.terminal))
     lanes = cost.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))
@@ -251,7 +253,7 @@ def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0
 def _simulate(task: Task, choose: Choose, lanes: int, seed: int, budget: Budget) -> Array:
     rollout, rng = Rollout(task, lanes, seed), np.random.default_rng(seed)
     state, total, running = rollout.start(), np.zeros(lanes), np.ones(lanes, np.bool_)
-    factor, t = 1.0, 0
+    factor, t, unending = 1.0, 0, task.horizon is None and task.discount == 1
     while running.any() and (task.horizon is None or t < task.horizon):
         budget.spend(lanes)
         moved = rollout.step(state, choose(state, t, rng), t)
@@ -261,14 +263,14 @@ def _simulate(task: Task, choose: Choose, lanes: int, seed: int, budget: Budget)
         factor, t = factor * task.discount, t + 1
         if factor < CUT:
             break
-        if t >= LONGEST and running.any():
-            _refuse_endless(task)
+        if running.any() and t >= (UNENDING if unending and running.all() else LONGEST):
+            _refuse_endless(task, t)
     return total
 
 
-def _refuse_endless(task: Task) -> NoReturn:
+def _refuse_endless(task: Task, steps: int) -> NoReturn:
     hint = "give the task a horizon, or a discount below 1" if task.horizon is None else "choose a smaller horizon"
-    refuse(f"episodes are still running after {LONGEST:,} steps", hint)
+    refuse(f"episodes are still running after {steps:,} steps", hint)
 
 
 Normalise = Callable[[float], float]

@@ -204,12 +204,9 @@ def _grid(
     for column in columns:
         size *= most + 1 if column.values is None else len(column.values)
     if size > most:
-        if keys[-1] != tuple(None for _ in columns):
-            checker.fail(
-                "E410",
-                expr,
-                "this table needs a last row `else:`, since its columns have endlessly many values",
-            )
+        if not _covers(keys, columns):
+            message = "this table needs a last row `else:`, since its columns have endlessly many values"
+            checker.fail("E410", expr, message)
         return None
     rows = {keys[n]: n for n in reversed(_by_precision(keys))}
     masks = dict.fromkeys(tuple(k is None for k in keys[n]) for n in _by_precision(keys))
@@ -222,6 +219,16 @@ def _grid(
             checker.fail("E410", expr, f"this table has no row for {missing}", "add the row, or `else:`")
         grid.append(cell)
     return grid
+
+
+def _covers(keys: Sequence[tuple[_Key, ...]], columns: Sequence[_Column]) -> bool:
+    """Whether there is a cell for all values of the columns."""
+    if not columns or not keys:
+        return bool(keys)
+    named: set[_Key] = {k[0] for k in keys if k[0] is not None}
+    if columns[0].values is None or len(named) < len(columns[0].values):
+        named.add(None)  # stands for the values without a row of their own
+    return all(_covers([k[1:] for k in keys if k[0] is None or k[0] == v], columns[1:]) for v in named)
 
 
 def _by_precision(keys: Sequence[tuple[_Key, ...]]) -> list[int]:

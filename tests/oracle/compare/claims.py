@@ -108,9 +108,12 @@ def chance_of(model: Model, at: Callable[[Key], bool]) -> Fraction:
 
 
 def compare(case: Case, model: Model) -> int:
-    """Add claims to the spec, and see that true ones are proved, and false ones refuted; how many there were."""
-    rng = case.rng("claims")
-    made = claims(case, model, rng)
+    """Add claims to the spec, and see that true ones are proved, and false ones refuted; how many there were.
+
+    The claims of a spec that was kept are true ones.
+    """
+    own = [Claim(text, True) for text in case.spec.get("claims", ())]
+    made = own or claims(case, model, case.rng("claims"))
     claimed = Case(case.spec | {"claims": [c.text for c in made]}, case.variant, case.seed, case.given)
     task = claimed.task
     for claim, verdict in zip(made, verdicts(task), strict=True):

@@ -21,7 +21,9 @@ from tests.oracle.reference.values import DOUBTS, as_float
 
 Row = dict[tuple[Key, bool], float]
 """Probabilities by the state that follows, and by whether the episode ends there."""
-PAIRS = 3000
+BUDGET = 4000
+"""The most outcomes that are listed, over all states, actions and times."""
+PAIRS = 2000
 """The most pairs of states and actions that are listed, over all times."""
 
 
@@ -31,7 +33,7 @@ def reference_model(case: Case) -> Model | None:
     if not all(c.finite for c in (*task.state, *task.action)) or not is_countable(task):
         return None
     try:
-        model, pairs = Model(task, limit=600), 0
+        model, pairs = Model(task, limit=600, budget=BUDGET), 0
         for t, layer in enumerate(layers(model)):
             pairs += len(layer) * len(model.actions)
             if pairs > PAIRS:

@@ -6,6 +6,7 @@ from typing import Any
 
 from tests.oracle.generator import conditions, draws, scalars
 from tests.oracle.generator.declarations import Component
+from tests.oracle.generator.tables import table
 from tests.oracle.generator.terms import Context, Term
 
 
@@ -20,7 +21,7 @@ def fitted(c: Context, to: Component, depth: int) -> Any:
             {"else": single(c, to, depth)},
         ]
     if c.chance(0.08) and to.shape == ():
-        return by_table(c, to)
+        return table(c, lambda: single(c.without_draws(), to, 0))
     if c.may_draw and to.shape == () and c.chance(0.15):
         return two_outcomes(c, to)
     return single(c, to, depth)
@@ -31,6 +32,8 @@ def two_outcomes(c: Context, to: Component) -> Any:
     p = draws.probability(c.without_draws(), 1)
     if to.kind == "bool":
         return {True: p.text, False: f"1 - ({p.text})"}
+    if not to.low:
+        return {0: p.text, 1: f"1 - ({p.text})"}
     first = float(to.low) if to.kind == "real" else int(to.low)
     moved = scalars.term(c.without_draws(), to.kind, (), 1)
     if not moved.finite or not moved.reads:
@@ -38,20 +41,10 @@ def two_outcomes(c: Context, to: Component) -> Any:
     return {first: p.text, f"max(min({moved.text}, {to.high}), {to.low})": f"1 - ({p.text})"}
 
 
-def by_table(c: Context, to: Component) -> Any:
-    asked = [n for n in c.names if (n.kind in ("label", "bool") and n.shape == ())]
-    if not asked:
-        return single(c, to, 1)
-    name = c.rng.choice(asked)
-    keys = list(name.labels) if name.kind == "label" else [True, False]
-    rows: dict[Any, Any] = {k: single(c, to, 1) for k in keys[: c.rng.randint(1, len(keys))]}
-    if len(rows) < len(keys) or c.chance(0.2):
-        rows["else"] = single(c, to, 0)
-    return {"by": name.text, "rows": rows}
-
-
 def single(c: Context, to: Component, depth: int) -> str:
     """One expression within the bounds of the component."""
+    if to.kind != "bool" and not to.low:
+        return unbounded(c, to, depth)
     same = [n for n in c.names if n.text.rstrip("'") == to.name and n.kind == to.kind]
     twins = [n for n in c.names if n.kind == to.kind and n.shape == to.shape and n.size <= 1]
     if to.kind == "bool":
@@ -67,6 +60,15 @@ def single(c: Context, to: Component, depth: int) -> str:
     if not made.finite:
         made = scalars.integer(c, 1) if to.shape == () else Term(to.low, "int")
     return within(c, to, made)
+
+
+def unbounded(c: Context, to: Component, depth: int) -> str:
+    """A value for a component without bounds: anything, or a walk."""
+    made = scalars.term(c, to.kind, to.shape, depth)
+    made = made if made.finite else scalars.integer(c, 0) if to.shape == () else Term("0", "int")
+    if to.name in (n.text for n in c.names if n.shape == to.shape) and c.chance(0.6):
+        return f"{to.name} + {made.at(6)}"
+    return made.text if made.shape == to.shape else f"[0 for i in range({to.shape[0]})]"
 
 
 def within(c: Context, to: Component, made: Term) -> str:
@@ -96,8 +98,7 @@ def labelled(c: Context, to: Component, depth: int) -> Any:
         case 2:
             return [{"if": conditions.condition(c, depth).text, "then": one}, {"else": other}]
         case 3:
-            asked = [n for n in c.names if n.kind == "label"]
-            return table_of(c, asked, "label", [label(c, x) for x in labels])
+            return table(c, lambda: c.rng.choice(labels))
     shares = {1: ["1"], 2: ["1/2", "1/2"], 3: ["1/2", "1/3", "1/6"]}[len(labels)]
     if c.chance(0.4):
         return f"Categorical({{{', '.join(f'{label(c, x)}: {p}' for x, p in zip(labels, shares, strict=True))}}})"
@@ -111,30 +112,3 @@ def same_meaning(name: Term, to: Component) -> bool:
 
 def label(c: Context, text: str) -> str:
     return conditions.label_text(c, text)
-
-
-def table_of(c: Context, asked: list[Term], what: str, labels: list[str] | None = None) -> Any:
-    """A decision table over one or two choices; rows that end early, and `else`."""
-
-    def cell() -> Any:
-        if labels:
-            return c.rng.choice(labels)
-        made = scalars.integer(c, 1)
-        return made.text
-
-    if not asked:
-        return cell()
-    by = c.rng.sample(asked, min(len(asked), c.rng.choice((1, 1, 2))))
-    made = rows(c, by, cell)
-    made = made if isinstance(made, dict) else {"else": made}
-    return {"by": by[0].text if len(by) == 1 and c.chance(0.5) else [b.text for b in by], "rows": made}
-
-
-def rows(c: Context, by: list[Term], cell: Any) -> Any:
-    if not by or c.chance(0.15):
-        return cell()
-    keys = c.rng.sample(by[0].labels, c.rng.randint(1, len(by[0].labels)))
-    made = {k: rows(c, by[1:], cell) for k in keys}
-    if len(keys) < len(by[0].labels) or c.chance(0.1):
-        made["else"] = rows(c, by[1:], cell)
-    return made

@@ -27,7 +27,9 @@ class Component:
     size: float = 1
     labels: tuple[str, ...] = ()
     numbers: bool = False
-    """Whether its labels stand for single numbers."""
+    """Whether its labels stand for numbers."""
+    means: Shape = ()
+    """The shape of these numbers."""
 
     def terms(self, text: str, reads: frozenset[str]) -> list[Term]:
         """What reading the component under this name gives: its value, and its label."""
@@ -35,7 +37,7 @@ class Component:
         if self.kind != "choice":
             found.append(Term(text, self.kind, self.shape, size=self.size, reads=reads))
         elif self.numbers:
-            found.append(Term(text, "int", size=5, reads=reads))
+            found.append(Term(text, "int", self.means, size=5, reads=reads))
         if self.labels:
             found.append(Term(text, "label", size=1 + self.numbers, reads=reads, labels=self.labels))
         return found
@@ -133,7 +135,7 @@ def component(d: Declared, name: str, *, action: bool, wide: bool = False) -> Co
         data["shape"] = shape[0] if len(shape) == 1 and d.chance(0.5) else list(shape)
     made = Component(name, kind, shape, data)
     if kind == "int":
-        int_bounds(d, made)
+        int_bounds(d, made, action=action)
     elif kind == "real":
         real_bounds(d, made, action=action)
     return made
@@ -150,7 +152,10 @@ def component_shape(d: Declared, *, action: bool, wide: bool) -> Shape:
     return rng.choice(((1,), (2,), (2,), (3,), (2, 2))) if not action else rng.choice(((1,), (2,)))
 
 
-def int_bounds(d: Declared, c: Component) -> None:
+def int_bounds(d: Declared, c: Component, *, action: bool) -> None:
+    if not action and d.chance(0.05):
+        c.size = 2**31
+        return
     low, high = d.rng.choice((0, 0, 0, 1, -1)), d.rng.choice((1, 2, 2, 3))
     c.low, c.high, c.size = str(low), str(max(low, high)), 4
     if d.small and d.chance(0.4):
@@ -163,6 +168,9 @@ def int_bounds(d: Declared, c: Component) -> None:
 
 
 def real_bounds(d: Declared, c: Component, *, action: bool) -> None:
+    if not action and d.chance(0.1):
+        c.size = 1e9
+        return
     low, high = d.rng.choice((-1, -2.5, 0)), d.rng.choice((1, 2, 1.5))
     c.data |= {"low": low, "high": high}
     c.low, c.high, c.size = str(low), str(high), 3
@@ -173,6 +181,13 @@ def choice(d: Declared, name: str) -> Component:
     if d.chance(0.4):
         labels = WORDS[:2]  # so that choices can be compared and copied
     if d.chance(0.35):
-        meaning = {label: d.rng.randint(-2, 3) for label in labels}
-        return Component(name, "choice", (), {"type": "choice", "values": meaning}, labels=labels, numbers=True)
+        means: Shape = (2,) if d.chance(0.25) else ()
+        stands = {label: numbers(d, means) for label in labels}
+        data = {"type": "choice", "values": stands}
+        return Component(name, "choice", (), data, labels=labels, numbers=True, means=means)
     return Component(name, "choice", (), {"type": "choice", "values": list(labels)}, labels=labels)
+
+
+def numbers(d: Declared, shape: Shape) -> Any:
+    """What a label stands for: a number, or a vector of two."""
+    return [d.rng.randint(-1, 1) for _ in range(2)] if shape else d.rng.randint(-2, 3)

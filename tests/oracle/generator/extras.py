@@ -68,6 +68,10 @@ def observation(d: Draft) -> dict[str, Any]:
 def entry(d: Draft, c: Any) -> Any:
     if d.chance(0.5):
         return d.rng.choice(d.state).name
+    labelled = [s for s in d.state if s.labels and all(x.isidentifier() for x in s.labels)]
+    if labelled and d.chance(0.2):
+        s = d.rng.choice(labelled)
+        return f"{d.rng.choice(s.labels)} if {conditions.condition(c, 1).at(1)} else {s.name}"
     made = scalars.term(c, d.rng.choice(("bool", "int", "int", "real")), d.rng.choice(((), (), (), (2,))), d.depth())
     if not made.finite:
         return d.rng.choice(d.state).name

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tests.oracle.generator import conditions, extras, scalars
-from tests.oracle.generator.assign import fitted, table_of
+from tests.oracle.generator.assign import fitted
 from tests.oracle.generator.declarations import (
     ACTION,
     PRIME,
@@ -20,6 +20,7 @@ from tests.oracle.generator.declarations import (
     parameters,
 )
 from tests.oracle.generator.makers import limited
+from tests.oracle.generator.tables import table
 from tests.oracle.generator.terms import Context, Function, Term, call
 
 DEPTH = 3
@@ -58,9 +59,8 @@ class Draft:
             if kind in allowed:
                 names += [t for c in components for t in c.terms(c.name + suffix, reads)]
         if "t" in allowed:
-            names.append(Term("t", "int", size=50, reads=frozenset({"t"})))
-        if self.horizon and "t" in allowed:
-            names.append(Term("T", "int", size=50))
+            time = Term("t", "int", size=50, reads=frozenset({"t"}))
+            names += [time, Term("T", "int", size=50, reads=time.reads)] if self.horizon else [far(time)]
         names += [t for t, needs in self.shared if needs <= allowed]
         return Context(self.rng, names, list(self.functions) if "state" in allowed else [], draws, not self.endless)
 
@@ -86,6 +86,11 @@ def spec(rng: random.Random) -> Data:
     d.data["reward"] = reward(d)
     extras.add(d)
     return d.data
+
+
+def far(time: Term) -> Term:
+    """The time where there is no horizon, and so no bound for it."""
+    return Term("min(t, 20)", "int", size=20, reads=time.reads)
 
 
 def names(rng: random.Random, letters: str, counts: tuple[int, ...]) -> list[str]:
@@ -189,7 +194,7 @@ def dynamics(d: Draft) -> Data:
 def reward(d: Draft) -> Any:
     c = d.context({"state", "action", "prime", "t", "noise"}, draws=d.chance(0.2))
     if d.chance(0.25):
-        return table_of(c, [x for x in c.names if x.kind == "label"], "reward")
+        return table(c, lambda: scalars.integer(c.without_draws(), 1).text)
     made = scalars.term(c, d.rng.choice(("bool", "int", "int", "real")), (), d.depth())
     if not made.finite:
         made = scalars.integer(c, 1)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from tests.oracle.generator import conditions, draws, scalars
 from tests.oracle.generator.makers import limited
-from tests.oracle.generator.terms import Context, Shape, Term, call, infix, joined, number
+from tests.oracle.generator.terms import INFINITE, Context, Shape, Term, call, infix, joined, number
 
 Maker = Callable[[Context, str, int, int], Term]
 
@@ -63,9 +64,12 @@ def written_out(c: Context, kind: str, n: int, depth: int) -> Term:
 
 
 def comprehension(c: Context, kind: str, n: int, depth: int) -> Term:
+    """An element for each index; a draw in it is made for each of them."""
     index = Term("i", "int", size=n)
-    inner = scalars.term(c.with_names([index]).without_draws(), kind, (), min(depth, 2))
-    return joined(f"[{inner.text} for i in range({n})]", kind, (inner,), shape=(n,), size=inner.size)
+    inside = c.with_names([index]) if n <= 2 else c.with_names([index]).without_draws()
+    inner = scalars.term(inside, kind, (), min(depth, 2))
+    fan = min(INFINITE, inner.fan**n) if inner.fan > 1 else 1
+    return replace(joined(f"[{inner.text} for i in range({n})]", kind, (inner,), shape=(n,), size=inner.size), fan=fan)
 
 
 def elementwise(c: Context, kind: str, n: int, depth: int) -> Term:
@@ -184,7 +188,7 @@ def subscript(c: Context, n: int | str) -> Term:
     """An index: a place in the vector, or something that is moved into it."""
     if isinstance(n, int) and c.chance(0.3):
         return number(c.rng.randint(-n, n - 1))
-    moves = [t for t in c.readable(("int",), ()) if t.reads in ({"state"}, {"action"})]
+    moves = [t for t in c.readable(("int",), ()) if t.reads in ({"state"}, {"action"}) and len(t.text) == 1]
     if not moves:
         return number(0)
     name = c.rng.choice(moves)

@@ -131,7 +131,7 @@ def unary(op: ast.unaryop, operand: Value) -> Value:
 
 
 def branch(node: ast.IfExp, scope: Scope, expected: Choice | None) -> Value:
-    condition = visit(node.test, scope)
+    condition, expected = visit(node.test, scope), expected or choice_of(node, scope)
     return choose(condition, visit(node.body, scope, expected), visit(node.orelse, scope, expected))
 
 
@@ -201,7 +201,7 @@ def members(node: ast.expr, scope: Scope, expected: Choice | None = None) -> lis
             raise Wrong("a set is needed")
     distinct: dict[Any, Value] = {}
     for v in found:
-        distinct.setdefault((v.data if v.choice else number(v).data, v.shape), v)
+        distinct.setdefault((v.choice, v.data), v)
     return list(distinct.values())
 
 

@@ -28,6 +28,8 @@ ELSE = "else"
 def form(data: Any, scope: Scope, expected: Choice | None = None) -> Value:
     """The value of what stands in the place of an expression."""
     match data:
+        case str() if expected is not None and data in expected.labels and not data.isidentifier():
+            return of_label(data, expected)
         case str():
             return evaluate(data, scope, expected)
         case bool() | int() | float():

@@ -35,6 +35,8 @@ class Model:
     task: Task
     limit: int = 4096
     """The most outcomes of one step."""
+    budget: int = 10**9
+    """The most outcomes of all steps together."""
     states: dict[Key, State] = field(default_factory=dict)
     _rows: dict[tuple[Key, int, int], list[Outcome]] = field(default_factory=dict)
 
@@ -74,6 +76,9 @@ class Model:
 
         joined: dict[tuple[Key, Number, bool], Fraction] = {}
         for probability, (after, reward, ends) in outcomes(run, self.limit):
+            self.budget -= 1
+            if self.budget < 0:
+                raise Endless("too many outcomes")
             result = self.keep(after), reward, ends
             joined[result] = joined.get(result, Fraction(0)) + probability
         return [Outcome(p, *result) for result, p in joined.items()]
