@@ -108,6 +108,7 @@ FAIL: list[tuple[dict[str, Any], str, tuple[str | int, ...], str]] = [
     ({"state": {"s": 1}, "next": {"s": 2}}, "E613", (), "depends on 'a', which this example does not give"),
     ({"state": {"s": 5}, "observation": {"s": 5}}, "E613", ("state", "s"), "s cannot be 5; it must be between 0 and 4"),
     ({"t": 5, "state": {"s": 1}, "action": {"a": "on"}, "next": {"s": 1}}, "E613", (), "the horizon is 5"),
+    ({"t": 5, "truncated": True}, "E613", (), "the horizon is 5"),
     (AT | {"reward": {"2": "3/4", "-9": "1/4"}, "probability": 1}, "E613", (), "what follows is one value"),
     ({"for": [{"n": 99}], "state": {"s": 1}, "observation": {"s": 1}}, "E613", (), "parameter n must be at most 9"),
     (AT | {"reward": 2, "probability": 2}, "E402", ("probability",), "not between 0 and 1"),

@@ -98,7 +98,7 @@ class _Trial:
 
     def _check_time(self) -> None:
         horizon = self.task.horizon
-        if horizon is not None and self.example.t >= horizon + (not self.example.acts):
+        if horizon is not None and self.example.t >= horizon + (not self.example.steps):
             message = f"no step is taken after {self.example.t} others: the horizon is {horizon}"
             self.collector.add("E613", self.example.place, message)
 

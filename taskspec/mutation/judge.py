@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exact.examples import wrong_examples
 from taskspec.exact.report import check
 from taskspec.exact.soundness import cases, check_ranges
 from taskspec.mutation.mutants import Mutant
@@ -18,14 +19,15 @@ from taskspec.spec.build import build
 from taskspec.spec.merge import merge, variant_names
 from taskspec.spec.task import Task
 
-Class = Literal["error", "equivalent", "warning", "example", "claim", "range", "silent", "slow"]
+Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent", "slow"]
 CLASSES: Mapping[Class, str] = {
     "error": "the changed spec is refused, or unsound",
-    "equivalent": "proved to be the same task",
-    "warning": "the changed spec is warned about",
     "example": "an example does not hold any more",
     "claim": "a claim does not hold any more, or cannot be decided",
-    "range": "the tasks are the same; other parameter values are allowed",
+    "warning": "the changed spec is warned about",
+    "equivalent": "proved to be the same task",
+    "range": "the same tasks; other parameter values are allowed",
+    "order": "the same task; its labels are numbered otherwise",
     "silent": "nothing notices",
     "slow": "not decided in time",
 }
@@ -61,7 +63,7 @@ class Original:
 
 
 def judge(original: Original, mutant: Mutant) -> Judgement:
-    """What notices a mutant, the first of the stages that does."""
+    """What notices a mutant: the first of the stages that does, and of all that a check says what weighs most."""
     try:
         with _within(SECONDS):
             return _judged(original, mutant)
@@ -78,13 +80,15 @@ def _judged(original: Original, mutant: Mutant) -> Judgement:
     if _decides_values_alone(mutant):
         wrong = next((d for _, task in pairs for d in _ranges(task)), None)
         return Judgement("range") if wrong is None else Judgement.by("error", wrong)
+    if wrong := next((d for _, task in pairs for _, d in wrong_examples(task)), None):
+        return Judgement.by("example", wrong)  # which costs least
     pairs = [pair for pair in pairs if not everywhere(same_task, *pair)]
     if not pairs:
         return Judgement("equivalent")
     for look in (_check, _ranges):
         if found := sorted(((_class(d), d) for _, task in pairs for d in look(task)), key=lambda x: _ORDER.index(x[0])):
             return Judgement.by(*found[0])
-    return Judgement("silent")
+    return Judgement("order" if mutant.renumbers else "silent")
 
 
 def _check(task: Task) -> tuple[Diagnostic, ...]:
@@ -95,14 +99,14 @@ def _ranges(task: Task) -> tuple[Diagnostic, ...]:
     return check_ranges(task).diagnostics if task.parameters else ()
 
 
-_ORDER: tuple[Class, ...] = ("error", "example", "claim", "warning")
+_ORDER: tuple[Class, ...] = ("error", "claim", "warning")
 
 
 def _class(diagnostic: Diagnostic) -> Class:
     """What a diagnostic counts as."""
     if diagnostic.severity == "warning":
         return "warning"
-    return "claim" if diagnostic.code.startswith("E60") else "example" if diagnostic.code.startswith("E61") else "error"
+    return "claim" if diagnostic.code.startswith("E6") else "error"
 
 
 def _changed(original: Original, document: Document) -> Iterator[tuple[Task, Task]]:

@@ -27,6 +27,7 @@ OPTIONAL = ("observation", "terminal", "absorbing_reward", "discount", "expert",
 _TYPES = {"int": "real", "real": "int", "bool": "int"}
 _FORM_KEYS = frozenset({"if", "then", "else", "by", "rows", "space", "value", "low", "high", "grid", "legend"})
 MISSING = object()
+EXCHANGED = "(exchanged)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +44,11 @@ class Mutant:
     def section(self) -> str:
         """The section that was changed, that of a variant without the variant."""
         return str(self.path[2] if self.path[0] == "variants" else self.path[0])
+
+    @property
+    def renumbers(self) -> bool:
+        """Whether it lists the labels of a choice in another order, and does nothing else."""
+        return self.path[-2:-1] == ("values",) and isinstance(self.path[-1], int) and self.after == EXCHANGED
 
     def document(self) -> Document:
         """The changed spec as a document. Its places are those of a text that nobody has written."""
@@ -84,7 +90,7 @@ class _Walk:
         if here[one] != here[other]:
             data = _replaced(_replaced(self.document.data, (*path, one), here[other]), (*path, other), here[one])
             words = " and ".join(_named(here, key) for key in (one, other))
-            yield Mutant((*path, one), self.document.key_span((*path, one)), words, "(exchanged)", data)
+            yield Mutant((*path, one), self.document.key_span((*path, one)), words, EXCHANGED, data)
 
     # -- sections -------------------------------------------------------------------------------------------------
 

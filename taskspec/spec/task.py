@@ -110,8 +110,13 @@ class Example:
 
     @property
     def acts(self) -> bool:
-        """Whether it takes a step."""
+        """Whether an action is taken, so that what is observed is observed after it."""
         return any(role is Role.ACTION for role, _ in self.given)
+
+    @property
+    def steps(self) -> bool:
+        """Whether it is about a step, and not about a state alone."""
+        return self.acts or any(f.section in ("next", "reward", "terminal", "truncated") for f in self.follows)
 
     @property
     def starts(self) -> bool:

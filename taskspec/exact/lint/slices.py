@@ -12,20 +12,33 @@ from taskspec.lang.ir import Const
 from taskspec.lang.scope import Value
 from taskspec.spec.task import Task
 
+Cut = tuple[s.Subscript, s.Slice]
+MOST = 1000
+"""Slices that are looked at."""
 SECTIONS = ("initial", "dynamics", "reward", "terminal", "observation", "expert")
 
 
 def past_the_end(case: Case, collector: Collector) -> None:
     """W514: a slice that asks for more than there is."""
-    for expr, where in expressions(case.task):
-        for node in s.below(expr):
-            if isinstance(node, s.Subscript):
-                _check_ends(node, where, collector)
+    for _, nodes, where in _sliced(case.task):
+        for node, cut in nodes:
+            _check_ends(node, cut, where, collector)
 
 
-def _check_ends(node: s.Subscript, where: Section, collector: Collector) -> None:
+def _sliced(task: Task) -> Iterator[tuple[s.Expr, list[Cut], Section]]:
+    """The slices of every expression, as long as there are not too many."""
+    left = MOST
+    for expr, where in expressions(task):
+        subscripts = (n for n in s.below(expr) if isinstance(n, s.Subscript))
+        found = [(n, n.indices[0]) for n in subscripts if isinstance(n.indices[0], s.Slice)]
+        if found and left > 0:
+            left -= len(found)
+            yield expr, found, where
+
+
+def _check_ends(node: s.Subscript, cut: s.Slice, where: Section, collector: Collector) -> None:
     length = _length(node, where)
-    for end in (node.indices[0].start, node.indices[0].stop) if isinstance(node.indices[0], s.Slice) else ():
+    for end in (cut.start, cut.stop):
         at = None if end is None else _constant(end, where)
         if end is not None and at is not None and length is not None and not -length <= at <= length:
             message = f"this slice goes to {at}, but the vector has {length} elements"
@@ -37,17 +50,16 @@ def uneven(case: Case, collector: Collector) -> None:
 
     `v[1:]` beside `v[:-1]` sets neighbours side by side, and `concat(v[:i], v[j:])` cuts a piece out: both are meant so.
     """
-    for expr, where in expressions(case.task):
+    for expr, nodes, where in _sliced(case.task):
         joined = {id(arg) for call in s.below(expr) if _is_concat(call) for arg in call.args}
-        found = [node for node in s.below(expr) if isinstance(node, s.Subscript) and id(node) not in joined]
-        _check_halves(found, where, collector)
+        _check_halves([(node, cut) for node, cut in nodes if id(node) not in joined], where, collector)
 
 
 def _is_concat(node: object) -> bool:
     return isinstance(node, s.Call) and node.function == "concat"
 
 
-def _check_halves(found: list[s.Subscript], where: Section, collector: Collector) -> None:
+def _check_halves(found: list[Cut], where: Section, collector: Collector) -> None:
     heads = {id(v.node): (i, node) for v, i, node in _parts(found, where, head=True)}
     for vector, start, node in _parts(found, where, head=False):
         stop, _ = heads.get(id(vector.node), (start, node))
@@ -58,15 +70,14 @@ def _check_halves(found: list[s.Subscript], where: Section, collector: Collector
             collector.add("W515", node.place, message, "use the same index for both")
 
 
-def _parts(found: list[s.Subscript], where: Section, head: bool) -> Iterator[tuple[Value, int, s.Subscript]]:
+def _parts(found: list[Cut], where: Section, head: bool) -> Iterator[tuple[Value, int, s.Subscript]]:
     """First parts `v[:i]`, or last parts `v[i:]`: the vector, `i` counted from its beginning, the slice."""
-    for node in found:
-        cut = node.indices[0]
-        if not isinstance(cut, s.Slice) or cut.step is not None or len(node.indices) > 1:
-            continue
+    for node, cut in found:
         end, other = (cut.stop, cut.start) if head else (cut.start, cut.stop)
-        vector, at = where.value(node.value), None if end is None else _constant(end, where)
-        if other is None and vector is not None and at is not None and vector.node.type.shape:
+        if end is None or other is not None or cut.step is not None or len(node.indices) > 1:
+            continue
+        vector, at = where.value(node.value), _constant(end, where)
+        if vector is not None and at is not None and vector.node.type.shape:
             yield vector, at + vector.node.type.shape[0] * (at < 0), node
 
 

@@ -12,11 +12,13 @@ from taskspec.diagnostics import Collector
 from taskspec.exact.inert import groups
 from taskspec.exact.lint.case import Case
 from taskspec.exact.model import Model
-from taskspec.lang.ir import Node, Read, Role, rewrite
+from taskspec.lang.ir import Node, Read, Role, rewrite, walk
 from taskspec.spec.task import Component, Task
 
 FEW = 32
 """Labels of an action up to which all pairs are compared."""
+MOST = 200_000
+"""Operations that are worked out, once for each label."""
 ROUNDING = 1e-12
 
 
@@ -25,6 +27,8 @@ def twins(case: Case, collector: Collector) -> None:
     for c in case.task.action:
         if c.domain is None or not c.type.is_scalar or not 2 < len(c.domain.labels) <= FEW:
             continue  # of two labels that are the same, W505 speaks
+        if case.model is None and len(list(walk(_step(case.task)))) * len(c.domain.labels) > MOST:
+            continue
         same = _by_model(case.model, c) if case.model is not None else _by_form(case.task, c)
         alike = [pair for pair in combinations(range(len(c.domain.labels)), 2) if same(*pair)]
         if len(alike) == len(c.domain.labels) * (len(c.domain.labels) - 1) // 2:
@@ -34,9 +38,13 @@ def twins(case: Case, collector: Collector) -> None:
             collector.add("W520", case.key("action", c.name), f"{labels} do the same in every state")
 
 
+def _step(task: Task) -> tuple[Node, ...]:
+    return (*task.next, task.reward, task.terminal)
+
+
 def _by_form(task: Task, c: Component) -> Callable[[int, int], bool]:
     """Compares what is left of a step once the label is known: equal forms are one node."""
-    b, roots = task.builder, (*task.next, task.reward, task.terminal)
+    b, roots = task.builder, _step(task)
 
     def chosen(label: int) -> tuple[Node, ...]:
         def leaf(node: Node) -> Node | None:
