@@ -113,7 +113,7 @@ def test_pages_do_not_take_each_others_files(tmp_path: Path) -> None:
 def test_sections_are_in_the_order_of_the_paper() -> None:
     keys = [s.key for s in page(registry.load("derail/Branching-v0")).sections]
     assert keys == ["parameters", "state", "observations", "actions", "horizon", "dynamics", "rewards", "initial", "expert",
-                    "claims", "errata", "sources"]  # fmt: skip
+                    "claims", "examples", "errata", "sources"]  # fmt: skip
 
 
 def test_values_stand_beside_the_symbols() -> None:

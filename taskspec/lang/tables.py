@@ -7,6 +7,7 @@ draw whose probabilities are looked up; anything else becomes a chain of selects
 from __future__ import annotations
 
 import itertools
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -41,9 +42,15 @@ def row_problem(row: Sequence[Any]) -> tuple[str, str] | None:
             return "E402", f"{_shown(value)} is not a probability; it must be between 0 and 1"
     total = sum(row)
     exact = all(isinstance(v, Fraction) or v in (0, 1) for v in row)
-    if (exact and total != 1) or not abs(total - 1) <= TOLERANCE:
+    if (exact and total != 1) or not abs(total - 1) <= _rounding(row):
         return "E401", f"these probabilities sum to {_shown(total)}, not 1"
     return None
+
+
+def _rounding(row: Sequence[Any]) -> float:
+    """How far from 1 a row may be: shares that were drawn in float32, as Dirichlet draws them, add up to it that nearly."""
+    single = all(struct.unpack("f", struct.pack("f", value))[0] == value for value in row)
+    return max(TOLERANCE, len(row) * 2**-24) if single else TOLERANCE
 
 
 def _shown(value: Fraction | float) -> str:
