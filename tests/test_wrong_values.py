@@ -41,7 +41,7 @@ FEATURES: dict[str, dict[str, Any]] = {
     "words": {
         "title": "A walk", "summary": "Walk to the end.", "description": "Text with $x$.", "capability": "walking",
         "sources": ["paper", {"key": "other", "where": "page 3"}],
-        "errata": [{"source": "it said so", "here": "it does not", "because": "it is wrong"}],
+        "errata": [{"source": "it said so", "here": "it does not", "because": "it is wrong", "about": ["reward"]}],
         "version": 1, "accept": {"W506": "meant to be"},
         "roles": {"expert": "Walk", "learner": "WalkOther"}, "variants": {"other": {"title": "x"}},
     },
@@ -99,6 +99,15 @@ FEATURES: dict[str, dict[str, Any]] = {
         "claims": [
             "states > 1",
             {"claim": "actions == 2", "for": [{"L": 2}], "under": "optimal", "where": "page 1", "tolerance": 0.1, "episodes": 10},
+        ],
+    },
+    "examples": {
+        "examples": [
+            {
+                "doc": "the last step", "for": [{}], "state": {"s": 2}, "action": {"a": "on"}, "t": 3,
+                "next": {"s": 3}, "reward": 1, "terminal": False, "truncated": True, "observation": {"s": 3}, "probability": 1,
+            },
+            {"initial": {"s": 0}},
         ],
     },
     "abstraction": {

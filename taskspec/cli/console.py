@@ -15,9 +15,8 @@ from taskspec.visible import visible, visible_json
 
 if TYPE_CHECKING:
     from rich.table import Table
-    from rich.text import Text as RichText
 
-    from taskspec.cli.terminal import Console
+    from taskspec.cli.terminal import Console, Text
 
 STYLES = {
     "title": "bold",
@@ -104,11 +103,14 @@ def say(text: str, err: bool = False, nl: bool = True) -> None:
     typer.echo(visible(text), err=err, nl=nl)
 
 
-def line(*parts: tuple[str, str] | str) -> RichText:
+def line(*parts: tuple[str, str] | str) -> Text:
     """A line of text in several styles: `("words", "style")` or plain words."""
     from taskspec.cli.terminal import Text
 
-    return Text.assemble(*parts, no_wrap=False)
+    text = Text(no_wrap=False)
+    for part in parts:
+        text.append(*((part,) if isinstance(part, str) else part))
+    return text
 
 
 def columns(*headers: str, right: Iterable[int] = (), fold: Iterable[int] = ()) -> Table:

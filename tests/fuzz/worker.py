@@ -14,7 +14,7 @@ from typing import Any
 
 from tests.fuzz.layers import Fault, Outcome, put_through
 from tests.fuzz.mutate import mutant
-from tests.oracle.worker import Hang, patience
+from tests.oracle.worker import Hang, patience, peak_memory
 
 PATIENCE = 10
 """Seconds of the processor that an input may take."""
@@ -57,7 +57,7 @@ def main(first: int, last: int) -> None:
         })  # fmt: skip
         if number % 500 == 0:
             gc.collect()
-    say({"peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024})
+    say({"peak": peak_memory()})
 
 
 def say(record: dict[str, Any]) -> None:

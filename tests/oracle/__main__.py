@@ -98,7 +98,7 @@ def summary(tally: Tally, seconds: float, jobs: int) -> str:
     steps = sum(n for stage, n in tally.compared.items() if stage.split()[0] in ("scalar", "numpy", "numba", "jax"))
     return (
         f"{tally.specs:,} specs, {steps:,} steps, {len(tally.found) - crashes - hangs} differences, {crashes} crashes, "
-        f"{hangs} hangs, slowest {tally.slowest:.1f} s, peak memory {tally.peak / 1024:.0f} MB; "
+        f"{hangs} hangs, slowest {tally.slowest:.1f} s, peak memory {tally.peak / 2**20:.0f} MB; "
         f"{datetime.now(UTC).date()}, {seconds:.0f} s on {machine}, {libraries}"
     )
 
