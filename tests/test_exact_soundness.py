@@ -178,6 +178,15 @@ def test_parameters_are_tried_at_the_ends_of_their_ranges() -> None:
     assert any("parameters: n = 1" in note for d in found.diagnostics for note in d.notes)
 
 
+@pytest.mark.parametrize(("parts", "code", "values"), [
+    ({"REWARD": "sum([i for i in range(n - 1)]) * s'"}, "E307", "n = 1"),
+    ({"INITIAL": "sum(Uniform({p for p in box(0, 5, n)})) % 2"}, "E314", "n = 9"),
+])  # fmt: skip
+def test_what_cannot_be_built_for_other_parameters_names_them(parts: dict[str, str], code: str, values: str) -> None:
+    found = [d for d in check_ranges(written(**parts)).diagnostics if d.code == code]
+    assert [d.notes for d in found] == [(f"parameters: {values}",)]
+
+
 def all_tasks() -> list[tuple[Path, str | None]]:
     return [(path, v) for path in SPECS for v in variant_names(source.read(path).data).values()]
 

@@ -74,7 +74,8 @@ def test_hand_writing(source: str, expected: str) -> None:
     assert written(source) == expected
 
 
-# Brackets: where they are needed for what is meant, where a reader would need them, and nowhere else. Written by hand.
+# Brackets: where they are needed for what is meant, where a reader would need them, and nowhere else. Read off the output,
+# and checked by eye.
 @pytest.mark.parametrize(
     ("source", "expected"),
     [

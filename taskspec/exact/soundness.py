@@ -11,20 +11,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.exact.examine import Examination, Violation
 from taskspec.exact.phases import Check, phases
 from taskspec.exact.points import Method
-from taskspec.exact.wording import report
+from taskspec.exact.wording import parameters, report
 from taskspec.limits import limits
 from taskspec.spec.build import build
 from taskspec.spec.task import Parameter, Task
 
 RANGE_POINTS = 50_000
 MAX_CASES = 8
+FORBIDDEN = ("E703", "E704")
+"""What a build says of parameter values that the spec does not allow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +89,9 @@ def check_ranges(task: Task, limit: int = RANGE_POINTS) -> Ranges:
         try:
             other = build(task.document, task.variant, values, task.suite)
         except SpecError as error:
-            wrong: Iterable[Diagnostic] = [d for d in error.diagnostics if d.code not in ("E703", "E704")]
+            wrong: Iterable[Diagnostic] = [
+                replace(d, notes=(*d.notes, parameters(values))) for d in error.diagnostics if d.code not in FORBIDDEN
+            ]
         else:
             tried.append(values)
             wrong = examine(other, limit).diagnostics

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -106,11 +106,15 @@ def _limits(check: Check) -> str:
 def _notes(violation: Violation, task: Task) -> list[str]:
     notes = []
     if task.parameters:
-        values = ", ".join(f"{p.name} = {words(p.value)}" for p in task.parameters)
-        notes.append(f"parameters: {values}")
+        notes.append(parameters(task.values))
     if violation.acting is False:
         notes.append("no episode acts in this state, but it is a declared state all the same")
     return notes
+
+
+def parameters(values: Mapping[str, Any]) -> str:
+    """The note that says for which parameter values something was found."""
+    return "parameters: " + ", ".join(f"{name} = {words(value)}" for name, value in values.items())
 
 
 def _place(violation: Violation, task: Task) -> Placed | None:
