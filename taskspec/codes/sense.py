@@ -189,7 +189,8 @@ part of the state, but it is drawn for nothing. A distraction that is meant is b
         "equal-actions",
         "two actions that do the same",
         """
-Two labels of an action lead to the same next states, rewards and ends from every state. Often a value was copied and not changed.
+Two values of an action lead to the same next states, rewards and ends from every state. Often a label's value was copied and not
+changed, or a range goes one too far.
 """,
     ),
     Code(

@@ -98,12 +98,13 @@ def constant(case: Case, collector: Collector) -> None:
 
 def duplicate(case: Case, collector: Collector) -> None:
     """W517: two parts of the observation that show the same."""
-    known: dict[int, str] = {}
+    known: dict[object, str] = {}
     for c, node in _shown(case):
-        bare = _bare(node)
-        if isinstance(bare, Const):
+        values = _values(node, case.model)
+        if isinstance(_bare(node), Const) or (values is not None and _is_constant(values)):
             continue
-        first = known.setdefault(id(bare), c.name)
+        key = id(_bare(node)) if values is None else (values.shape, values.astype(np.float64).tobytes())
+        first = known.setdefault(key, c.name)
         if first != c.name:
             collector.add("W517", _place(case, c.name), f"'{c.name}' shows the same as '{first}'")
 
@@ -128,15 +129,23 @@ def _shown(case: Case) -> list[tuple[Component, Node]]:
 
 def _only_value(node: Node, model: Model | None) -> Array | None:
     """The value of a node that has no other, in states that episodes enter."""
-    if draws([node]) or (Role.TIME, "t") in reads([node]):
-        return None
     if isinstance(node, Const):
         return np.asarray(evaluate([node], {})[0][..., 0])
-    if model is None:
+    values = _values(node, model)
+    return values[..., 0] if values is not None and _is_constant(values) else None
+
+
+def _values(node: Node, model: Model | None) -> Array | None:
+    """The values of a node in all states that episodes enter, (..., N); None where these are not known, or not all."""
+    if model is None or draws([node]) or (Role.TIME, "t") in reads([node]):
         return None
     entered = {k: v[..., model.entered] if v.shape[-1] > 1 else v for k, v in model.reads(0).items()}
     (values,) = evaluate([node], entered)
-    return values[..., 0] if (values == values[..., :1]).all() else None
+    return values
+
+
+def _is_constant(values: Array) -> bool:
+    return bool((values == values[..., :1]).all())
 
 
 def _place(case: Case, name: str) -> Span:

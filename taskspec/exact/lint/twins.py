@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -12,30 +11,44 @@ from taskspec.diagnostics import Collector
 from taskspec.exact.inert import groups
 from taskspec.exact.lint.case import Case
 from taskspec.exact.model import Model
+from taskspec.exact.space import shown
 from taskspec.lang.ir import Node, Read, Role, rewrite, walk
 from taskspec.spec.task import Component, Task
 
 FEW = 32
-"""Labels of an action up to which all pairs are compared."""
+"""Values of an action up to which all pairs are compared."""
 MOST = 200_000
-"""Operations that are worked out, once for each label."""
+"""Operations that are worked out, once for each value."""
 ROUNDING = 1e-12
 
 
 def twins(case: Case, collector: Collector) -> None:
-    """W520: two labels of an action that do the same in every state."""
+    """W520: two values of an action that do the same in every state."""
     for c in case.task.action:
-        if c.domain is None or not c.type.is_scalar or not 2 < len(c.domain.labels) <= FEW:
-            continue  # of two labels that are the same, W505 speaks
-        if case.model is None and len(list(walk(_step(case.task)))) * len(c.domain.labels) > MOST:
+        count = c.counts[0] if c.is_finite and c.type.is_scalar else 0
+        if not 2 < count <= FEW:
+            continue  # of two values that are the same, W505 speaks
+        if case.model is None and len(list(walk(_step(case.task)))) * count > MOST:
             continue
         same = _by_model(case.model, c) if case.model is not None else _by_form(case.task, c)
-        alike = [pair for pair in combinations(range(len(c.domain.labels)), 2) if same(*pair)]
-        if len(alike) == len(c.domain.labels) * (len(c.domain.labels) - 1) // 2:
-            continue  # so it does of all of them
-        for one, other in alike:
-            labels = f"'{c.domain.labels[one]}' and '{c.domain.labels[other]}'"
-            collector.add("W520", case.key("action", c.name), f"{labels} do the same in every state")
+        found = _classes(count, same)
+        for alike in found if len(found) > 1 else ():  # if all do the same, so W505 says
+            names = [shown(c, np.asarray(int(c.low[0]) + number)) for number in alike]
+            if len(names) > 1:
+                message = f"{c.name} = {', '.join(names[:-1])} and {names[-1]} do the same in every state"
+                collector.add("W520", case.key("action", c.name), message)
+
+
+def _classes(count: int, same: Callable[[int, int], bool]) -> list[list[int]]:
+    """The numbers below `count`, those that are the same together."""
+    found: list[list[int]] = []
+    for number in range(count):
+        known = next((alike for alike in found if same(alike[0], number)), None)
+        if known is None:
+            found.append([number])
+        else:
+            known.append(number)
+    return found
 
 
 def _step(task: Task) -> tuple[Node, ...]:
@@ -43,27 +56,26 @@ def _step(task: Task) -> tuple[Node, ...]:
 
 
 def _by_form(task: Task, c: Component) -> Callable[[int, int], bool]:
-    """Compares what is left of a step once the label is known: equal forms are one node."""
+    """Compares what is left of a step once the value is known: equal forms are one node."""
     b, roots = task.builder, _step(task)
 
-    def chosen(label: int) -> tuple[Node, ...]:
+    def chosen(value: int) -> tuple[Node, ...]:
         def leaf(node: Node) -> Node | None:
             is_it = isinstance(node, Read) and (node.role, node.name) == (Role.ACTION, c.name)
-            return b.scalar(label) if is_it else None
+            return b.scalar(value) if is_it else None
 
         return rewrite(roots, leaf, b.remake)
 
-    assert c.domain is not None
-    forms = [chosen(label) for label in range(len(c.domain.labels))]
+    forms = [chosen(int(c.low[0]) + number) for number in range(c.counts[0])]
     return lambda one, other: all(a is b for a, b in zip(forms[one], forms[other], strict=True))
 
 
 def _by_model(model: Model, c: Component) -> Callable[[int, int], bool]:
-    """Compares all that the labels do in the states in which episodes act."""
+    """Compares all that the values do in the states in which episodes act."""
     table, acting = groups(model, c.name), np.flatnonzero(model.acting)
 
-    def rows(label: int) -> Any:
-        return (table[:, label][:, None] * model.n_states + acting[None, :]).reshape(-1)
+    def rows(number: int) -> Any:
+        return (table[:, number][:, None] * model.n_states + acting[None, :]).reshape(-1)
 
     def same(one: int, other: int) -> bool:
         a, b = rows(one), rows(other)
