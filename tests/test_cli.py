@@ -125,13 +125,12 @@ def test_check_passes_every_shipped_task() -> None:
     assert all(task_id in done.out for task_id in task_ids())
 
 
-NARROW = SHIFT.replace("high: 6", "high: 5").replace("6: 2, ", "")  # a state, and its row
 BROKEN = {
     "a misspelt key": (RISKY.replace("name: RiskyPath", "nmae: RiskyPath"), "2:1", "E202", "did you mean 'name'?"),
     "an unknown name": (BRANCHING.replace("s': s + (a", "s': ss + (a"), "38:7", "E302", "did you mean 's'?"),
     "a shape error": (RISKY.replace("reward:\n  by: [s']", "reward: [1, 2]\nx:\n  by: [s']"), "", "E", ""),
     "a row of 0.9": (RISKY.replace("trap: 1/2", "trap: 0.4"), "40:36", "E401", "sum to 0.9"),
-    "a state out of range": (NARROW, "29:7", "E403", "from s = 2 with a = right"),
+    "a state out of range": (SHIFT.replace("high: 6", "high: 5"), "29:7", "E403", "from s = 2 with a = right"),
     "a comma in a flow mapping": (RISKY.replace("  s: start", "  s: {x: clip(1, 0, 1)}"), "", "E106", "quotes"),
 }
 
@@ -161,7 +160,7 @@ def test_check_tells_what_variants_share_once(tmp_path: Path) -> None:
 
 
 def test_check_formats(tmp_path: Path) -> None:
-    path = spec(tmp_path, NARROW)
+    path = spec(tmp_path, SHIFT.replace("high: 6", "high: 5"))
     data = Done("check", path, "--json").data
     assert data == {**Done("check", path, "--format", "json").data, "seconds": data["seconds"], "tasks": data["tasks"]}
     assert data["errors"] == len([d for d in data["diagnostics"] if d["severity"] == "error"])

@@ -183,7 +183,8 @@ horizon: 2*L    # right when L is a parameter
         "unknown-label",
         "a label that the choice does not have",
         """
-A choice takes the labels in its `values` and no others. They are case-sensitive.
+A choice takes the labels in its `values` and no others. They are case-sensitive. In the same way, a table whose column is a
+component has rows only for values within the bounds that are written as numbers.
 
 ```yaml
 state: {s: {type: choice, values: [start, goal]}}

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from typing import NoReturn, TypeVar, assert_never
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError, nearest, suggest
-from taskspec.lang import calls, comparisons, sets, subscripts, tables
+from taskspec.lang import alternatives, calls, comparisons, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
@@ -87,9 +87,9 @@ class Checker:
             case s.Compare():
                 return Value(comparisons.compare(self, expr, scope))
             case s.IfElse(condition=condition, then=then, otherwise=otherwise):
-                return self.select([(condition, then)], otherwise, expr, scope, want)
+                return alternatives.select(self, [(condition, then)], otherwise, scope, want)
             case s.Piecewise(branches=branches, otherwise=otherwise):
-                return self.select(branches, otherwise, expr, scope, want)
+                return alternatives.select(self, branches, otherwise, scope, want)
             case s.Call():
                 return calls.call(self, expr, scope, want)
             case s.Subscript():
@@ -291,43 +291,6 @@ class Checker:
                 return result
             case _:
                 assert_never(expr)
-
-    def select(
-        self,
-        branches: Iterable[tuple[s.Expr, s.Expr]],
-        otherwise: s.Expr,
-        expr: s.Expr,
-        scope: Scope,
-        want: Domain | None,
-    ) -> Value:
-        """The first branch whose condition holds."""
-        branches = tuple(branches)
-        conditions = self.each([(lambda c=c: self.condition(c, scope)) for c, _ in branches])  # type: ignore[misc]
-        exprs = [*(e for _, e in branches), otherwise]
-        values = self.each([(lambda e=e: self.value(e, scope, want)) for e in exprs])  # type: ignore[misc]
-        nodes, domain = self.unify(values, exprs, want)
-        result = nodes[-1]
-        for condition, node in zip(reversed(conditions), reversed(nodes[:-1]), strict=True):
-            result = self.builder.apply("where", condition, node, result)
-        return Value(result, domain)
-
-    def unify(
-        self, values: Sequence[Value], exprs: Sequence[s.Expr], want: Domain | None = None
-    ) -> tuple[list[Node], Domain | None]:
-        """Nodes of alternatives that may stand for each other: all of one choice, or all numbers."""
-        domains = {v.domain for v in values}
-        if len(domains) == 1:
-            return [v.node for v in values], values[0].domain
-        if want is not None and want.values is None and want in domains:
-            self._need_labels([e for v, e in zip(values, exprs, strict=True) if v.domain != want], want)
-        return [self.number_of(v, e) for v, e in zip(values, exprs, strict=True)], None
-
-    def _need_labels(self, odd: Sequence[s.Expr], want: Domain) -> NoReturn:
-        """Report the alternatives that are no labels, where the others are."""
-        for expr in odd:
-            labels = ", ".join(want.labels[:6]) + ", ..." * (len(want.labels) > 6)
-            self.collector.add("E306", expr.place, f"one of the labels {labels} is needed here")
-        raise Poisoned
 
     def _vector(self, items: tuple[s.Expr, ...], expr: s.Expr, scope: Scope) -> Node:
         return self._stack(self.numerics(items, scope), expr)

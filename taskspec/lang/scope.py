@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -14,19 +15,25 @@ from taskspec.lang.types import Domain
 class Value:
     """A checked expression: its core node, and its domain when it is a choice (the node is then the label's index).
 
-    `late` is set for a name of what is known only when the task runs, even if it comes to a constant.
+    `late` is set for a name of what is known only when the task runs, even if it comes to a constant. `ends` are the bounds of
+    a component as far as they are written as numbers, so that they are the same for all parameters.
     """
 
     node: Node
     domain: Domain | None = None
     late: bool = False
+    ends: tuple[float, float] = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
 class Lazy:
-    """A name whose value is worked out on first use (definitions, next values, noise)."""
+    """A name whose value is worked out on first use (definitions, next values, noise).
+
+    `domain` is that of a component's next value, which is known before.
+    """
 
     resolve: Callable[[s.Name], Value]
+    domain: Domain | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taskspec.lang import batch
+from taskspec.lang import alternatives, batch
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node, Role, draws, reads
 from taskspec.lang.scope import Scope, Value
@@ -55,8 +55,8 @@ def _table(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) ->
         points = _enumerate(checker, expr, scope)
         return _constant(checker, points.rows), points.domain
     assert isinstance(expr, s.SetOf)
-    values = checker.each([(lambda e=e: checker.value(e, scope, want)) for e in expr.items])  # type: ignore[misc]
-    nodes, domain = checker.unify(values, expr.items, want)
+    values = alternatives.values(checker, expr.items, scope, want)
+    nodes, domain = alternatives.unify(checker, values, expr.items, want)
     if len({n.type.shape for n in nodes}) > 1:
         checker.fail("E307", expr, "the elements of this set have different shapes")
     kind = max(n.type.kind for n in nodes)

@@ -11,8 +11,10 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from taskspec.lang import alternatives
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Scope, Value
@@ -69,7 +71,7 @@ class _Outcomes:
 def weighted(checker: Checker, expr: s.Weights, scope: Scope, want: Domain | None) -> Value:
     """A value drawn with the probabilities written beside each."""
     outcomes = _outcomes(checker, expr, scope, want)
-    nodes, domain = checker.unify(outcomes.values, outcomes.exprs, want)
+    nodes, domain = alternatives.unify(checker, outcomes.values, outcomes.exprs, want)
     _same_shape(checker, nodes, expr)
     b = checker.builder
     index = b.draw("categorical", (b.structure("vector", outcomes.p),), Type(Kind.INT))
@@ -82,7 +84,7 @@ def _outcomes(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None)
     if scope.draws is not None:
         checker.fail("E311", expr, f"values with probabilities are a random draw; {scope.draws}")
     exprs = [value for value, _ in expr.pairs]
-    values = checker.each([(lambda e=e: checker.value(e, scope, want)) for e in exprs])  # type: ignore[misc]
+    values = alternatives.values(checker, exprs, scope, want)
     p = [checker.builder.cast(n, Kind.REAL) for n in checker.numerics([q for _, q in expr.pairs], scope)]
     for node, (_, q) in zip(p, expr.pairs, strict=True):
         if not node.type.is_scalar:
@@ -106,12 +108,17 @@ def _same_shape(checker: Checker, nodes: Sequence[Node], expr: s.Expr) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Column:
-    """A `by:` entry: its node, its domain if it is a choice, and the finite range of its values (None if endless)."""
+    """A `by:` entry: its node, its domain if it is a choice, and the finite range of its values (None if endless).
+
+    `ends` are its least and its greatest value by declaration. A row for a value beyond them is a mistake; one for a value
+    that merely does not come up is none, since that may depend on parameters.
+    """
 
     expr: s.Expr
     node: Node
     domain: Domain | None
     values: range | None
+    ends: tuple[float, float]
 
     def shown(self, value: int) -> str:
         if self.domain is not None:
@@ -127,10 +134,11 @@ def table(checker: Checker, expr: s.Table, scope: Scope, want: Domain | None) ->
     """The value of the first row that matches."""
     columns = checker.each([(lambda e=e: _column(checker, e, scope)) for e in expr.by])  # type: ignore[misc]
     leaves = _leaves(checker, expr.rows, columns, scope)
-    cells = checker.each([(lambda e=e: _outcomes(checker, e, scope, want)) for _, e in leaves])  # type: ignore[misc]
+    wants = alternatives.wanted([e for _, e in leaves], scope, want)
+    cells = checker.each([partial(_outcomes, checker, e, scope, w) for (_, e), w in zip(leaves, wants, strict=True)])
     values = [v for cell in cells for v in cell.values]
     exprs = [e for cell in cells for e in cell.exprs]
-    nodes, domain = checker.unify(values, exprs, want)
+    nodes, domain = alternatives.unify(checker, values, exprs, want)
     _same_shape(checker, nodes, expr)
     taken = iter(nodes)
     outcomes = [([next(taken) for _ in cell.values], cell.p) for cell in cells]
@@ -146,12 +154,15 @@ def _column(checker: Checker, expr: s.Expr, scope: Scope) -> _Column:
         checker.fail("E306", expr, f"a table can only be looked up by choices, ints and conditions, not by {node.type}",
                      "write cases: a list of `if:`/`then:`")  # fmt: skip
     low, high = checker.builder.bounds(node)
+    ends = value.ends
     if value.domain is not None:
-        low, high = 0, len(value.domain.labels) - 1
+        low, high = ends = 0, len(value.domain.labels) - 1
+    elif node.type.kind is Kind.BOOL:
+        ends = 0, 1
     if not high - low < limits().cells:
-        return _Column(expr, node, value.domain, None)
+        return _Column(expr, node, value.domain, None, ends)
     node = checker.builder.within(node, low, high)
-    return _Column(expr, node, value.domain, range(int(low), int(high) + 1))
+    return _Column(expr, node, value.domain, range(int(low), int(high) + 1), ends)
 
 
 def _leaves(checker: Checker, rows: Sequence[s.Row], columns: Sequence[_Column], scope: Scope) -> list[_Leaf]:
@@ -188,7 +199,7 @@ def _key(checker: Checker, expr: s.Expr, column: _Column, scope: Scope) -> int:
         checker.fail("E312", expr, "a row of a table must be a constant")
     if node.type.kind is Kind.REAL or (column.domain is not None and value.domain is None):
         checker.fail("E313", expr, f"'{node.value}' is not a value of this column", _known(column))
-    if column.values is not None and int(node.value) not in column.values:
+    if not column.ends[0] <= int(node.value) <= column.ends[1]:
         checker.fail("E313", expr, f"'{node.value}' is not a value of this column", _known(column))
     return int(node.value)
 
@@ -232,8 +243,9 @@ def _covers(keys: Sequence[tuple[_Key, ...]], columns: Sequence[_Column]) -> boo
     """Whether there is a cell for all values of the columns."""
     if not columns or not keys:
         return bool(keys)
-    named: set[_Key] = {k[0] for k in keys if k[0] is not None}
-    if columns[0].values is None or len(named) < len(columns[0].values):
+    values = columns[0].values
+    named: set[_Key] = {k[0] for k in keys if k[0] is not None and (values is None or k[0] in values)}
+    if values is None or len(named) < len(values):
         named.add(None)  # stands for the values without a row of their own
     return all(_covers([k[1:] for k in keys if k[0] is None or k[0] == v], columns[1:]) for v in named)
 

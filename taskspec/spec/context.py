@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -51,7 +52,11 @@ class Context:
 
     def read(self, c: Component, role: Role) -> Value:
         """The present value of a component."""
-        return Value(self.builder.read(role, c.name, c.type, min(c.low), max(c.high)), c.domain)
+        entry = self.data[role.value].get(c.name, {})  # an abstraction has components of its own
+        low, high = entry.get("low"), entry.get("high")
+        ends = (low if isinstance(low, int) else -math.inf, high if isinstance(high, int) else math.inf)
+        node = self.builder.read(role, c.name, c.type, min(c.low), max(c.high))
+        return Value(node, c.domain, ends=ends)
 
     # -- names worked out on first use ----------------------------------------------------------------------------
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from keyword import iskeyword
 from typing import Any
 
-from taskspec.diagnostics import Collector, Span
+from taskspec.diagnostics import Collector, Span, SpecError
 from taskspec.lang import syntax as s
-from taskspec.lang.parse import literal, parse_into
+from taskspec.lang.parse import literal, parse, parse_into
 from taskspec.source import Path
 from taskspec.spec.merge import Merged
 
@@ -125,9 +125,16 @@ class Forms:
         text = s.Text(str(key), lambda start, end: _part(self.merged.key_span(path), str(key), start, end))
         if key in ("true", "false"):
             return literal(key == "true", text)
-        if str(key) in self.labels or not _is_expression(str(key)):
-            return s.Quoted(str(key), s.Place(text, 0, len(str(key))))
-        return parse_into(text, self.collector)
+        label = s.Quoted(str(key), s.Place(text, 0, len(str(key))))
+        if str(key) in self.labels:
+            return label
+        try:
+            return parse(text)
+        except SpecError as error:
+            if _are_words(str(key)):
+                return label
+            self.collector.extend(error.diagnostics)
+            return None
 
     def _table(self, value: dict[str, Any], path: Path) -> s.Expr | None:
         odd = [key for key in value if key not in ("by", "rows")]
@@ -179,9 +186,9 @@ def is_word(label: str) -> bool:
     return label.isidentifier() and not iskeyword(label)
 
 
-def _is_expression(key: str) -> bool:
-    """Whether a key can be read as an expression; a label such as `top left` cannot."""
-    return not any(c.isspace() for c in key.strip()) or any(c in key for c in "()[]+*/<>=,")
+def _are_words(key: str) -> bool:
+    """Whether a key that is no expression is meant as a label, such as `top left`."""
+    return any(c.isspace() for c in key.strip()) and not any(c in key for c in "()[]+*/%<>=,")
 
 
 def _part(span: Span, key: str, start: int, end: int) -> Span:

@@ -87,7 +87,7 @@ class Names:
         for c in context.state:
             bindings[c.name] = context.read(c, Role.STATE)
             if section in PRIMED:
-                bindings[c.name + "'"] = Lazy(lambda at, n=c.name: self.next_value(n, at))  # type: ignore[misc]
+                bindings[c.name + "'"] = Lazy(lambda at, n=c.name: self.next_value(n, at), c.domain)  # type: ignore[misc]
         for c in context.action:
             bindings[c.name] = context.read(c, Role.ACTION)
             if section in _WITHOUT_ACTION:
@@ -179,7 +179,7 @@ class Names:
         if written not in context.exprs["dynamics"]:
             value = context.read(component, Role.STATE)
             self.raw_next[name] = value.node
-            return value
+            return Value(value.node, value.domain)
         expr = context.exprs["dynamics"][written]
         leave = context.guard(written, at)
         try:

@@ -35,12 +35,19 @@ class Component:
         """What reading the component under this name gives: its value, and its label."""
         found = []
         if self.kind != "choice":
-            found.append(Term(text, self.kind, self.shape, size=self.size, reads=reads))
+            found.append(Term(text, self.kind, self.shape, size=self.size, reads=reads, rows=self.rows(text)))
         elif self.numbers:
-            found.append(Term(text, "int", self.means, size=5, reads=reads))
+            found.append(Term(text, "int", self.means, size=5, reads=reads, rows=()))
         if self.labels:
             found.append(Term(text, "label", size=1 + self.numbers, reads=reads, labels=self.labels))
         return found
+
+    def rows(self, text: str) -> tuple[int, ...]:
+        """Values for rows of a table: of a present value within the bounds that are written as numbers, else any."""
+        if not self.low or text != self.name or self.shape or self.kind != "int":
+            return (0, 1, 7)
+        least = int(self.low)
+        return tuple(range(least, int(self.high) + 1)) if self.high.isdigit() else (least, least + 1, least + 6)
 
 
 @dataclass

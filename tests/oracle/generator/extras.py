@@ -83,7 +83,7 @@ def entry(d: Draft, c: Any) -> Any:
 
 def finite_entry(d: Draft) -> Any:
     """Something of finitely many values, with bounds that are declared."""
-    finite = [c.name for c in d.state if c.kind != "real"]
+    finite = [c.name for c in d.state if c.kind != "real" and (c.low or c.kind != "int")]
     if finite and d.chance(0.6):
         return d.rng.choice(finite)
     made = scalars.integer(d.context({"state", "t"}), 1)

@@ -24,7 +24,7 @@ def table(c: Context, cell: Cell) -> Any:
 
 def columns(c: Context) -> list[Term]:
     """What a table may ask about."""
-    kinds = [n for n in c.names if n.kind in ("label", "bool") or (n.kind == "int" and "state" in n.reads)]
+    kinds = [n for n in c.names if n.kind in ("label", "bool") or (n.kind == "int" and n.rows)]
     return [n for n in kinds if n.shape == () and len(n.text.rstrip("'")) == 1]
 
 
@@ -44,7 +44,7 @@ def rows(c: Context, by: list[Term], cell: Cell, *, top: bool = False) -> Any:
 def values_of(column: Term) -> list[Any]:
     if column.kind == "label":
         return list(column.labels)
-    return [True, False] if column.kind == "bool" else [0, 1]
+    return [True, False] if column.kind == "bool" else list(column.rows)
 
 
 def drawn_cell(c: Context, cell: Cell) -> Any:

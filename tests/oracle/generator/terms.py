@@ -32,6 +32,8 @@ class Term:
     fan: int = 1
     labels: tuple[str, ...] = ()
     """Of a label: those of its choice. Then `size` says whether they stand for numbers: 2, or not: 1."""
+    rows: tuple[int, ...] = (0, 1, 7)
+    """Of an int: values for which a table may have rows."""
 
     def at(self, level: int) -> str:
         """The text where only what binds at least as tightly as `level` can stand bare."""

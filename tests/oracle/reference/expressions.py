@@ -261,10 +261,12 @@ def draw(name: str, node: ast.Call, scope: Scope, expected: Choice | None) -> Va
     shape = next((visit(k.value, scope) for k in node.keywords if k.arg == "shape"), None)
     match node.args:
         case [ast.Dict(keys=keys, values=shares)]:
-            outcomes = [visit(k, scope, expected) for k in keys if k is not None]
+            values = [k for k in keys if k is not None]
+            expected = expected or first_choice(values, scope)
+            outcomes = [visit(k, scope, expected) for k in values]
             made = Call([], {}, outcomes=outcomes, shares=[visit(p, scope) for p in shares])
         case [ast.Set() | ast.SetComp() as elements] | [ast.Call(func=ast.Name(id="range" | "box")) as elements]:
-            made = Call([], {}, outcomes=members(elements, scope, expected))
+            made = Call([], {}, outcomes=members(elements, scope, expected or first_choice([elements], scope)))
         case args:
             made = Call([visit(a, scope) for a in args], keywords)
     made.shape = None if shape is None else tuple(shape.data)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tests.oracle.reference.distributions import DISTRIBUTIONS, Call
-from tests.oracle.reference.expressions import Scope, choose, evaluate, of_label
+from tests.oracle.reference.expressions import Scope, choice_of, choose, evaluate, of_label
+from tests.oracle.reference.syntax import parse
 from tests.oracle.reference.values import (
     Choice,
     Value,
@@ -47,11 +48,18 @@ def form(data: Any, scope: Scope, expected: Choice | None = None) -> Value:
 
 def cases(entries: Sequence[dict[str, Any]], scope: Scope, expected: Choice | None) -> Value:
     """The first case whose condition holds."""
+    expected = beside([e.get("then", e.get(ELSE)) for e in entries], scope, expected)
     conditions = [form(e["if"], scope) for e in entries if "if" in e]
     *values, result = [form(e.get("then", e.get(ELSE)), scope, expected) for e in entries]
     for condition, value in reversed(list(zip(conditions, values, strict=True))):
         result = choose(condition, value, result)
     return result
+
+
+def beside(parts: Sequence[Any], scope: Scope, expected: Choice | None) -> Choice | None:
+    """The choice that labels among alternatives are of: that of the first that is named, if none is expected."""
+    named = (parse(p) for p in parts if isinstance(p, str) and p.removesuffix("'").isidentifier())
+    return expected or next((c for c in (choice_of(n, scope) for n in named) if c is not None), None)
 
 
 def listed_draw(data: dict[Any, Any], scope: Scope, expected: Choice | None) -> Value:
@@ -70,6 +78,7 @@ class Cell:
 def cell(data: Any, scope: Scope, expected: Choice | None) -> Cell:
     """All values of a cell, then all their probabilities; a draw that is written as a call is a value."""
     if isinstance(data, dict) and not set(data) & {"by", "rows"}:
+        expected = beside(list(data), scope, expected)
         return Cell([key(k, scope, expected) for k in data], [form(p, scope) for p in data.values()])
     return Cell([form(data, scope, expected)], [scalar(1)])
 
@@ -97,6 +106,7 @@ Row = tuple[list[Value | None], Cell]
 def table(by: Sequence[Any], rows: Any, scope: Scope, expected: Choice | None) -> Value:
     """A decision table: the row that holds is found, and one draw made for all rows if some of them draws."""
     asked = [form(b, scope) for b in by]
+    expected = beside(list(values_in(rows, len(by))), scope, expected)
     written = list(listed(asked, rows, scope, expected))
     matches = [(holds(asked, keys), c) for keys, c in written]
     fixed = all(v.fixed for v in asked)
@@ -114,6 +124,15 @@ def listed(asked: Sequence[Value], rows: Any, scope: Scope, expected: Choice | N
         first = None if k == ELSE else row_key(k, asked[0], scope)
         for rest, c in listed(asked[1:], deeper, scope, expected):
             yield [first, *rest], c
+
+
+def values_in(rows: Any, depth: int) -> Iterator[Any]:
+    """The values in the cells of a table."""
+    if isinstance(rows, dict) and not set(rows) & {"by", "rows"}:
+        for k, deeper in rows.items():
+            yield from values_in(deeper, depth - 1) if depth > 0 else [k]
+    else:
+        yield rows
 
 
 def row_key(k: Any, asked: Value, scope: Scope) -> Value:

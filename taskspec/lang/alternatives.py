@@ -1,0 +1,77 @@
+"""Values of which one is taken: branches, cells of a table, outcomes of a draw. All are of one choice, or all numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NoReturn
+
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Node
+from taskspec.lang.scope import Lazy, Scope, Value
+from taskspec.lang.types import Domain
+
+if TYPE_CHECKING:
+    from taskspec.lang.check import Checker
+
+
+def select(
+    checker: Checker, branches: Iterable[tuple[s.Expr, s.Expr]], otherwise: s.Expr, scope: Scope, want: Domain | None
+) -> Value:
+    """The first branch whose condition holds."""
+    branches = tuple(branches)
+    conditions = checker.each([(lambda c=c: checker.condition(c, scope)) for c, _ in branches])  # type: ignore[misc]
+    exprs = [*(e for _, e in branches), otherwise]
+    nodes, domain = unify(checker, values(checker, exprs, scope, want), exprs, want)
+    result = nodes[-1]
+    for condition, node in zip(reversed(conditions), reversed(nodes[:-1]), strict=True):
+        result = checker.builder.apply("where", condition, node, result)
+    return Value(result, domain)
+
+
+def values(checker: Checker, exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Value]:
+    """The values of alternatives."""
+    wants = wanted(exprs, scope, want)
+    return checker.each([partial(checker.value, e, scope, w) for e, w in zip(exprs, wants, strict=True)])
+
+
+def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Domain | None]:
+    """The domain in which each of several alternatives finds its labels.
+
+    That is `want`, if something is wanted; else bare labels mean what the first component among the others makes of them.
+    """
+    if want is not None or len(exprs) < 2:
+        return [want] * len(exprs)
+    parts = [tuple(s.alternatives(e)) for e in exprs]
+    beside = next((d for group in parts for part in group if (d := _domain_of(part, scope)) is not None), None)
+    return [beside if all(_is_label(part, scope) for part in group) else None for group in parts]
+
+
+def _domain_of(expr: s.Expr, scope: Scope) -> Domain | None:
+    """The domain of a choice that is named."""
+    binding = scope.lookup(expr.written) if isinstance(expr, s.Name) else None
+    return binding.domain if isinstance(binding, Value | Lazy) else None
+
+
+def _is_label(expr: s.Expr, scope: Scope) -> bool:
+    return isinstance(expr, s.Quoted) or (isinstance(expr, s.Name) and scope.lookup(expr.written) is None)
+
+
+def unify(
+    checker: Checker, values: Sequence[Value], exprs: Sequence[s.Expr], want: Domain | None = None
+) -> tuple[list[Node], Domain | None]:
+    """Nodes of alternatives that may stand for each other: all of one choice, or all numbers."""
+    domains = {v.domain for v in values}
+    if len(domains) == 1:
+        return [v.node for v in values], values[0].domain
+    if want is not None and want.values is None and want in domains:
+        _need_labels(checker, [e for v, e in zip(values, exprs, strict=True) if v.domain != want], want)
+    return [checker.number_of(v, e) for v, e in zip(values, exprs, strict=True)], None
+
+
+def _need_labels(checker: Checker, odd: Sequence[s.Expr], want: Domain) -> NoReturn:
+    """Report the alternatives that are no labels, where the others are."""
+    for expr in odd:
+        labels = ", ".join(want.labels[:6]) + ", ..." * (len(want.labels) > 6)
+        checker.collector.add("E306", expr.place, f"one of the labels {labels} is needed here")
+    checker.poison()
