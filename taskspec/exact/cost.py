@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from taskspec.draws.layout import words_of
 from taskspec.exact.failure import refuse
-from taskspec.lang.ir import Const, Node, walk
+from taskspec.lang.ir import Const, Draw, Node, walk
 from taskspec.limits import how_to_raise, limits
 
 RATE = 3e8
@@ -14,14 +15,22 @@ RATE = 3e8
 CALL = 1e-5
 """Seconds that an operation of NumPy takes, however few numbers there are."""
 BYTES = 8
+WORD, SORTED = 5, 60
+"""How many operations a random word is worth, and one of a permutation, which is sorted."""
 
 
 class Cost:
-    """The cost of evaluating nodes at many points at once: their operations, and the numbers in one point's results."""
+    """The cost of evaluating nodes at many points at once: their operations, and the numbers in one point's results.
 
-    def __init__(self, roots: Iterable[Node]) -> None:
-        sizes = [node.type.size for node in walk(roots) if not isinstance(node, Const)]
+    `simulated`: draws are sampled, instead of being gone through.
+    """
+
+    def __init__(self, roots: Iterable[Node], simulated: bool = False) -> None:
+        nodes = [node for node in walk(roots) if not isinstance(node, Const)]
+        sizes = [node.type.size for node in nodes]
         self.calls, self.numbers = max(1, len(sizes)), max(1, sum(sizes))
+        if simulated:
+            self.numbers += sum(_sampling(node) for node in nodes if isinstance(node, Draw))
 
     def seconds(self, points: float, batches: float = 1) -> float:
         """How long so many points take, in so many batches."""
@@ -36,22 +45,26 @@ class Cost:
         return max(1, int(min(most, limits().megabytes * 1e6 / (BYTES * self.numbers))))
 
 
+def _sampling(draw: Draw) -> int:
+    return words_of(draw) * (SORTED if draw.base == "permutation" else WORD)
+
+
 class Budget:
     """The time of an analysis whose length only shows as it goes on.
 
     `what` takes more than that time, says the message.
     """
 
-    def __init__(self, cost: Cost, what: str) -> None:
-        self.cost, self.what, self.spent, self.most = cost, what, 0.0, limits().seconds
+    def __init__(self, what: str) -> None:
+        self.what, self.spent, self.most = what, 0.0, limits().seconds
 
-    def spend(self, points: float) -> None:
+    def spend(self, cost: Cost, points: float) -> None:
         """Begin a batch of so many points.
 
         Raises:
             SpecError: (E712) when the time is over.
         """
-        self.spent += self.cost.seconds(points)
+        self.spent += cost.seconds(points)
         if self.spent > self.most:
             message = f"{self.what} take more than {self.most} seconds, the limit"
             refuse(message, how_to_raise("seconds", 10 * self.most))

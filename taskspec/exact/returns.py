@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from statistics import NormalDist
 from typing import Any, NoReturn
 
@@ -242,20 +242,24 @@ def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0
     if endless and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
         _refuse_endless(task, LONGEST)
     parts = []
-    cost = Cost((*task.next, task.reward, task.terminal))
-    lanes = cost.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))
-    budget = Budget(cost, f"{episodes:,} episodes")
+    expert = task.expert if isinstance(task.expert, tuple) else ()
+    start = Cost(task.initial, simulated=True)
+    step = Cost((*task.next, task.reward, task.terminal, *expert), simulated=True)
+    lanes = step.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))
+    budget = Budget(f"{episodes:,} episodes")
     for first in range(0, episodes, lanes):
-        parts.append(_simulate(task, choose, min(lanes, episodes - first), seed + first, budget))
+        some = min(lanes, episodes - first)
+        budget.spend(start, some)
+        parts.append(_simulate(task, choose, some, seed + first, partial(budget.spend, step, some)))
     return np.concatenate(parts)
 
 
-def _simulate(task: Task, choose: Choose, lanes: int, seed: int, budget: Budget) -> Array:
+def _simulate(task: Task, choose: Choose, lanes: int, seed: int, spend: Callable[[], None]) -> Array:
     rollout, rng = Rollout(task, lanes, seed), np.random.default_rng(seed)
     state, total, running = rollout.start(), np.zeros(lanes), np.ones(lanes, np.bool_)
     factor, t, unending = 1.0, 0, task.horizon is None and task.discount == 1
     while running.any() and (task.horizon is None or t < task.horizon):
-        budget.spend(lanes)
+        spend()
         moved = rollout.step(state, choose(state, t, rng), t)
         total += np.where(running, factor * moved.reward, 0.0)
         running = running & ~moved.terminal

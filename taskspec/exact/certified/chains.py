@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -37,14 +37,16 @@ class Chain:
     inside: Array
 
     def solved(self, gain: Array) -> Array:
-        """A candidate solution (S,)."""
+        """A candidate solution (S,).
+
+        Raises:
+            SpecError: (E712) where equations that are solved directly have no solution, since the chain is never left.
+        """
         inside = np.flatnonzero(self.inside)
         found = np.zeros(len(self.inside))
-        if not len(inside):
-            return found
-        matrix, gain = self.matrix[inside][:, inside], gain[inside]
-        direct = _direct(matrix, gain) if len(inside) <= DIRECT else None
-        found[inside] = _substituted(matrix, gain) if direct is None else direct
+        if len(inside):
+            solve = _direct if len(inside) <= DIRECT else _substituted
+            found[inside] = solve(self.matrix[inside][:, inside], gain[inside])
         return found
 
     def enclosed(self, gain: Bound) -> Bound:
@@ -69,20 +71,26 @@ class Chain:
         image = self.image(Bound(w, np.zeros_like(w)))
         c = float(np.min((w - image.value - image.error - 4e-16 * (w + image.value))[inside], initial=np.inf))
         if not c > 0:
-            refuse("it cannot be shown that episodes end", "give the task a horizon, or a discount below 1")
+            _refuse_unending()
         return 1 / c * (1 + 1e-12), w
 
 
-def _direct(matrix: Any, gain: Array) -> Array | None:
-    """The solution by sparse LU, refined once; None where the equations are singular."""
+def _refuse_unending() -> NoReturn:
+    refuse("it cannot be shown that episodes end", "give the task a horizon, or a discount below 1")
+
+
+def _direct(matrix: Any, gain: Array) -> Array:
+    """The solution by sparse LU, refined once."""
     left = scipy_sparse().identity(len(gain), format="csc") - matrix.tocsc()
     try:
         factors = scipy_module("linalg").splu(left)
-    except RuntimeError:
-        return None
+    except RuntimeError:  # singular
+        _refuse_unending()
     found = factors.solve(gain)
     found = found + factors.solve(gain - left @ found)
-    return np.asarray(found) if np.isfinite(found).all() else None
+    if not np.isfinite(found).all():
+        _refuse_unending()
+    return np.asarray(found)
 
 
 def _substituted(matrix: Any, gain: Array) -> Array:
