@@ -201,4 +201,13 @@ changed, or a range goes one too far.
 An erratum of a variant says in `about` which sections it is about, and the variant does not change one of them.
 """,
     ),
+    Code(
+        "W522",
+        "endless-abstraction",
+        "an abstraction that is not finite",
+        """
+An abstraction is there to solve a task exactly, which takes a finite one: every component of its state is a bool, a choice, or an
+int with a lowest and a highest value.
+""",
+    ),
 )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 from taskspec.diagnostics import Collector, suggest
 from taskspec.lang import dists, sets, subscripts, tables
 from taskspec.lang import syntax as s
+from taskspec.lang.foreign import advice
 from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
@@ -51,7 +52,7 @@ def call(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> V
 def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
     """Report a function that does not exist."""
     own = (n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef))
-    hint = suggest(expr.function, (*FUNCTIONS, *dists.DIST_NAMES, *own))
+    hint = advice(expr.function) or suggest(expr.function, (*FUNCTIONS, *dists.DIST_NAMES, *own))
     collector.add("E303", expr.name_place, f"there is no function '{expr.function}'", hint)
 
 

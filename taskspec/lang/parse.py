@@ -14,6 +14,7 @@ from typing import NoReturn
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
+from taskspec.lang.foreign import MODULES, advice
 from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.mistakes import SyntaxFailure, explain
 from taskspec.limits import Limits, how_to_raise, limits
@@ -232,12 +233,14 @@ class _Reader:
 
     def not_callable(self, node: ast.Call) -> NoReturn:
         """Something other than a name before a bracket: a method, or a forgotten `*`."""
-        if isinstance(node.func, ast.Attribute):
-            method = node.func.attr
-            self.fail(node.func, f"methods (`x.{method}()`) are not part of the language", f"write `{method}(x)`"
-                      if method in FUNCTIONS else "functions are written `f(x)`")  # fmt: skip
         place = self.place(node.func)
         shown = self.text.value[place.start : place.end]
+        if isinstance(node.func, ast.Attribute):
+            what, name = "methods (`x.f()`)", node.func.attr
+            if shown.partition(".")[0] in MODULES:
+                what = "modules of Python (`np.f()`)"
+            hint = f"write `{name}(x)`" if name in FUNCTIONS else advice(name) or "functions are written `f(x)`"
+            self.fail(node.func, f"{what} are not part of the language", hint)
         shown = f"`{shown}`" if len(shown) < 20 else "this"
         raise SyntaxFailure(
             place.start, place.end, f"{shown} is not a function, but a bracket follows it", "`*` multiplies"

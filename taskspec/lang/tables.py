@@ -143,7 +143,7 @@ def table(checker: Checker, expr: s.Table, scope: Scope, want: Domain | None) ->
     taken = iter(nodes)
     outcomes = [([next(taken) for _ in cell.values], cell.p) for cell in cells]
     keys = [key for key, _ in leaves]
-    grid = _grid(checker, expr, columns, keys)
+    grid = _grid(checker, expr, columns, keys, scope)
     return Value(_node(checker, columns, keys, outcomes, grid), domain)
 
 
@@ -212,11 +212,11 @@ def _known(column: _Column) -> str | None:
 
 
 def _grid(
-    checker: Checker, expr: s.Table, columns: Sequence[_Column], keys: Sequence[tuple[_Key, ...]]
+    checker: Checker, expr: s.Table, columns: Sequence[_Column], keys: Sequence[tuple[_Key, ...]], scope: Scope
 ) -> list[int] | None:
     """For every combination of column values the number of its cell; None where the combinations are endless or many.
 
-    A combination without a cell is reported.
+    A combination without a cell is reported, at the row that lacks it.
     """
     size, most = 1, limits().cells
     for column in columns:
@@ -234,9 +234,24 @@ def _grid(
         cell = next((rows[key] for key in asked if key in rows), None)
         if cell is None:
             missing = ", ".join(f"{_name(c)} = {c.shown(v)}" for c, v in zip(columns, values, strict=True))
-            checker.fail("E410", expr, f"this table has no row for {missing}", "add the row, or `else:`")
+            place = _lacking(checker, expr, columns, values, scope)
+            checker.fail("E410", place, f"this table has no row for {missing}", "add the row, or `else:`")
         grid.append(cell)
     return grid
+
+
+def _lacking(
+    checker: Checker, expr: s.Table, columns: Sequence[_Column], values: Sequence[int], scope: Scope
+) -> s.Expr:
+    """The key of the innermost row for some column values in which no row follows for the next of them, or the table."""
+    place: s.Expr = expr
+    rows = expr.rows
+    for column, value in zip(columns, values, strict=True):
+        row = next((r for r in rows if r.key is not None and _key(checker, r.key, column, scope) == value), None)
+        if row is None or row.key is None or not isinstance(row.body, tuple):
+            return place
+        place, rows = row.key, row.body
+    return place
 
 
 def _covers(keys: Sequence[tuple[_Key, ...]], columns: Sequence[_Column]) -> bool:

@@ -6,7 +6,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.check import Checker, Poisoned
 from taskspec.lang.ir import Node
 from taskspec.lang.scope import Scope, Value
-from taskspec.lang.types import Kind, Refused
+from taskspec.lang.types import Domain, Kind, Refused
 from taskspec.spec.task import Component
 
 
@@ -43,11 +43,13 @@ def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
     """The value as one of a component; Refused when it cannot be."""
     if c.domain is not None and value.domain != c.domain:
         labels = ", ".join(c.domain.labels[:6]) + ", ..." * (len(c.domain.labels) > 6)
-        raise Refused(f"'{c.name}' is a choice between {labels}; this is {_what(value)}")
+        raise Refused(
+            f"'{c.name}' is a choice between {labels}; this is {_what(value)}", hint=_labelled(value, c.domain)
+        )
     node = value.node if c.domain is not None else checker.number_of(value, expr)
     if node.type.kind > c.type.kind:
         message = f"'{c.name}' is {_NAMED[c.type.kind]}, but this is {_NAMED[node.type.kind]}"
-        raise Refused(message, "E306", _TO_KIND[c.type.kind])
+        raise Refused(message, "E306", "compare it, e.g. `x > 0`" if c.type.kind is Kind.BOOL else _whole(expr, c))
     node = checker.builder.stretch(checker.builder.cast(node, c.type.kind), c.type.shape)
     if node.type.shape != c.type.shape:
         message = f"'{c.name}' has shape {list(c.type.shape)}, but this has {list(node.type.shape)}"
@@ -56,7 +58,24 @@ def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
 
 
 _NAMED = {Kind.BOOL: "a bool", Kind.INT: "an int", Kind.REAL: "a real"}
-_TO_KIND = {Kind.INT: "`floor(x)` and `round(x)` give ints", Kind.BOOL: "compare it, e.g. `x > 0`"}
+
+
+def _whole(expr: s.Expr, c: Component) -> str:
+    """What to do about a real that is to be an int."""
+    if isinstance(expr, s.Call) and expr.function in ("put", "concat"):
+        return f"declare '{c.name}' `type: real` if it is to hold reals"
+    if isinstance(expr, s.Binary) and expr.op == "/":
+        return "`x // y` divides ints, rounded down"
+    return "`floor(x)` and `round(x)` give ints"
+
+
+def _labelled(value: Value, domain: Domain) -> str | None:
+    """What to do about a number that is to be a label."""
+    if value.domain is not None or value.node.type.shape or value.node.type.kind is Kind.REAL:
+        return None
+    rows = ", ".join(f"{i}: {label}" for i, label in enumerate(domain.labels[:3]))
+    more = ", ..." * (len(domain.labels) > 3)
+    return f"a table gives each number its label: `{{by: i, rows: {{{rows}{more}}}}}`"
 
 
 def _what(value: Value) -> str:

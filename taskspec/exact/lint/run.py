@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.exact.lint.abstractions import endless
 from taskspec.exact.lint.actions import expert, inert
 from taskspec.exact.lint.case import Case
 from taskspec.exact.lint.draws import certain
@@ -28,7 +29,7 @@ Lint = Callable[[Case, Collector], None]
 
 LINTS: tuple[Lint, ...] = (
     unreachable, rewards, indifferent, inert, unused_names, expert, leak, hidden_goal, moved, constant, duplicate, hidden, unread,
-    twins, idle_errata,
+    twins, idle_errata, endless,
 )  # fmt: skip
 """What is looked at for the parameters at hand."""
 

@@ -1,0 +1,85 @@
+"""Functions of other languages and libraries, and how the same is written here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+MODULES = frozenset(
+    {"np", "numpy", "random", "math", "rng", "scipy", "stats", "jnp", "jax", "torch", "tf", "itertools"}
+)
+"""What others write before the dot of a function."""
+
+_DRAWN: Mapping[str, str] = {
+    "beta": "Dirichlet((a, b))[0]",
+    "binomial": "sum(Bernoulli(p, shape=n))",
+    "gamma": "sum(Exponential(rate, shape=k))",
+    "erlang": "sum(Exponential(rate, shape=k))",
+    "geometric": "ceil(Exponential(-log(1 - p)))",
+    "lognormal": "exp(Normal(mean, std))",
+    "laplace": "mean + Exponential(1 / scale) - Exponential(1 / scale)",
+    "choice": "Uniform({a, b})",
+    "choose": "Uniform({a, b})",
+    "choices": "Categorical({a: p, b: 1 - p})",
+    "sample": "Uniform({a, b})",
+    "discrete": "Categorical({a: p, b: 1 - p})",
+    "randint": "UniformInt(low, high)",
+    "randrange": "UniformInt(low, high)",
+    "integers": "UniformInt(low, high)",
+    "discreteuniform": "UniformInt(low, high)",
+    "rand": "Uniform(0, 1)",
+    "random": "Uniform(0, 1)",
+    "randn": "Normal(0, 1)",
+    "standard_normal": "Normal(0, 1)",
+    "gauss": "Normal(mean, std)",
+    "gaussian": "Normal(mean, std)",
+    "expovariate": "Exponential(rate)",
+    "shuffle": "x[Permutation(len(x))]",
+}
+_WORKED_OUT: Mapping[str, str] = {
+    "int": "floor(x)",
+    "float": "1.0 * x",
+    "bool": "x != 0",
+    "ceiling": "ceil(x)",
+    "mod": "x % y",
+    "remainder": "x % y",
+    "floor_divide": "x // y",
+    "pow": "x**y",
+    "power": "x**y",
+    "square": "x**2",
+    "log2": "log(x) / log(2)",
+    "log10": "log(x) / log(10)",
+    "sigmoid": "1 / (1 + exp(-x))",
+    "arctan2": "atan2(y, x)",
+    "hypot": "sqrt(x**2 + y**2)",
+    "mean": "sum(x) / len(x)",
+    "average": "sum(x) / len(x)",
+    "norm": "norm2(x)",
+    "length": "len(x)",
+    "size": "len(x)",
+    "maximum": "max(x, y)",
+    "minimum": "min(x, y)",
+    "concatenate": "concat(x, y)",
+    "append": "concat(x, y)",
+    "array": "[a, b]",
+    "zeros": "[0 for i in range(n)]",
+    "ones": "[1 for i in range(n)]",
+    "arange": "[i for i in range(n)]",
+    "linspace": "[low + (high - low) * i / (n - 1) for i in range(n)]",
+    "logical_and": "c and d",
+    "logical_or": "c or d",
+    "logical_not": "not c",
+    "logical_xor": "c != d",
+    "xor": "c != d",
+    "ite": "x if c else y",
+    "ifelse": "x if c else y",
+}
+FOREIGN: Mapping[str, str] = {**_DRAWN, **_WORKED_OUT}
+"""How a function is written here, by its name elsewhere in small letters."""
+
+
+def advice(name: str) -> str | None:
+    """What to write for a function of another language; None where it is not known, or there is nothing."""
+    found = FOREIGN.get(name.lower())
+    if found is None:
+        return None
+    return f"write `{found}`" + (", which includes both ends" if found.startswith("UniformInt") else "")

@@ -1,0 +1,111 @@
+"""Functions of other libraries: the message says how the same is written here, and what it says is the same."""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from taskspec import source
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.envs.vector import VectorEnvironment
+from taskspec.lang.foreign import FOREIGN
+from taskspec.spec.build import build
+
+X, Y = (3, -1, 2), (0.5, 4.0, 2.0)
+NAMES: dict[str, Any] = {
+    "p": 0.3, "rate": 2.5, "mean": 0.4, "std": 0.8, "scale": 0.7, "low": -2, "high": 5, "n": 6, "k": 3, "a": 2, "b": 3, "c": True,
+    "d": False,
+}  # fmt: skip
+DRAWN: dict[str, Any] = {
+    "Beta": stats.beta(2, 3),
+    "Binomial": stats.binom(6, 0.3),
+    "Gamma": stats.gamma(3, scale=1 / 2.5),
+    "Geometric": stats.geom(0.3),
+    "LogNormal": stats.lognorm(0.8, scale=np.exp(0.4)),
+    "Laplace": stats.laplace(0.4, 0.7),
+    "choice": stats.randint(2, 4),
+    "choices": stats.rv_discrete(values=([2, 3], [0.3, 0.7])),
+    "randint": stats.randint(-2, 6),
+    "rand": stats.uniform(),
+    "gauss": stats.norm(0.4, 0.8),
+    "expovariate": stats.expon(scale=1 / 2.5),
+}
+VALUES: dict[str, Any] = {
+    "int": [3, -1, 2], "bool": [True, True, True], "mod": np.mod(X, Y), "pow": np.power([3.0, -1, 2], [0.5, 4, 2]),
+    "square": np.square(X), "sigmoid": 1 / (1 + np.exp(-np.array(X))), "hypot": np.hypot(X, Y), "average": np.mean(X),
+    "norm": np.linalg.norm(X),
+    "length": 3, "maximum": np.maximum(X, Y), "concatenate": [*X, *Y], "zeros": np.zeros(6), "arange": np.arange(6),
+    "linspace": np.linspace(-2, 5, 6), "xor": True, "ifelse": X,
+}  # fmt: skip
+
+
+def spec(expression: str, **sections: Any) -> source.Document:
+    data: dict[str, Any] = {
+        "taskspec": 1, "name": "Foreign", "constants": {**NAMES, "x": list(X), "y": list(Y)},
+        "state": {"s": {"type": "int", "low": 0, "high": 1}}, "action": {"u": {"type": "bool"}}, "horizon": 1,
+        "initial": {"s": 0}, "dynamics": {"s'": "s"}, "reward": expression,
+    }  # fmt: skip
+    return source.read_text(json.dumps(data | sections), "foreign.yaml")
+
+
+def problem(expression: str) -> Diagnostic:
+    with pytest.raises(SpecError) as refused:
+        build(spec(expression))
+    (found,) = refused.value.diagnostics
+    return found
+
+
+def advised(name: str) -> str:
+    """What the message about a function says to write."""
+    found = problem(f"{name}(x)")
+    assert found.code == "E303" and found.hint is not None
+    return re.findall("`(.*)`", found.hint)[0]
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_draws_have_the_distribution_that_is_named(name: str) -> None:
+    task = build(spec(advised(name)))
+    rewards = _rewards(task)
+    mean, variance = DRAWN[name].stats(moments="mv")
+    assert abs(rewards.mean() - mean) < 4.5 * np.sqrt(variance / len(rewards))
+    assert rewards.var() == pytest.approx(variance, rel=0.25)
+    points = np.unique(np.quantile(rewards, [0.1, 0.3, 0.5, 0.7, 0.9]))
+    found = np.array([(rewards <= q + 1e-9).mean() for q in points])
+    assert np.abs(found - DRAWN[name].cdf(points + 1e-9)).max() < 0.035
+
+
+def _rewards(task: Any) -> np.ndarray:
+    lanes = VectorEnvironment(task, 4000, backend="numpy")
+    lanes.reset(seed=3)
+    return np.asarray(lanes.step(np.zeros(4000, np.int64))[1], np.float64)
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_values_are_those_of_the_library(name: str) -> None:
+    value = np.asarray(VALUES[name], np.float64)
+    shape = {} if value.shape == () else {"shape": list(value.shape)}
+    task = build(spec("0", state={"s": {"type": "real", **shape}}, initial={"s": f"1.0 * ({advised(name)})"}))
+    state = VectorEnvironment(task, 1, backend="numpy").reset(seed=0)[0]
+    np.testing.assert_allclose(np.asarray(state)[0], value, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_everything_that_is_advised_can_be_written(name: str) -> None:
+    build(spec("0", noise={"z": FOREIGN[name]}))
+
+
+@pytest.mark.parametrize(("written", "message", "hint"), [
+    ("np.clip(x, 0, 2)", "modules of Python (`np.f()`) are not part of the language", "write `clip(x)`"),
+    ("np.random.randint(0, 3)", "modules of Python (`np.f()`) are not part of the language",
+     "write `UniformInt(low, high)`, which includes both ends"),
+    ("random.choice(x)", "modules of Python (`np.f()`) are not part of the language", "write `Uniform({a, b})`"),
+    ("x.mean()", "methods (`x.f()`) are not part of the language", "write `sum(x) / len(x)`"),
+])  # fmt: skip
+def test_modules_and_methods(written: str, message: str, hint: str) -> None:
+    found = problem(written)
+    assert (found.code, found.message, found.hint) == ("E316", message, hint)
