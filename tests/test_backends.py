@@ -19,10 +19,9 @@ from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import CATEGORICAL, DISTS, Dist
 from taskspec.lang.evaluate import evaluate
-from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Node, Role
-from taskspec.lang.ops import TABLE, Op
-from taskspec.lang.structure import STRUCTURES
+from taskspec.lang.operators import FUNCTIONS, TABLE, Operator
+from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import Kind, Type
 from taskspec.source import read
 from taskspec.spec.build import build
@@ -83,7 +82,15 @@ def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
     stores = [f"out[{k}, j] = {atom}" for k, atom in enumerate(value.atoms or [])]
     body = "\n".join(f"        {line}" for line in [*loads, *lane.lines, *stores])
     parameters = ", ".join(name for name, _ in arguments)
-    space = {**vars(basics), **vars(draws), **vars(operators), **lane.constants, "nan": math.nan, "inf": math.inf}
+    space = {
+        **vars(math),
+        **vars(basics),
+        **vars(draws),
+        **vars(operators),
+        **lane.constants,
+        "nan": math.nan,
+        "inf": math.inf,
+    }
     exec(f"def f(n, out, {parameters}):\n    for j in range(n):\n{body}", space)
     n = next(iter(reads.values())).shape[-1]
     out = np.zeros((root.type.size, n), DTYPES[root.type.kind])
@@ -103,7 +110,7 @@ def kind_of(value: Any) -> Kind:
     return max(kinds)
 
 
-def groups(op: Op) -> dict[tuple[Type, ...], list[tuple[Any, ...]]]:
+def groups(op: Operator) -> dict[tuple[Type, ...], list[tuple[Any, ...]]]:
     """The samples of an operator by the types of their arguments."""
     found: dict[tuple[Type, ...], list[tuple[Any, ...]]] = {}
     for sample in op.samples:
@@ -114,7 +121,7 @@ def groups(op: Op) -> dict[tuple[Type, ...], list[tuple[Any, ...]]]:
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("op", TABLE, ids=lambda op: op.name)
-def test_operators_mean_what_the_reference_says(op: Op, backend: str) -> None:
+def test_operators_mean_what_the_reference_says(op: Operator, backend: str) -> None:
     for types, samples in groups(op).items():
         b = Builder()
         nodes = [b.read(Role.STATE, f"n{i}", t) for i, t in enumerate(types)]

@@ -10,8 +10,8 @@ import pytest
 from taskspec.diagnostics import Collector, Origin, Span
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
-from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Const
+from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import parse
 from taskspec.lang.scope import Scope
 from taskspec.lang.syntax import Text

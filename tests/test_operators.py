@@ -20,7 +20,6 @@ from taskspec import draws
 from taskspec.backends import scalars
 from taskspec.backends.lane import Lane
 from taskspec.backends.lanevalues import Value
-from taskspec.backends.phase import _INEXACT
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout, words_of
 from taskspec.draws.sample import sampler
@@ -28,10 +27,9 @@ from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.evaluate import evaluate
-from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Apply, Const, Node, Read, Role, rewrite, walk
-from taskspec.lang.ops import OPS
-from taskspec.lang.structure import STRUCTURES
+from taskspec.lang.operators import FUNCTIONS, OPERATORS
+from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import Kind, Type
 
 Flat = tuple[Any, ...]
@@ -132,7 +130,7 @@ def agree(found: Flat, expected: Flat, node: Node, exact: bool = True) -> bool:
 
 
 def inexact(node: Node) -> bool:
-    return any(isinstance(n, Apply) and n.op in _INEXACT for n in walk([node]))
+    return any(isinstance(n, Apply) and n.op in OPERATORS and not OPERATORS[n.op].precise for n in walk([node]))
 
 
 def check(b: Builder, node: Node, rows: Sequence[Sequence[Argument]], make: Any) -> None:
@@ -177,19 +175,19 @@ def apply_to(name: str) -> Any:
     return lambda b, nodes: b.apply(name, *nodes)
 
 
-@pytest.mark.parametrize("name", OPS)
+@pytest.mark.parametrize("name", OPERATORS)
 def test_samples_of_operators(name: str) -> None:
-    for rows in by_types([[Argument.of(v) for v in sample] for sample in OPS[name].samples]):
+    for rows in by_types([[Argument.of(v) for v in sample] for sample in OPERATORS[name].samples]):
         b = Builder()
         check(b, b.apply(name, *reads(b, rows[0])), rows, apply_to(name))
 
 
 def awkward(name: str) -> list[list[Sequence[Argument]]]:
     """Rows of awkward numbers of every combination of kinds that an elementwise operator takes."""
-    arity = len(OPS[name].samples[0])
+    arity = len(OPERATORS[name].samples[0])
     groups: list[list[Sequence[Argument]]] = []
     for kinds in itertools.product(Kind, repeat=arity):
-        if isinstance(OPS[name].rule(tuple(Type(k) for k in kinds)), Type):
+        if isinstance(OPERATORS[name].rule(tuple(Type(k) for k in kinds)), Type):
             points = itertools.product(*(POINTS[k] for k in kinds))
             rows: list[Sequence[Argument]] = [
                 [Argument((v,), Type(k)) for v, k in zip(p, kinds, strict=True)] for p in points
@@ -198,7 +196,7 @@ def awkward(name: str) -> list[list[Sequence[Argument]]]:
     return groups
 
 
-ELEMENTWISE = [name for name, op in OPS.items() if op.elementwise]
+ELEMENTWISE = [name for name, op in OPERATORS.items() if op.elementwise]
 
 
 @pytest.mark.parametrize("name", ELEMENTWISE)
@@ -223,7 +221,7 @@ def test_operators_on_vectors(name: str, length: int) -> None:
             check(b, b.apply(name, *reads(b, row)), [row, row], apply_to(name))
 
 
-REDUCTIONS = [name for name, op in OPS.items() if not op.elementwise]
+REDUCTIONS = [name for name, op in OPERATORS.items() if not op.elementwise]
 
 
 @pytest.mark.parametrize("shape", [(1,), (2,), (5,), (16,), (17,), (40,), (70,), (3, 4), (5, 8)])
@@ -232,7 +230,7 @@ def test_reductions_of_vectors(name: str, shape: tuple[int, ...]) -> None:
     rng = np.random.default_rng(7)
     for kind in Kind:
         type_ = Type(kind, shape)
-        if not isinstance(OPS[name].rule((type_,)), Type):
+        if not isinstance(OPERATORS[name].rule((type_,)), Type):
             continue
         points = [
             p for p in POINTS[kind] if kind is Kind.REAL or abs(p) < 1000

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
-from taskspec.lang.functions import FUNCTIONS
+from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import parse
 from taskspec.printers import latex, mathematics, mathml, plain, read_tex
 from taskspec.printers import tree as m

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
-from taskspec.lang.ops import OPS, Op
+from taskspec.lang.operators import OPERATORS, Operator
 from taskspec.lang.types import Kind, Type
 
 Drawn = Callable[[Draw, Sequence[str]], str]
@@ -157,8 +157,8 @@ class ArrayForm:
                 return self.names[role, name]
             case Draw():
                 return self._assign(self.drawn(node, [self._array(a, self._values[id(a)]) for a in node.args]))
-            case Apply(op=op) if op in OPS:
-                return self._function(node, OPS[op])
+            case Apply(op=op) if op in OPERATORS:
+                return self._function(node, OPERATORS[op])
             case Apply():
                 return self._structure(node)
 
@@ -170,7 +170,7 @@ class ArrayForm:
                 return known
         return self.constant(node)
 
-    def _function(self, node: Apply, entry: Op) -> str:
+    def _function(self, node: Apply, entry: Operator) -> str:
         args = [self._values[id(a)] for a in node.args]
         if node.op in _CASTS:
             return self._cast(node, args[0])
@@ -214,12 +214,12 @@ class ArrayForm:
         self.lines.append(f"copyto({out}, {arg})")
         return out
 
-    def _template(self, node: Apply, entry: Op) -> str:
+    def _template(self, node: Apply, entry: Operator) -> str:
         if not any(a.type.kind is Kind.REAL for a in node.args):
-            return entry.array
-        if entry.array_nonzero is not None and any(isinstance(a, Const) and all(a.flat) for a in node.args):
-            return entry.array_nonzero
-        return entry.real_array or entry.array
+            return entry.array.template
+        if entry.array.nonzero is not None and any(isinstance(a, Const) and all(a.flat) for a in node.args):
+            return entry.array.nonzero
+        return entry.array.real or entry.array.template
 
     def _structure(self, node: Apply) -> str:
         args, static = [self._values[id(a)] for a in node.args], node.static

@@ -18,8 +18,8 @@ from taskspec.draws import poisson_table, poisson_terms, thresholds
 from taskspec.draws.layout import poisson_bound
 from taskspec.lang.arrays import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, plain, walk
-from taskspec.lang.ops import Op
-from taskspec.lang.structure import strided
+from taskspec.lang.operators import Operator
+from taskspec.lang.operators.structure import strided
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.spec.task import Task
 
@@ -44,34 +44,6 @@ def suits(task: Task) -> bool:
     return sum(n.type.size for n in nodes) - looped <= ELEMENTS and largest <= WIDE
 
 
-LANE: dict[str, str] = {
-    "where": "select({0}, {1}, {2})",
-    "and": "({0} & {1})",
-    "or": "({0} | {1})",
-    "not": "({0} == False)",
-    "to_int": "i32({0})",
-    "to_real": "f64({0})",
-    "div": "({0} / {1})",
-    "abs": "abs({0})",
-}
-"""Templates that differ from those of the scalar program for every kind."""
-REAL_LANE = {
-    "min2": "min2({0}, {1})",
-    "max2": "max2({0}, {1})",
-    "sign": "(f64({0} > 0.0) - f64({0} < 0.0))",
-    "floordiv": "floordiv_real({0}, {1})",
-    "mod": "mod_real({0}, {1})",
-}
-INT_LANE = {
-    "min2": "select({0} <= {1}, {0}, {1})",
-    "max2": "select({0} >= {1}, {0}, {1})",
-    "sign": "(i32({0} > 0) - i32({0} < 0))",
-    "abs": "select({0} < 0, -{0}, {0})",
-    "floordiv": "floordiv_int({0}, {1})",
-    "mod": "mod_int({0}, {1})",
-}
-
-
 class KernelLane(Lane):
     """Emits statements whose values are all named scalars; `words` names words, `reals` what is made of them beforehand."""
 
@@ -87,21 +59,20 @@ class KernelLane(Lane):
             return Value()  # a table, which is looked up by the node itself
         return Value([literal(plain(v)) for v in node.flat])
 
-    def _template(self, node: Apply, entry: Op) -> str:
-        real = any(a.type.kind is Kind.REAL for a in node.args)
-        table = REAL_LANE if real else INT_LANE
-        template = table.get(node.op) or LANE.get(node.op) or entry.lane
+    def _template(self, node: Apply, entry: Operator) -> str:
+        real, form = any(a.type.kind is Kind.REAL for a in node.args), entry.kernel
+        template = (form.real if real else form.whole) or form.template or entry.scalar.template
         if node.op in ("floordiv", "mod") and not real:
-            template = self._whole_division(node)
+            template = self._whole_division(node, template)
         return f"i32({template})" if self.is_narrow(node) and node.op != "to_int" else template
 
-    def _whole_division(self, node: Apply) -> str:
+    def _whole_division(self, node: Apply, template: str) -> str:
         """Without signs, division is one instruction that vectorises; ints of 32 bits are quicker still."""
         sign = "//" if node.op == "floordiv" else "%"
         (a_low, a_high), (b_low, b_high) = map(self.certain, node.args)
         if a_low >= 0 and b_low > 0 and a_high <= INT_MAX and b_high <= INT_MAX:
             return f"(u32({{0}}) {sign} u32({{1}}))"
-        return INT_LANE[node.op]
+        return template
 
     def _fill(self, template: str, args: Sequence[str]) -> str:
         """Every operation gets a name: what is shorter is folded by the compiler."""
@@ -109,7 +80,7 @@ class KernelLane(Lane):
 
     # -- reductions -----------------------------------------------------------------------------------------------
 
-    def _reduction(self, node: Apply) -> Value:
+    def _reduction(self, node: Apply, entry: Operator) -> Value:
         made = _REDUCE[node.op](self, node, [self.assign(a) for a in self.atoms(node.args[0])])
         return Value(made)
 

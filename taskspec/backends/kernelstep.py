@@ -13,6 +13,7 @@ from taskspec.backends.kernelloop import Shown, action_rows, advance, begin, che
 from taskspec.backends.kernelmemory import BAD, CHECK, CHECKED_STEP, RESET, STEP, WHAT, Program, Row
 from taskspec.backends.vector import Mode
 from taskspec.draws.layout import Layout as WordLayout
+from taskspec.lang.operators import TABLE
 from taskspec.spec.spaces import Layout
 from taskspec.spec.task import Task
 
@@ -30,9 +31,12 @@ def generate(task: Task, observation: Layout, action: Layout, mode: Mode, action
     return "\n".join([*head, *_blank([checking, advancing, beginning, running])]), p
 
 
-_IMPORT = "\n".join(
-    f"from taskspec.backends.numba.{module} import *  # noqa: F403"
-    for module in ("basics", "draws", "operators", "lanes")
+_IMPORT = (
+    "\n".join(
+        f"from taskspec.backends.numba.{module} import *  # noqa: F403"
+        for module in ("basics", "draws", "operators", "lanes")
+    )
+    + f"\nfrom math import {', '.join(sorted({name for operator in TABLE for name in operator.kernel.names}))}"
 )
 
 

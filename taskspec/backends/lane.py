@@ -17,7 +17,7 @@ from taskspec.draws import thresholds
 from taskspec.draws.layout import poisson_bound, row_table
 from taskspec.lang.arrays import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
-from taskspec.lang.ops import OPS, Op
+from taskspec.lang.operators import OPERATORS, Operator
 from taskspec.lang.types import Kind
 
 CHAINED = 64
@@ -60,9 +60,9 @@ class Lane(LaneValues):
                 return self.names[role, name]
             case Draw():
                 return self._draw(node)
-            case Apply(op=op) if op in OPS:
-                entry = OPS[op]
-                return self._elementwise(node, entry) if entry.elementwise else self._reduction(node)
+            case Apply(op=op) if op in OPERATORS:
+                entry = OPERATORS[op]
+                return self._elementwise(node, entry) if entry.elementwise else self._reduction(node, entry)
             case Apply(op=op):
                 return self._structure(node)
 
@@ -75,7 +75,7 @@ class Lane(LaneValues):
             return Value([literal(v) for v in flat])
         return Value(packed=self.constant(tuple(flat)))
 
-    def _elementwise(self, node: Apply, entry: Op) -> Value:
+    def _elementwise(self, node: Apply, entry: Operator) -> Value:
         template = self._template(node, entry)
         if node.type.size <= self.unrolled or all(self.values[id(a)].atoms is not None for a in node.args):
             columns = [self.atoms(a) if a.type.shape else [self.scalar(a)] * node.type.size for a in node.args]
@@ -100,11 +100,12 @@ class Lane(LaneValues):
         )
         return Value(packed=self.assign(f"[{body} {loop}]"))
 
-    def _template(self, node: Apply, entry: Op) -> str:
-        if entry.lane_divides is not None and self._never_zero(node.args[1]):
-            return entry.lane_divides
+    def _template(self, node: Apply, entry: Operator) -> str:
+        form = entry.scalar
+        if form.divides is not None and self._never_zero(node.args[1]):
+            return form.divides
         real = any(a.type.kind is Kind.REAL for a in node.args)
-        return entry.real_lane if real and entry.real_lane else entry.lane
+        return form.real if real and form.real else form.template
 
     def _never_zero(self, divisor: Node) -> bool:
         """Whether a divisor is finite and not 0, whatever reals come to be."""
@@ -124,9 +125,9 @@ class Lane(LaneValues):
 
     # -- reductions -----------------------------------------------------------------------------------------------
 
-    def _reduction(self, node: Apply) -> Value:
+    def _reduction(self, node: Apply, entry: Operator) -> Value:
         (x,) = node.args
-        chain = _CHAINS.get(node.op)
+        chain = entry.scalar.chain
         if chain is not None and x.type.size <= CHAINED:
             atoms = self.atoms(x) or [chain[1]]
             if node.op == "count":
@@ -136,8 +137,8 @@ class Lane(LaneValues):
             return Value(self._sorted(self._without_signs(x) if id(node) in self.shown else self.atoms(x)))
         if node.op == "cumsum" and x.type.size <= self.unrolled:
             return Value(self._running(self.atoms(x)))
-        name = _WHOLE.get(node.op) if x.type.kind is not Kind.REAL else None
-        call = f"{name or _HELPERS[node.op]}({self.packed(x)})"
+        whole = entry.scalar.whole if x.type.kind is not Kind.REAL else None
+        call = (whole or entry.scalar.template).format(self.packed(x))
         return Value(packed=self.assign(call)) if node.type.shape else Value([call])
 
     def _without_signs(self, x: Node) -> list[str]:
@@ -198,18 +199,3 @@ def _shown(roots: Sequence[Node], order: Sequence[Node]) -> set[int]:
     """The ids of what is read by something other than comparisons, for which 0.0 is -0.0."""
     users = [n for n in order if not (isinstance(n, Apply) and n.op in ("eq", "ne", "lt", "le"))]
     return {*map(id, roots), *(id(c) for n in users for c in children(n))}
-
-
-_CHAINS = {
-    "sum": (" + ", "0"),
-    "prod": (" * ", "1"),
-    "count": (" + ", "0"),
-    "any": (" or ", "False"),
-    "all": (" and ", "True"),
-}
-_WHOLE = {"min": "min", "max": "max", "sort": "sorted"}
-"""What Python has for bools and ints."""
-_HELPERS = {
-    "sum": "sum_", "prod": "prod", "count": "count", "any": "any", "all": "all", "min": "min_", "max": "max_",
-    "argmin": "argmin", "argmax": "argmax", "sort": "sort", "argsort": "argsort", "cumsum": "cumsum",
-}  # fmt: skip

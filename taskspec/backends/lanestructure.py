@@ -7,7 +7,7 @@ from collections.abc import Callable
 from taskspec.backends.lanevalues import LaneValues, Value
 from taskspec.backends.source import tuple_of
 from taskspec.lang.ir import Apply, Const, Node, plain
-from taskspec.lang.structure import strided
+from taskspec.lang.operators.structure import strided
 
 
 def _vector(lane: LaneValues, node: Apply) -> Value:
@@ -123,4 +123,4 @@ STRUCTURE: dict[str, Callable[[LaneValues, Apply], Value]] = {
     "put": _put,
     "swap": _swap,
 }
-"""The value of a node of `lang.structure`, whose arguments have theirs."""
+"""The value of a node of `lang.operators.structure`, whose arguments have theirs."""

@@ -16,12 +16,10 @@ from taskspec.draws.layout import Layout, words_of
 from taskspec.draws.stream import stream
 from taskspec.lang import batch
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
+from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
 from taskspec.spec.spaces import Layout as ValueLayout
 from taskspec.spec.task import Task
-
-_INEXACT = frozenset({"exp", "log", "sin", "cos", "tan", "tanh", "atan2", "pow"})
-"""Operators whose last digit differs between NumPy and libm: these stay in the lane form."""
 
 
 @dataclass(frozen=True)
@@ -139,9 +137,14 @@ def _free(roots: Sequence[Node]) -> dict[int, bool]:
     """For every node: whether a block can compute it, i.e. it reads nothing and uses exact operators only."""
     free: dict[int, bool] = {}
     for node in walk(roots):
-        own = not isinstance(node, Read) and not (isinstance(node, Apply) and node.op in _INEXACT)
+        own = not isinstance(node, Read) and not _may_differ(node)
         free[id(node)] = own and all(free[id(c)] for c in children(node))
     return free
+
+
+def _may_differ(node: Node) -> bool:
+    """Whether the last digit differs between NumPy and the C library: such values stay in the scalar form."""
+    return isinstance(node, Apply) and node.op in OPERATORS and not OPERATORS[node.op].precise
 
 
 def _row_parts(

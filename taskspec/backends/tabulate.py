@@ -14,7 +14,7 @@ import numpy as np
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
-from taskspec.lang.ops import OPS
+from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
 
 CELLS = 8192
@@ -148,7 +148,7 @@ def _fold(b: Builder, node: Node) -> Node:
                 picked = b.const([table.flat[i] for i in inner.flat], Type(table.type.kind, inner.type.shape))
                 return b.structure("index", [picked, place])
             return node
-        case Apply(op=op) if op in OPS and OPS[op].elementwise and node.type.is_scalar:
+        case Apply(op=op) if op in OPERATORS and OPERATORS[op].elementwise and node.type.is_scalar:
             return _fold_function(b, node)
         case _:
             return node

@@ -7,10 +7,9 @@ from fractions import Fraction
 
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Draw, Node, children, draws, rewrite, walk
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import Kind, Type
-
-_LINEAR = frozenset({"add", "sub", "neg", "sum", "to_real", "vector", "element", "slice", "fill", "reshape", "concat"})
-_PRODUCTS = frozenset({"mul", "dot"})
 
 
 def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> Node:
@@ -67,12 +66,4 @@ def _is_linear(root: Node, draw: Draw) -> bool:
 
 
 def _keeps_linear(op: str, below: list[bool]) -> bool:
-    if op in _LINEAR:
-        return True
-    if op in _PRODUCTS:
-        return sum(below) == 1
-    if op == "div":
-        return not below[1]
-    if op in ("where", "index"):
-        return not below[0] if op == "where" else not below[1]
-    return False
+    return (OPERATORS[op] if op in OPERATORS else STRUCTURES[op]).linear(below)

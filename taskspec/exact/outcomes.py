@@ -19,6 +19,7 @@ from taskspec.lang import interval
 from taskspec.lang.batch import evaluate
 from taskspec.lang.dists import BASES
 from taskspec.lang.ir import Const, Draw, Role
+from taskspec.lang.ranges import Range
 
 Array = np.ndarray[Any, Any]
 Reads = Mapping[tuple[Role, str], Array]
@@ -82,12 +83,12 @@ class Branch:
         return {k: v if v.shape[-1] == 1 else v[..., origin] for k, v in reads.items()}
 
 
-def count(draws: Sequence[Draw], known: dict[int, interval.Range]) -> float:
+def count(draws: Sequence[Draw], known: dict[int, Range]) -> float:
     """An upper bound on the outcomes at one point; infinite where a draw is not finite."""
     return math.prod(_outcomes(d, known) for d in draws)
 
 
-def _outcomes(draw: Draw, known: dict[int, interval.Range]) -> float:
+def _outcomes(draw: Draw, known: dict[int, Range]) -> float:
     shape = draw.type.shape
     match draw.base:
         case "bernoulli":

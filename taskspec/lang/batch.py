@@ -14,7 +14,7 @@ import numpy as np
 
 from taskspec.lang.arrays import Runtime
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
-from taskspec.lang.ops import OPS
+from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind
 
 Array = np.ndarray[Any, Any]
@@ -69,7 +69,7 @@ def evaluate(
 
 def apply(node: Apply, args: Sequence[Array]) -> Any:
     """One operator over a batch."""
-    if node.op in OPS:
+    if node.op in OPERATORS:
         return function(node.op, node.type.kind)(np, RUNTIME, *args)
     static = node.static
     match node.op:
@@ -94,8 +94,9 @@ def apply(node: Apply, args: Sequence[Array]) -> Any:
 @cache
 def function(op: str, kind: Kind) -> Callable[..., Any]:
     """The array form of an operator as a function of (xp, rt, *arguments)."""
-    entry = OPS[op]
-    template = entry.real_array if kind is Kind.REAL and entry.real_array else entry.array
+    entry = OPERATORS[op]
+    form = entry.array
+    template = form.real if kind is Kind.REAL and form.real else form.template
     names = [f"a{i}" for i in range(3)]
     used = [n for i, n in enumerate(names) if f"{{{i}}}" in template]
     source = f"lambda xp, rt, {', '.join(used)}: {template.format(*names)}"

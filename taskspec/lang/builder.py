@@ -13,8 +13,9 @@ from typing import Any, TypeVar, cast
 
 from taskspec.lang import folding, interval
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact
-from taskspec.lang.ops import OPS
-from taskspec.lang.structure import STRUCTURES
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.ranges import INF, Interval, Range
 from taskspec.lang.types import BOOL, INT, INT_MAX, Kind, Refused, Shape, Type, join
 from taskspec.limits import Limits, count, how_to_raise, limits
 
@@ -26,8 +27,8 @@ class Builder:
 
     def __init__(self) -> None:
         self._nodes: dict[Any, Node] = {}
-        self._ranges: dict[int, interval.Range] = {}
-        self._certain: dict[int, interval.Range] = {}
+        self._ranges: dict[int, Range] = {}
+        self._certain: dict[int, Range] = {}
         self._folded: dict[Any, Const] = {}  # by operator, static values and ids of constants, which `_nodes` keeps
         self._ints: dict[int, Const] = {}
         self._most = limits().operations
@@ -61,8 +62,8 @@ class Builder:
         role: Role,
         name: str,
         type: Type,
-        low: float = -interval.INF,
-        high: float = interval.INF,
+        low: float = -INF,
+        high: float = INF,
     ) -> Node:
         return self._intern((Read, role, name, type, low, high), lambda: Read(role, name, type, low, high))
 
@@ -105,24 +106,25 @@ class Builder:
         return self._kept(key, args, self._applied(name, *args))
 
     def _applied(self, name: str, *args: Node) -> Node:
-        op = OPS[name]
-        if name in interval.ROUNDING and args[0].type.kind is not Kind.REAL:
+        op = OPERATORS[name]
+        if op.rounds and args[0].type.kind is not Kind.REAL:
             return self.cast(args[0], Kind.INT)
         result = op.rule(tuple(a.type for a in args))
         if isinstance(result, str):
             raise Refused(result, "E307" if "shape" in result else "E306")
         self.check_size(result.shape)
-        rational = folding.rational(name, args, result)
+        rational = folding.rational(op, args, result)
         if rational is not None:
             return self._of(rational, result)
-        args = self._promote(name, args, result)
+        kinds = op.promote([a.type.kind for a in args], result.kind)
+        args = tuple(map(self.cast, args, kinds))
         if all(isinstance(a, Const) for a in args):
             return self._of(folding.folded(name, args, (), result), result)
         simpler = self._identity(name, args, result)
         return simpler if simpler is not None else self._apply(name, args, result, ())
 
     def structure(self, name: str, args: Sequence[Node], static: tuple[int, ...] = ()) -> Node:
-        """An operator of `lang.structure`; elements of mixed kinds are promoted."""
+        """An operator of `lang.operators.structure`; elements of mixed kinds are promoted."""
         key = (name, static, *map(id, args))
         if key in self._folded:
             return self._folded[key]
@@ -182,7 +184,7 @@ class Builder:
             return self.apply("div", self.scalar(1), self._repeated(base, -exponent.value))
         return self.apply("pow", base, exponent)
 
-    def bounds(self, node: Node) -> interval.Interval:
+    def bounds(self, node: Node) -> Interval:
         """An interval that holds every element of the node's value, in float64."""
         return interval.bounds(node, self._ranges)
 
@@ -190,7 +192,7 @@ class Builder:
         """Whether every element is a finite number, whatever is read and drawn, as far as bounds can tell."""
         return interval.ranges(node, self._ranges).finite
 
-    def certain(self, node: Node) -> interval.Interval:
+    def certain(self, node: Node) -> Interval:
         """An interval that holds on every backend, however reals are rounded: what index clamps may be dropped for."""
         return interval.certain(node, self._certain)
 
@@ -198,7 +200,7 @@ class Builder:
         """The same node over other arguments (`ir.rewrite`)."""
         match node:
             case Apply(op=op, static=static):
-                return self.apply(op, *args) if op in OPS else self.structure(op, args, static)
+                return self.apply(op, *args) if op in OPERATORS else self.structure(op, args, static)
             case Draw(base=base, type=type, site=site):
                 return self._intern((Draw, base, site, *map(id, args)), lambda: Draw(base, args, type, site))
             case _:
@@ -240,33 +242,6 @@ class Builder:
             message = f"a vector of {count(size)} elements is too large; the limit is {most:,}"
             raise Refused(message, "E314", how_to_raise("elements", size))
 
-    def _promote(self, name: str, args: tuple[Node, ...], result: Type) -> tuple[Node, ...]:
-        """Arguments cast to what the operator works on."""
-        if name in (
-            "to_int",
-            "to_real",
-            "not",
-            "and",
-            "or",
-            "any",
-            "all",
-            "count",
-            "sort",
-            "argsort",
-        ):
-            return args
-        if name in ("eq", "ne", "lt", "le"):
-            kind = join(*(a.type.kind for a in args))
-            kind = kind if name in ("eq", "ne") else join(kind, Kind.INT)
-            return tuple(self.cast(a, kind) for a in args)
-        if name == "where":
-            return (args[0], *(self.cast(a, result.kind) for a in args[1:]))
-        if name in interval.ROUNDING:
-            return args
-        if name in ("argmin", "argmax"):
-            return tuple(self.cast(a, Kind.INT) for a in args)
-        return tuple(self.cast(a, result.kind) for a in args)
-
     def _repeated(self, base: Node, count: int) -> Node:
         if count == 0:
             one = self.const(1, Type(join(Kind.INT, base.type.kind)))
@@ -296,7 +271,7 @@ class Builder:
                 return self.scalar(False)
             case ("or", (Const(value=True), _)) | ("or", (_, Const(value=True))) if type == BOOL:
                 return self.scalar(True)
-            case _, (Apply(op="to_real", args=(inner,)),) if name in interval.ROUNDING and self._is_narrow(inner):
+            case _, (Apply(op="to_real", args=(inner,)),) if OPERATORS[name].rounds and self._is_narrow(inner):
                 return self.cast(inner, Kind.INT)
             case _:
                 return self._decided(name, args) if type == BOOL else None

@@ -9,8 +9,8 @@ from taskspec.diagnostics import Collector, suggest
 from taskspec.lang import dists, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.foreign import advice
-from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Const, Node
+from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Shape
 

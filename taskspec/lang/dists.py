@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from taskspec.lang.ir import Const, Node
+from taskspec.lang.operators.levels import ENCLOSED, Brackets, Level
 from taskspec.lang.types import INT_MAX, Kind, Refused, Shape, Type
 from taskspec.limits import Limits
 
@@ -80,6 +81,7 @@ class Dist:
     build: Callable[[Builder, Mapping[str, Node], Shape], Node]
     doc: str
     latex: str
+    brackets: Brackets = ENCLOSED
     shaped: bool = True  # takes `shape=`
     scipy: str | None = None  # the scipy.stats reference, with arguments as below
     samples: tuple[Mapping[str, float | tuple[float, ...]], ...] = ()
@@ -150,7 +152,8 @@ DISTS: dict[str, Dist] = {
              "Uniform integer from `low` to `high`, both included.",
              r"\operatorname{Unif}\{{low}, \ldots, {high}\}", samples=({"low": -2, "high": 5}, {"low": 3, "high": 3})),
         Dist("Normal", (Argument("mean", 0), Argument("std", 1)), _normal, "Normal (Gaussian) real.",
-             r"\mathcal{N}({mean}, {std}^2)", scipy="norm", samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0})),
+             r"\mathcal{N}({mean}, {std}^2)", scipy="norm", samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
+             brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM))),
         Dist("Bernoulli", (Argument("p"),), _bernoulli, "A condition that holds with probability `p`.",
              r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
         Dist("Exponential", (Argument("rate", 1),), _exponential, "Exponential real with mean 1/`rate`.",

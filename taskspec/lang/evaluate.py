@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, walk
-from taskspec.lang.ops import OPS
-from taskspec.lang.structure import STRUCTURES
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import Type
 
 Flat = tuple[Any, ...]
@@ -40,7 +40,9 @@ def evaluate(roots: Iterable[Node], reads: Mapping[tuple[Role, str], Flat], samp
                 value = reads[role, name]
             case Apply(op=op, args=args, static=static, type=type_):
                 flats = [values[id(a)] for a in args]
-                if op in OPS:  # fractions are exact among constants, which are folded; what is computed with is a real
+                if (
+                    op in OPERATORS
+                ):  # fractions are exact among constants, which are folded; what is computed with is a real
                     flats = [tuple(map(plain, flat)) for flat in flats]
                 value = apply_flat(op, flats, tuple(a.type for a in args), static, type_)
             case Draw(args=args):
@@ -53,10 +55,10 @@ def apply_flat(name: str, args: Sequence[Flat], types: tuple[Type, ...], static:
     """One operator on flat values; elementwise operators stretch scalars."""
     if name in STRUCTURES:
         return STRUCTURES[name].reference(args, types, static)
-    op = OPS[name]
+    op = OPERATORS[name]
     if not op.elementwise:
         value = op.reference(*args)
-        return value if result.shape else (value,)
+        return tuple(value) if result.shape else (value,)
     size = result.size
     stretched = [arg if t.shape == result.shape else arg * size for arg, t in zip(args, types, strict=True)]
     return tuple(op.reference(*row) for row in zip(*stretched, strict=True))

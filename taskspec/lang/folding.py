@@ -8,10 +8,9 @@ from typing import Any
 
 from taskspec.lang.evaluate import Flat, apply_flat
 from taskspec.lang.ir import Const, Node
+from taskspec.lang.operators import Operator
 from taskspec.lang.types import INT, REAL, Kind, Refused, Type
 from taskspec.limits import Limits
-
-_RATIONAL = ("add", "sub", "mul", "div", "neg")
 
 
 def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Type) -> Flat:
@@ -20,15 +19,15 @@ def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Typ
     return apply_flat(name, [c.flat for c in constants], tuple(c.type for c in constants), static, result)
 
 
-def rational(name: str, args: Sequence[Node], result: Type) -> Flat | None:
+def rational(op: Operator, args: Sequence[Node], result: Type) -> Flat | None:
     """Arithmetic on whole numbers and fractions, which stay exact until they meet a float; None for other operations."""
-    if name not in _RATIONAL or result.kind is not Kind.REAL or not all(isinstance(a, Const) for a in args):
+    if not op.rational or result.kind is not Kind.REAL or not all(isinstance(a, Const) for a in args):
         return None
     flats = [a.flat for a in args if isinstance(a, Const)]
-    if any(isinstance(v, float) for flat in flats for v in flat) or (name == "div" and not all(flats[1])):
+    if any(isinstance(v, float) for flat in flats for v in flat) or (op.name == "div" and not all(flats[1])):
         return None
     fractions = [tuple(Fraction(v) for v in flat) for flat in flats]
-    values = apply_flat(name, fractions, tuple(a.type for a in args), (), result)
+    values = apply_flat(op.name, fractions, tuple(a.type for a in args), (), result)
     if any(max(v.numerator.bit_length(), v.denominator.bit_length()) > Limits.bits for v in values):
         return None
     return values

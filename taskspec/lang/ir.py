@@ -51,7 +51,7 @@ class Read:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Apply:
-    """An operator of `lang.ops` applied to arguments; `static` holds what is fixed at compile time (slice bounds)."""
+    """An operator of `lang.operators` applied to arguments; `static` holds what is fixed at compile time (slice bounds)."""
 
     op: str
     args: tuple[Node, ...]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from taskspec.lang.interval import Range, bounds
+from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, draws, walk
+from taskspec.lang.ranges import Range
 from taskspec.lang.types import Kind
 
 COMMUTATIVE = frozenset({"add", "mul", "and", "or", "eq", "ne"})

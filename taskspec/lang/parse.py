@@ -15,8 +15,8 @@ from typing import NoReturn
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
 from taskspec.lang.foreign import MODULES, advice
-from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.mistakes import SyntaxFailure, explain
+from taskspec.lang.operators import FUNCTIONS
 from taskspec.limits import Limits, how_to_raise, limits
 
 PRIME = "\u02b9"

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 from taskspec.diagnostics import Origin, Span, SpecError
 from taskspec.lang import syntax as s
-from taskspec.lang.functions import FUNCTIONS
+from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import parse
 
 _TOKEN = re.compile(

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
-from taskspec.lang.functions import INFIX
+from taskspec.lang.operators import INFIX
+from taskspec.lang.operators.levels import Level
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
-from taskspec.printers.brackets import Level
 from taskspec.printers.pieces import Piece, applied, fill, indicator, operands
 
 if TYPE_CHECKING:

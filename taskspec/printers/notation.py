@@ -12,10 +12,10 @@ from typing import assert_never
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import DIST_NAMES
-from taskspec.lang.functions import FUNCTIONS, INFIX
+from taskspec.lang.operators import FUNCTIONS, INFIX
+from taskspec.lang.operators.levels import Level
 from taskspec.printers import idioms, piecewise
 from taskspec.printers import tree as m
-from taskspec.printers.brackets import Level
 from taskspec.printers.pieces import Piece, applied, fill, indicator, multiply, operands, prime
 from taskspec.printers.symbols import label, symbol
 from taskspec.printers.tex import read

@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from taskspec.lang.operators.levels import ENCLOSED, Level
 from taskspec.printers import tree as m
-from taskspec.printers.brackets import ENCLOSED, NOTATION, Level
+from taskspec.printers.brackets import NOTATION
 from taskspec.printers.tex import read
 
 

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable, Iterator
 
 from taskspec.lang.dists import BASES
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, exact, reads, walk
-from taskspec.lang.ops import OPS
-from taskspec.lang.structure import STRUCTURES
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
 from taskspec.spec.task import Component, Task
 
@@ -28,7 +28,7 @@ _STEP = {*_PRESENT, Role.ACTION}
 OF_NODES: tuple[NodeRule, ...] = (
     ("a constant has one scalar for each element", lambda n: not isinstance(n, Const) or _sized(n)),
     ("the scalars of a constant are of its kind", lambda n: not isinstance(n, Const) or _of_kind(n)),
-    ("an operator is in one of the two tables", lambda n: not isinstance(n, Apply) or (n.op in OPS) != (n.op in STRUCTURES)),
+    ("an operator is in one of the two tables", lambda n: not isinstance(n, Apply) or (n.op in OPERATORS) ^ (n.op in STRUCTURES)),
     ("the type of an operation follows its rule", lambda n: not isinstance(n, Apply) or _ruled(n)),
     ("an operation without arguments does not exist", lambda n: not isinstance(n, Apply) or len(n.args) > 0),
     ("static values are ints", lambda n: not isinstance(n, Apply) or all(type(v) is int for v in n.static)),
@@ -118,8 +118,8 @@ def _of_kind(node: Const) -> bool:
 
 def _ruled(node: Apply) -> bool:
     types = tuple(a.type for a in node.args)
-    if node.op in OPS:
-        return OPS[node.op].rule(types) == node.type
+    if node.op in OPERATORS:
+        return OPERATORS[node.op].rule(types) == node.type
     return not types or node.op not in STRUCTURES or STRUCTURES[node.op].rule(types, node.static) == node.type
 
 

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from taskspec.lang.builder import Builder
-from taskspec.lang.interval import Interval, bounds
+from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Apply, Node, Read, Role
+from taskspec.lang.ranges import Interval
 from taskspec.lang.scope import Value
 from taskspec.spec.reach import over
 from taskspec.spec.task import Component

@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from taskspec.lang.interval import INF, Interval, Range, bounds
+from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Node, Read, Role, walk
+from taskspec.lang.ranges import INF, Interval, Range
 from taskspec.spec.task import Component
 
 MAX_STEPS = 256

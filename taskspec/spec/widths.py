@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from taskspec.lang import interval
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Draw, Node, Read, children, walk
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.ranges import INF, Interval, Range
 from taskspec.lang.types import INT_MAX, INT_WIDEST, Kind
 from taskspec.spec.reach import reach
 from taskspec.spec.task import Component
@@ -47,25 +49,27 @@ def saturated(
     ]
 
 
-def _may_grow(c: Component, edge: interval.Interval) -> bool:
-    endless = min(c.low) == -interval.INF or max(c.high) == interval.INF
+def _may_grow(c: Component, edge: Interval) -> bool:
+    endless = min(c.low) == -INF or max(c.high) == INF
     return c.type.kind is Kind.INT and endless and not (edge[0] >= -INT_MAX and edge[1] <= INT_MAX)
 
 
-def widest(roots: Iterable[Node], limit: int = INT_WIDEST, reads: Mapping[int, interval.Range] | None = None) -> float:
+def widest(roots: Iterable[Node], limit: int = INT_WIDEST, reads: Mapping[int, Range] | None = None) -> float:
     """The largest magnitude that some int below the roots may have, where it is beyond a limit; else 0.
 
     `reads` says more of some reads, by id, than their declarations do.
     """
-    known: dict[int, interval.Range] = {}
+    known: dict[int, Range] = {}
     for node in walk(roots):
         low, high, finite = (reads or {}).get(id(node)) or interval.step(node, [known[id(c)] for c in children(node)])
         if node.type.kind is Kind.INT:
-            if isinstance(node, Read | Draw) or (isinstance(node, Apply) and node.op in interval.ROUNDING):
-                low = max(low, -INT_MAX) if low == -interval.INF else low
-                high = min(high, INT_MAX) if high == interval.INF else high
+            if isinstance(node, Read | Draw) or (
+                isinstance(node, Apply) and node.op in OPERATORS and OPERATORS[node.op].rounds
+            ):
+                low = max(low, -INT_MAX) if low == -INF else low
+                high = min(high, INT_MAX) if high == INF else high
             most = max(-low, high)
-            if limit < most < interval.INF:
+            if limit < most < INF:
                 return float(most)
-        known[id(node)] = interval.Range(low, high, finite)
+        known[id(node)] = Range(low, high, finite)
     return 0.0

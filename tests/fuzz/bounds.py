@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.lang.ir import Node, walk
-from taskspec.lang.ops import OPS
+from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.spec.widths import widest
 from tests.fuzz import forms
@@ -29,7 +29,7 @@ QUICK: dict[str, Form] = {
     "reference": forms.by_reference, "lane": forms.by_lane, "batch": forms.by_batch, "numpy": forms.by_numpy,
 }  # fmt: skip
 COMPILED: dict[str, Form] = {"numba": forms.by_numba, "jax": forms.by_jax}
-EVERY = (*OPS, "structure")
+EVERY = (*OPERATORS, "structure")
 MOST_ELEMENTS = 400
 """Expressions of more elements in all compile slowly."""
 

@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from taskspec.lang.builder import Builder
-from taskspec.lang.functions import FUNCTIONS
 from taskspec.lang.ir import Node, Read, Role
-from taskspec.lang.ops import OPS
+from taskspec.lang.operators import FUNCTIONS, OPERATORS
 from taskspec.lang.types import BOOL, INT, REAL, Kind, Refused, Type
 
 Flat = tuple[Any, ...]
@@ -93,7 +92,7 @@ class Expressions:
     # -- operators ------------------------------------------------------------------------------------------------
 
     def _operator(self, depth: int, name: str | None = None) -> Node:
-        op = OPS[name or self.chance.choice(list(OPS))]
+        op = OPERATORS[name or self.chance.choice(list(OPERATORS))]
         if not op.elementwise and self.chance.random() < 0.8:
             type_ = Type(self.chance.choice(tuple(Kind)), (self.chance.choice(LENGTHS),))
             return self.builder.apply(op.name, self._read(type_))

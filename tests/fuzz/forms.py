@@ -123,7 +123,15 @@ def by_numba(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], point
     places = [f"o{i}[{k}, j]" for i, r in enumerate(roots) for k in range(r.type.size)]
     stores = [f"{place} = {atom}" for place, atom in zip(places, atoms, strict=True)]
     body = "\n".join(f"        {line}" for line in [*loads, *lane.lines, *stores])
-    space = {**vars(basics), **vars(draws), **vars(operators), **lane.constants, "nan": math.nan, "inf": math.inf}
+    space = {
+        **vars(math),
+        **vars(basics),
+        **vars(draws),
+        **vars(operators),
+        **lane.constants,
+        "nan": math.nan,
+        "inf": math.inf,
+    }
     exec(f"def f(n, {', '.join((*outs, *rows))}):\n    for j in range(n):\n{body}", space)
     numba.njit(error_model="numpy", boundscheck=True)(space["f"])(len(points), *outs.values(), *rows.values())
     return list(outs.values())

@@ -19,9 +19,9 @@ from taskspec.backends.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.draws.layout import poisson_bound
-from taskspec.lang.interval import INF, Range
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, walk
-from taskspec.lang.ops import Op
+from taskspec.lang.operators import Operator
+from taskspec.lang.ranges import INF, Range
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.spec.reach import over, reach
 from taskspec.spec.spaces import Layout, action_layout, observation_layout
@@ -212,7 +212,7 @@ def _emit(
 class JaxForm(ArrayForm):
     """The array form as XLA needs it: for XLA `x + 0.0` is x, which it is not where x is -0.0."""
 
-    def _template(self, node: Apply, entry: Op) -> str:
+    def _template(self, node: Apply, entry: Operator) -> str:
         template = super()._template(node, entry)
         nothing = any(isinstance(a, Const) and not any(a.flat) for a in node.args)
         real = node.op == "add" and node.type.kind is Kind.REAL

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from math import atan2, exp, inf, log, nan, sqrt, tan, tanh  # noqa: F401  # for generated code
+from math import inf, nan  # noqa: F401  # for generated code
 from typing import Any
 
 import numpy as np

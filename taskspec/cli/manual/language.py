@@ -14,7 +14,7 @@ from taskspec.cli.manual.keys import keys, sections
 from taskspec.cli.manual.markdown import code, table
 from taskspec.exact import statuses, vocabulary
 from taskspec.lang import dists
-from taskspec.lang.functions import FUNCTIONS, INFIX
+from taskspec.lang.operators import FUNCTIONS, INFIX
 
 _MARK = re.compile(r"<!-- (\w+)(?: (\w+))? -->")
 

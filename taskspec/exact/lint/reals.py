@@ -8,14 +8,10 @@ from taskspec.diagnostics import Collector
 from taskspec.exact.lint.case import Case
 from taskspec.exact.lint.names import mentioned
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, walk
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import Kind
 from taskspec.spec.task import Component, Task
-
-KEEP = frozenset({
-    "to_real", "add", "sub", "mul", "neg", "abs", "sign", "mod", "floordiv", "min2", "max2", "min", "max", "sum", "prod",
-    "cumsum", "sort", "where", "vector", "concat", "slice", "index", "element", "fill", "reshape", "put", "swap",
-})  # fmt: skip
-"""Operators that give whole numbers for whole numbers."""
 
 
 def whole(case: Case, collector: Collector) -> None:
@@ -61,6 +57,6 @@ def _keeps(node: Node, whole: dict[int, bool], assumed: object) -> bool:
         case Read(role=role, name=name):
             return role is Role.STATE and name in assumed  # type: ignore[operator]
         case Apply(op=op, args=args):
-            return op in KEEP and all(whole[id(a)] for a in args)
+            return (op in STRUCTURES or OPERATORS[op].whole) and all(whole[id(a)] for a in args)
         case Draw():
             return False

@@ -12,8 +12,8 @@ from taskspec.exact.extract import extract
 from taskspec.exact.lint.case import SMALL, Case
 from taskspec.exact.model import Model
 from taskspec.exact.space import plain, words
-from taskspec.lang.interval import Interval
 from taskspec.lang.ir import Draw, Role, reads, walk
+from taskspec.lang.ranges import Interval
 from taskspec.lang.types import Kind
 from taskspec.spec.build import build
 from taskspec.spec.reach import reached

@@ -12,6 +12,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from taskspec.lang.ir import Apply
+from taskspec.lang.operators import bounding, linearity
+from taskspec.lang.operators.entry import Linear, never
+from taskspec.lang.ranges import Args, Interval
 from taskspec.lang.types import Kind, Type, join
 
 Flat = tuple[Any, ...]
@@ -37,6 +41,8 @@ class Structure:
     reference: Callable[[Sequence[Flat], tuple[Type, ...], tuple[int, ...]], Flat]
     doc: str
     samples: tuple[tuple[tuple[Any, ...], tuple[int, ...]], ...]
+    bounds: Callable[[Args, Apply], Interval] = bounding.same
+    linear: Linear = linearity.every
 
 
 def _row(flat: Flat, shape: tuple[int, ...], i: int) -> Flat:
@@ -100,9 +106,10 @@ STRUCTURES: dict[str, Structure] = {
     entry.name: entry
     for entry in (
         Structure("vector", _vector_type, lambda a, t, s: _join(a), "Arguments of one shape, stacked.",
-                  (((1, 2, 3), ()), ((_V, _R), ()), ((_M, _M), ()), ((_LONG, _LONG), ()), ((True, 0.5), ()))),
+                  (((1, 2, 3), ()), ((_V, _R), ()), ((_M, _M), ()), ((_LONG, _LONG), ()), ((True, 0.5), ())),
+                  bounding.union),
         Structure("concat", _concat_type, lambda a, t, s: _join(a), "Arguments laid end to end.",
-                  (((_V, (9,)), ()), ((_M, _M), ()), ((_R, _LONG), ()), ((_LONG, _V), ()))),
+                  (((_V, (9,)), ()), ((_M, _M), ()), ((_R, _LONG), ()), ((_LONG, _V), ())), bounding.union),
         Structure(
             "slice", lambda t, s: Type(t[0].kind, (s[1], *t[0].shape[1:])), _slice,
             "Static (start, count, step) along the first axis.",
@@ -122,11 +129,13 @@ STRUCTURES: dict[str, Structure] = {
         ),
         Structure("index", _index_type, _index, "Rows of the first argument at the indices of the second.",
                   (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
-                   ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ()))),
+                   ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ())),
+                  linear=linearity.unless_second),
         Structure("put", _put_type, _put, "The vector with the element at an index replaced.",
                   (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
-                   ((_WIDE, 1, _LONG), ()))),
+                   ((_WIDE, 1, _LONG), ())), lambda args, node: bounding.union((args[0], args[2]), node), never),
         Structure("swap", lambda t, s: t[0], _swap, "The vector with two elements exchanged.",
-                  (((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ()))),
+                  (((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ())),
+                  linear=never),
     )
 }  # fmt: skip

@@ -1,0 +1,33 @@
+"""The operator table: one entry per operator of the typed core, the single source of everything known about it.
+
+An entry has its type rule, an obvious Python reference (what the operator *means*, used by the interpreter and for folding),
+its bounds, how it is written and printed, its form in generated scalar, array and kernel code, and sample inputs on which all
+forms are tested against the reference. Entries stand in files by what they are about; `structure` has the operators that only
+move elements. A new operator is one entry in one of these files.
+
+Every operator is total. The awkward points are decided here once, for every backend:
+reals follow IEEE 754 (1/0 is inf, 0/0 and sqrt(-1) are nan); an int divided by 0 with `//` or `%` gives 0;
+`min`, `max`, `argmin`, `argmax` pass over nan and give the first of equals, 0.0 and -0.0 included; `sort` puts nan last
+and takes the sign from zeros, so that their order does not matter; `argsort` is stable; sums begin with the first element;
+reals become ints by saturating at +-(2**31 - 1), nan becomes 0. An index is moved into range before it is used
+(`Builder.position`).
+"""
+
+from __future__ import annotations
+
+from taskspec.lang.operators import arithmetic, composed, elementary, logic, reductions, rounding, vectors
+from taskspec.lang.operators.entry import Function, Infix, Operator
+
+TABLE: tuple[Operator, ...] = (
+    *arithmetic.TABLE, *elementary.TABLE, *rounding.TABLE, *logic.TABLE, *reductions.TABLE, *vectors.TABLE,
+)  # fmt: skip
+OPERATORS: dict[str, Operator] = {o.name: o for o in TABLE}
+"""Operators whose result type follows from the types of their arguments alone, by name."""
+FUNCTIONS: dict[str, Function] = {
+    f.name: f for f in (*(o.function for o in TABLE if o.function is not None), *composed.FUNCTIONS)
+}
+"""The functions that authors write: each names one operator or composes several."""
+INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.infix is not None), *composed.INFIX)}
+"""What authors write between or before operands."""
+
+__all__ = ["FUNCTIONS", "INFIX", "OPERATORS", "TABLE", "Function", "Infix", "Operator"]

@@ -1,0 +1,167 @@
+"""Arithmetic of numbers, and the smaller and larger of two."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from taskspec.lang.operators import bounding, linearity
+from taskspec.lang.operators.entry import Array, Function, Infix, Kernel, Operator, Scalar, applies
+from taskspec.lang.operators.levels import Brackets, Level
+from taskspec.lang.operators.samples import INTS, NANS, PAIRS, ZEROS
+from taskspec.lang.operators.signatures import arithmetic, real
+
+Number = Any  # bool, int, float or Fraction
+
+
+def _is_int(*values: Number) -> bool:
+    return all(isinstance(v, int) for v in values)
+
+
+def div(a: Number, b: Number) -> Number:
+    if b != 0:
+        return a / b
+    if a == 0 or a != a:
+        return math.nan
+    return math.copysign(math.inf, a) * math.copysign(1.0, b)
+
+
+def floordiv(a: Number, b: Number) -> Number:
+    if b == 0:
+        return 0 if _is_int(a, b) else div(a, b)
+    if not _is_int(a, b) and not (math.isfinite(a) and math.isfinite(b)):
+        return math.nan
+    return a // b
+
+
+def mod(a: Number, b: Number) -> Number:
+    if b == 0:
+        return 0 if _is_int(a, b) else math.nan
+    if not _is_int(a, b) and not math.isfinite(a):
+        return math.nan
+    return a % b
+
+
+def pow_(a: Number, b: Number) -> float:
+    try:
+        return math.pow(a, b)
+    except (OverflowError, ValueError):
+        if a != 0 and not (float(b).is_integer() or a > 0):
+            return math.nan
+        odd = float(b).is_integer() and b % 2 == 1
+        return math.copysign(math.inf, a) if odd else math.inf
+
+
+def sign(a: Number) -> Number:
+    kind = type(a) if not isinstance(a, bool) else int
+    return kind((a > 0) - (a < 0))
+
+
+def min2(a: Number, b: Number) -> Number:
+    return a if a <= b or b != b else b
+
+
+def max2(a: Number, b: Number) -> Number:
+    return a if a >= b or b != b else b
+
+
+TABLE = (
+    Operator(
+        name="add", rule=arithmetic, reference=lambda a, b: a + b, doc="Sum.", samples=PAIRS + NANS,
+        scalar=Scalar("({0} + {1})"), array=Array("({0} + {1})"),
+        bounds=lambda a, n: (a[0].low + a[1].low, a[0].high + a[1].high), finite=bounding.bounded,
+        linear=linearity.every, rational=True, whole=True, wraps=True,
+        infix=Infix("+", "add", 5, "{0} + {1}", "Sum.", Brackets(Level.SUM, (Level.SUM,), lead=True)),
+    ),
+    Operator(
+        name="sub", rule=arithmetic, reference=lambda a, b: a - b, doc="Difference.", samples=PAIRS + NANS,
+        scalar=Scalar("({0} - {1})"), array=Array("({0} - {1})"),
+        bounds=lambda a, n: (a[0].low - a[1].high, a[0].high - a[1].low), finite=bounding.bounded,
+        linear=linearity.every, rational=True, whole=True, wraps=True,
+        infix=Infix("-", "sub", 5, "{0} - {1}", "Difference.", Brackets(Level.SUM, (Level.SUM, Level.REMAINDER), lead=True)),
+    ),
+    Operator(
+        name="mul", rule=arithmetic, reference=lambda a, b: a * b, doc="Product.", samples=PAIRS + NANS,
+        scalar=Scalar("({0} * {1})"), array=Array("({0} * {1})"),
+        bounds=bounding.product, finite=bounding.bounded, linear=linearity.one, rational=True, whole=True, wraps=True,
+        infix=Infix(
+            "*", "mul", 6, r"{0} \cdot {1}", "Product.", Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True)
+        ),
+    ),
+    Operator(
+        name="neg", rule=arithmetic, reference=lambda a: -a, doc="Negation.", samples=((3,), (-2.5,), (0,), (math.nan,)),
+        scalar=Scalar("(-{0})"), array=Array("(-{0})"),
+        bounds=lambda a, n: (-a[0].high, -a[0].low), linear=linearity.every, rational=True, whole=True, wraps=True,
+    ),
+    Operator(
+        name="div", rule=real, reference=div, doc="Real division, IEEE at zero.", samples=PAIRS + ZEROS + NANS,
+        scalar=Scalar("({0} / {1} if {1} else div({0}, {1}))", divides="({0} / {1})", names={"div": div}),
+        array=Array("({0} / {1})"), kernel=Kernel("({0} / {1})"),
+        bounds=bounding.quotient, finite=bounding.divided, linear=linearity.unless_second, rational=True,
+        infix=Infix(
+            "/", "div", 6, r"\frac{{0}}{{1}}", "Real division; two ints give an exact fraction.",
+            Brackets(Level.FACTOR, (Level.SCOPE,), lead=True),
+        ),
+    ),
+    Operator(
+        name="floordiv", rule=arithmetic, reference=floordiv, doc="Division rounded down; an int by 0 is 0.",
+        samples=PAIRS + ZEROS + NANS[:1],
+        scalar=Scalar("({0} // {1} if {1} else 0)", real="floordiv({0}, {1})", divides="({0} // {1})",
+                      names={"floordiv": floordiv}),
+        array=Array("rt.floordiv({0}, {1})"), kernel=Kernel(real="floordiv_real({0}, {1})", whole="floordiv_int({0}, {1})"),
+        bounds=bounding.floor_quotient, finite=bounding.divided, whole=True, wraps=True,
+        infix=Infix(
+            "//", "floordiv", 6, r"\left\lfloor {0} / {1} \right\rfloor", "Division rounded down.",
+            Brackets(Level.ATOM, (Level.PRODUCT, Level.FACTOR), lead=True),
+        ),
+    ),
+    Operator(
+        name="mod", rule=arithmetic, reference=mod, doc="Remainder with the sign of the divisor; an int by 0 is 0.",
+        samples=PAIRS + ZEROS + NANS[:1],
+        scalar=Scalar("({0} % {1} if {1} else 0)", real="({0} % {1} if {1} else nan)", divides="({0} % {1})"),
+        array=Array("rt.mod({0}, {1})"), kernel=Kernel(real="mod_real({0}, {1})", whole="mod_int({0}, {1})"),
+        bounds=bounding.remainder, finite=bounding.divided, whole=True,
+        infix=Infix(
+            "%", "mod", 6, r"{0} \bmod {1}", "Remainder, with the sign of the divisor.",
+            Brackets(Level.REMAINDER, (Level.PRODUCT, Level.FACTOR)),
+        ),
+    ),
+    Operator(
+        name="pow", rule=real, reference=pow_, doc="Power of reals (C's pow; a negative base with a fraction is nan).",
+        samples=((2.0, 0.5), (-8.0, 3.0), (-8.0, 0.5), (0.0, 0.0), (0.0, -1.0), (10.0, 400.0), (1.5, -2.0), (math.nan, 0.0)),
+        scalar=Scalar("pow_({0}, {1})", names={"pow_": pow_}), array=Array("rt.pow({0}, {1})"),
+        finite=bounding.nowhere, precise=False,
+        infix=Infix("**", "pow", 8, "{0}^{{1}}", "Power.", Brackets(Level.POWER, (Level.ATOM, Level.SCOPE))),
+    ),
+    Operator(
+        name="abs", rule=arithmetic, reference=abs, doc="Absolute value.", samples=((3,), (-3,), (-2.5,), (math.nan,)),
+        scalar=Scalar("abs({0})"), array=Array("xp.abs({0})"),
+        kernel=Kernel("abs({0})", whole="select({0} < 0, -{0}, {0})"),
+        bounds=bounding.magnitude, whole=True, wraps=True,
+        function=Function(
+            "abs", ("x",), r"\lvert {0} \rvert", "Absolute value.", ((-3,), (2.5,), (INTS,)), applies("abs")
+        ),
+    ),
+    Operator(
+        name="sign", rule=arithmetic, reference=sign, doc="-1, 0 or 1; 0 for nan.",
+        samples=((3,), (-3,), (0,), (-2.5,), (0.0,), (math.nan,)),
+        scalar=Scalar("sign({0})", names={"sign": sign}), array=Array("rt.sign({0})"),
+        kernel=Kernel(real="(f64({0} > 0.0) - f64({0} < 0.0))", whole="(i32({0} > 0) - i32({0} < 0))"),
+        bounds=bounding.to_int(sign), whole=True,
+        function=Function("sign", ("x",), r"\operatorname{sign}({0})", "-1, 0 or 1.", ((-3,), (0,), (2.5,)), applies("sign")),
+    ),
+    Operator(
+        name="min2", rule=arithmetic, reference=min2, doc="The smaller of two.", samples=PAIRS + NANS,
+        scalar=Scalar("({0} if {0} <= {1} else {1})", real="({0} if {0} <= {1} or {1} != {1} else {1})"),
+        array=Array("xp.minimum({0}, {1})", real="rt.min2({0}, {1})", nonzero="xp.fmin({0}, {1})"),
+        kernel=Kernel(real="min2({0}, {1})", whole="select({0} <= {1}, {0}, {1})"),
+        bounds=bounding.extreme(min), whole=True,
+    ),
+    Operator(
+        name="max2", rule=arithmetic, reference=max2, doc="The larger of two.", samples=PAIRS + NANS,
+        scalar=Scalar("({0} if {0} >= {1} else {1})", real="({0} if {0} >= {1} or {1} != {1} else {1})"),
+        array=Array("xp.maximum({0}, {1})", real="rt.max2({0}, {1})", nonzero="xp.fmax({0}, {1})"),
+        kernel=Kernel(real="max2({0}, {1})", whole="select({0} >= {1}, {0}, {1})"),
+        bounds=bounding.extreme(max), whole=True,
+    ),
+)  # fmt: skip

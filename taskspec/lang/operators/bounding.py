@@ -1,0 +1,185 @@
+"""Bounds that operators share.
+
+Rounding to nearest never turns the order of two numbers round. So where an operation grows, or falls, with each of its
+arguments, its values at the corners, worked out as the run time does, bound all of its values.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from taskspec.lang.ir import Apply, Const
+from taskspec.lang.operators.entry import stays_finite
+from taskspec.lang.ranges import EVERYTHING, HUGE, INF, Args, Interval, Range
+from taskspec.lang.types import Kind
+
+Bounds = Callable[[Args, Apply], Interval]
+_FACTORS = 10_000
+"""Products of more elements are not followed factor by factor."""
+
+
+def fixed(low: float, high: float) -> Bounds:
+    return lambda args, node: (low, high)
+
+
+def same(args: Args, node: Apply) -> Interval:
+    """Of what chooses elements of its first argument."""
+    return args[0][:2]
+
+
+def union(args: Args, node: Apply) -> Interval:
+    """Of what is one of its arguments."""
+    return min(a.low for a in args), max(a.high for a in args)
+
+
+def place(args: Args, node: Apply) -> Interval:
+    """A place among the elements of the first argument."""
+    return 0, max(0, node.args[0].type.size - 1)
+
+
+def _mul(a: float, b: float) -> float:
+    return 0 if a == 0 or b == 0 else a * b
+
+
+def product(args: Args, node: Apply) -> Interval:
+    (a, b), (c, d) = args[0][:2], args[1][:2]
+    corners = [_mul(a, c), _mul(a, d), _mul(b, c), _mul(b, d)]
+    return min(corners), max(corners)
+
+
+def quotient(args: Args, node: Apply) -> Interval:
+    if args[1].holds_zero() or not args[1].bounded:
+        return EVERYTHING
+    (a, b), (c, d) = args[0][:2], args[1][:2]
+    corners = [a / c, a / d, b / c, b / d]
+    return min(corners), max(corners)
+
+
+def floor_quotient(args: Args, node: Apply) -> Interval:
+    (a, b), (c, d) = args[0][:2], args[1][:2]
+    if not (args[0].bounded and args[1].bounded):
+        return EVERYTHING
+    if args[1].holds_zero():
+        most = max(abs(a), abs(b))
+        return (-most, most) if node.type.kind is Kind.INT else EVERYTHING
+    corners = [a // c, a // d, b // c, b // d]
+    return _loose((min(corners), max(corners))) if node.type.kind is Kind.REAL else (min(corners), max(corners))
+
+
+def _loose(edge: Interval) -> Interval:
+    """Wider by what a quotient that is too large for its last digits may be off."""
+    low, high = edge
+    return (
+        low if abs(low) < 2**50 else low - abs(low) * 2**-50,
+        high if abs(high) < 2**50 else high + abs(high) * 2**-50,
+    )
+
+
+def remainder(args: Args, node: Apply) -> Interval:
+    (a, b), (c, d) = args[0][:2], args[1][:2]
+    integral = node.type.kind is Kind.INT
+    if c > 0:
+        return (a, b) if integral and a >= 0 and b < c else (0, d - 1 if integral else d)
+    if d < 0:
+        return (c + 1 if integral else c, 0)
+    return EVERYTHING if not integral else (min(0, c + 1), max(0, d - 1))
+
+
+def extreme(pick: Callable[[float, float], float]) -> Bounds:
+    """Of two ints, or of two reals one of which may be nan and then gives way to the other.
+
+    It counts as such unless it is a constant, also where it is known to be a number: how many words a draw of Poisson takes
+    follows from the bound of its rate, and `docs/seeding.md` states this rule.
+    """
+
+    def rule(args: Args, node: Apply) -> Interval:
+        a, b = args
+        found = [(pick(a.low, b.low), pick(a.high, b.high))]
+        if node.type.kind is Kind.REAL:
+            found += [other[:2] for i, other in ((0, b), (1, a)) if not isinstance(node.args[i], Const)]
+        return min(low for low, _ in found), max(high for _, high in found)
+
+    return rule
+
+
+def magnitude(args: Args, node: Apply) -> Interval:
+    (a, b) = args[0][:2]
+    return (0 if a <= 0 <= b else min(abs(a), abs(b))), max(abs(a), abs(b))
+
+
+def increasing(function: Callable[[float], float], ulps: int = 0) -> Bounds:
+    """Of a function of reals that grows, and that libraries get right to so many units in the last place."""
+
+    def rule(args: Args, node: Apply) -> Interval:
+        low, high = (function(x) for x in args[0][:2])
+        for _ in range(ulps):
+            low, high = math.nextafter(low, -INF), math.nextafter(high, INF)
+        return low, high
+
+    return rule
+
+
+def to_int(function: Callable[[float], int]) -> Bounds:
+    """Of a monotone function to ints, 0 for nan: saturating where the bounds are finite."""
+
+    def rule(args: Args, node: Apply) -> Interval:
+        low, high = (function(x) if math.isfinite(x) else x for x in args[0][:2])
+        return (low, high) if args[0].finite else (min(low, 0), max(high, 0))
+
+    return rule
+
+
+def _sum_of(value: float, n: int) -> float:
+    """A number added n times, from left to right."""
+    if isinstance(value, int) or n == 0:
+        return _mul(value, n)
+    with np.errstate(over="ignore"):
+        return float(np.add.accumulate(np.full(n, value))[-1])
+
+
+def total(args: Args, node: Apply) -> Interval:
+    n = node.args[0].type.size
+    return _sum_of(args[0].low, n), _sum_of(args[0].high, n)
+
+
+def running(args: Args, node: Apply) -> Interval:
+    (a, b), n = args[0][:2], node.type.size
+    return min(a, _sum_of(a, n)), max(b, _sum_of(b, n))
+
+
+def power(args: Args, node: Apply) -> Interval:
+    """Of all elements multiplied, one after the other."""
+    n = node.args[0].type.size
+    if n == 0:
+        return (1, 1)
+    if not args[0].bounded or n > _FACTORS:
+        return EVERYTHING
+    beyond = INF if node.type.kind is Kind.REAL else HUGE  # a real product may overflow; a wide int is refused
+    edge: Interval = args[0][:2]
+    for _ in range(n - 1):
+        wider = product([Range(*edge), args[0]], node)
+        if wider == edge:
+            return edge
+        edge = wider
+        if max(abs(v) for v in edge) > HUGE:
+            return (0 if args[0].low >= 0 else -beyond), beyond
+    return edge
+
+
+# -- when values are finite numbers ---------------------------------------------------------------------------------
+
+
+def bounded(args: Args, found: Interval) -> bool:
+    return stays_finite(args, found) and all(map(math.isfinite, found))
+
+
+def divided(args: Args, found: Interval) -> bool:
+    return bounded(args, found) and not args[1].holds_zero()
+
+
+def nowhere(args: Args, found: Interval) -> bool:
+    """Where nothing is known."""
+    return False

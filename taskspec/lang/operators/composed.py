@@ -1,0 +1,120 @@
+"""Functions that compose several operators, or arrange elements; and comparisons that are read as others."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from taskspec.lang.ir import Const, Node
+from taskspec.lang.operators.entry import Function, Infix
+from taskspec.lang.operators.levels import Brackets, Level
+from taskspec.lang.operators.samples import INTS, MIXED
+from taskspec.lang.types import INT, Kind, Refused, Type
+
+if TYPE_CHECKING:
+    from taskspec.lang.builder import Builder
+
+
+def _clip(b: Builder, args: list[Node]) -> Node:
+    x, low, high = args
+    return b.apply("min2", b.apply("max2", x, low), high)
+
+
+def _product(b: Builder, args: list[Node]) -> Node:
+    for arg in args:
+        if len(arg.type.shape) != 1:
+            raise Refused(f"`dot` needs two vectors, not {arg.type}")
+    return b.apply("sum", b.apply("mul", *args))
+
+
+def _norm1(b: Builder, args: list[Node]) -> Node:
+    return b.apply("sum", b.apply("abs", args[0]))
+
+
+def _norm2(b: Builder, args: list[Node]) -> Node:
+    return b.apply("sqrt", b.apply("sum", b.apply("mul", args[0], args[0])))
+
+
+def _need_vector(name: str, node: Node) -> int:
+    if node.type.is_scalar:
+        raise Refused(f"`{name}` needs a vector, not a single {node.type}")
+    return node.type.shape[0]
+
+
+def _need_index(name: str, node: Node) -> Node:
+    if not node.type.is_scalar or node.type.kind is Kind.REAL:
+        raise Refused(f"`{name}` needs an int as index, not {node.type}", hint="`floor(x)` gives an int")
+    return node
+
+
+def at(b: Builder, name: str, x: Node, index: Node) -> Node:
+    """An index into the first axis of x, brought into range."""
+    return b.position(b.cast(_need_index(name, index), Kind.INT), _need_vector(name, x))
+
+
+def _reverse(b: Builder, args: list[Node]) -> Node:
+    n = _need_vector("reverse", args[0])
+    return b.structure("slice", args, (n - 1, n, -1)) if n else args[0]
+
+
+def _concat(b: Builder, args: list[Node]) -> Node:
+    parts = [b.structure("reshape", [a], (1,)) if a.type.is_scalar else a for a in args]
+    if len({a.type.shape[1:] for a in parts}) > 1:
+        raise Refused("the parts of `concat` have different row shapes", "E307")
+    return b.structure("concat", parts)
+
+
+def _put(b: Builder, args: list[Node]) -> Node:
+    x, index, value = args
+    i = at(b, "put", x, index)
+    value = b.stretch(value, x.type.shape[1:])
+    if value.type.shape != x.type.shape[1:]:
+        raise Refused(f"`put` cannot place {value.type} in {x.type}", "E307")
+    kind = max(x.type.kind, value.type.kind)
+    return b.structure("put", [b.cast(x, kind), i, b.cast(value, kind)])
+
+
+def _swap(b: Builder, args: list[Node]) -> Node:
+    x, i, j = args
+    return b.structure("swap", [x, at(b, "swap", x, i), at(b, "swap", x, j)])
+
+
+def _onehot(b: Builder, args: list[Node]) -> Node:
+    index, n = args
+    assert isinstance(n, Const)
+    if n.type != INT or n.value < 1:
+        raise Refused("`onehot` needs a positive int as length")
+    b.check_size((n.value,))
+    positions = b.const(tuple(range(n.value)), Type(Kind.INT, (n.value,)))
+    return b.cast(b.apply("eq", positions, _need_index("onehot", index)), Kind.INT)
+
+
+def _len(b: Builder, args: list[Node]) -> Node:
+    return b.scalar(_need_vector("len", args[0]))
+
+
+FUNCTIONS = (
+    Function("clip", ("x", "low", "high"), r"\operatorname{clip}({0}, {1}, {2})", "x moved into [low, high].",
+             ((5, 0, 3), (-1.5, 0, 3), (MIXED, -1, 1)), _clip),
+    Function("dot", ("x", "y"), r"{0} \cdot {1}", "Inner product.", ((INTS, MIXED),), _product,
+             brackets=Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True)),
+    Function("norm1", ("x",), r"\lVert {0} \rVert_1", "Sum of absolute values.", ((INTS,), (MIXED,)), _norm1),
+    Function("norm2", ("x",), r"\lVert {0} \rVert_2", "Euclidean length.", ((INTS,), (MIXED,)), _norm2),
+    Function("concat", ("x", "*rest"), r"({*})", "Vectors (or single values) laid end to end.",
+             ((INTS, INTS), (INTS, 7), (1.5, INTS)), _concat),
+    Function("reverse", ("x",), r"\operatorname{reverse}({0})", "Elements in the opposite order.", ((INTS,),), _reverse),
+    Function("swap", ("x", "i", "j"), r"\operatorname{swap}_{{1},{2}}({0})", "The vector with elements i and j exchanged.",
+             ((INTS, 0, 2), (MIXED, 1, 1), (INTS, 1, 9)), _swap, indices=(1, 2)),
+    Function("put", ("x", "i", "value"), r"{0}[{1} \leftarrow {2}]", "The vector with element i replaced.",
+             ((INTS, 1, 9), (MIXED, 0, 9), (INTS, 7, 0.5)), _put, indices=(1,),
+             brackets=Brackets(Level.ATOM, (Level.ATOM, Level.SCOPE))),
+    Function("onehot", ("i", "n"), r"e_{{0}}", "Zeros of length n with a 1 at i; all zeros when i is outside.",
+             ((1, 3), (5, 3)), _onehot, static=(1,)),
+    Function("len", ("x",), r"\lvert {0} \rvert", "Number of rows, a constant.", ((INTS,),), _len),
+)  # fmt: skip
+
+INFIX = (
+    Infix(">", "gt", 4, "{0} > {1}", "Greater."),
+    Infix(">=", "ge", 4, r"{0} \geq {1}", "Greater or equal."),
+    Infix("in", "in", 4, r"{0} \in {1}", "Equal to one of the values written out."),
+    Infix("not in", "not in", 4, r"{0} \notin {1}", "Equal to none of the values written out."),
+)

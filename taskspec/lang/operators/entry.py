@@ -1,0 +1,162 @@
+"""What an entry of the operator table says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from taskspec.lang.ir import Apply, Node
+from taskspec.lang.operators.levels import ENCLOSED, Brackets
+from taskspec.lang.operators.signatures import Promote, TypeRule, to_result
+from taskspec.lang.ranges import EVERYTHING, Args, Interval
+
+if TYPE_CHECKING:
+    from taskspec.lang.builder import Builder
+
+Build = Callable[["Builder", list[Node]], Node]
+Linear = Callable[[Sequence[bool]], bool]
+"""Whether a value is linear in something, from which arguments are; those are linear, and the others do not depend on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A function of the language.
+
+    `arguments` are names for the reference and for messages; the last may be `*rest`. `latex` is a template over
+    `{0}`, `{1}`, ...; `{*}` stands for all arguments with commas, and `brackets` says which operands need them. `static`
+    arguments must be constants; `indices` are arguments that say where in the first one. `build` makes the core nodes: the
+    operator that the entry is about, unless it is given.
+    """
+
+    name: str
+    arguments: tuple[str, ...]
+    latex: str
+    doc: str
+    samples: tuple[tuple[Any, ...], ...]
+    build: Build
+    static: tuple[int, ...] = ()
+    indices: tuple[int, ...] = ()
+    brackets: Brackets = ENCLOSED
+
+    @property
+    def signature(self) -> str:
+        return f"{self.name}({', '.join(self.arguments)})"
+
+    def accepts(self, count: int) -> bool:
+        if self.arguments[-1].startswith("*"):
+            return count >= len(self.arguments) - 1  # `*rest` may be empty
+        return count == len(self.arguments)
+
+
+def applies(name: str) -> Build:
+    """Makes a node of one operator."""
+    return lambda b, args: b.apply(name, *args)
+
+
+@dataclass(frozen=True, slots=True)
+class Infix:
+    """An infix or prefix operator as it is written.
+
+    Its precedence in text (higher binds tighter), its mathematics over `{0}`, `{1}`, and the brackets of that.
+    """
+
+    symbol: str
+    op: str
+    precedence: int
+    latex: str
+    doc: str
+    brackets: Brackets | None = None  # relations share those of `compare`
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """The form in scalar Python: a template over `{0}`, `{1}`, ..., per element of an elementwise operator.
+
+    `real` is used instead where an argument is real, `divides` where the second argument is never 0, `whole` where no argument
+    is real. A reduction of a few elements is written out as a `chain`: what stands between them, and the value of none.
+    `names` are the functions that the templates call, besides Python's own.
+    """
+
+    template: str
+    real: str | None = None
+    divides: str | None = None
+    whole: str | None = None
+    chain: tuple[str, str] | None = None
+    names: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """The form over arrays, batch axis last: a template with `xp` for the namespace, and `rt` for `arrays.Runtime`.
+
+    `real` is used instead where an argument is real, `nonzero` where one of those is a constant other than 0, so that no 0.0
+    meets a -0.0.
+    """
+
+    template: str
+    real: str | None = None
+    nonzero: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """The form in compiled kernels, without branches. `real` and `whole` as in `Scalar`.
+
+    `names` are functions of Python's `math` that the templates call; others are in `taskspec.backends.numba.operators`.
+    """
+
+    template: str | None = None
+    real: str | None = None
+    whole: str | None = None
+    names: tuple[str, ...] = ()
+
+
+def everything(args: Args, node: Apply) -> Interval:
+    return EVERYTHING
+
+
+def stays_finite(args: Args, found: Interval) -> bool:
+    return all(a.finite for a in args)
+
+
+def never(below: Sequence[bool]) -> bool:
+    return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Operator:
+    """One operator of the core.
+
+    `bounds` gives bounds of the value from what is known of the arguments, and `finite` whether the value is a finite number;
+    both must hold for the run time's own arithmetic. `linear` tells the exact model which draws may be replaced by their mean.
+
+    A kernel takes the template of scalar code where it has none of its own; kernels write reductions out themselves
+    (`backends.kernel`).
+    """
+
+    name: str
+    rule: TypeRule
+    promote: Promote = to_result
+    reference: Callable[..., Any]
+    doc: str
+    samples: tuple[tuple[Any, ...], ...]
+    scalar: Scalar
+    array: Array
+    kernel: Kernel = Kernel()
+    elementwise: bool = True
+    bounds: Callable[[Args, Apply], Interval] = everything
+    finite: Callable[[Args, Interval], bool] = stays_finite
+    linear: Linear = never
+    rational: bool = False
+    """Whether it is worked out in fractions where all arguments are exact constants."""
+    whole: bool = False
+    """Whether whole numbers give whole numbers."""
+    wraps: bool = False
+    """Whether it may give an int that no argument is, and so leave the ints of a backend."""
+    rounds: bool = False
+    """Whether it makes an int of a real."""
+    precise: bool = True
+    """Whether all of NumPy, the C library and Numba give the same digits."""
+    function: Function | None = None
+    infix: Infix | None = None

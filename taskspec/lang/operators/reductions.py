@@ -1,0 +1,140 @@
+"""What becomes of all elements of a vector together: sums, counts, extremes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+from taskspec.lang.ir import Node
+from taskspec.lang.operators import bounding, linearity
+from taskspec.lang.operators.entry import Array, Build, Function, Operator, Scalar, applies
+from taskspec.lang.operators.levels import Brackets, Level
+from taskspec.lang.operators.samples import INTS, MASKS, MIXED, NAN_VECTORS, VECTORS
+from taskspec.lang.operators.signatures import as_they_are, conditions, number, reduction
+from taskspec.lang.types import Kind
+
+if TYPE_CHECKING:
+    from taskspec.lang.builder import Builder
+
+Number = Any
+Vector = Sequence[Number]
+
+
+def sum_(x: Vector) -> Number:
+    return reduce(lambda a, b: a + b, x) if x else 0
+
+
+def _best(better: Callable[[Number, Number], bool], x: Vector) -> int:
+    """Index of the best element, the first of equals; nan never beats anything and loses to everything."""
+    best = 0
+    for i, value in enumerate(x):
+        if better(value, x[best]) or (x[best] != x[best] and value == value):
+            best = i
+    return best
+
+
+def argmin(x: Vector) -> int:
+    return _best(lambda a, b: a < b, x)
+
+
+def argmax(x: Vector) -> int:
+    return _best(lambda a, b: a > b, x)
+
+
+def min_(x: Vector) -> Number:
+    return x[argmin(x)]
+
+
+def max_(x: Vector) -> Number:
+    return x[argmax(x)]
+
+
+def _extreme(two: str, many: str) -> Build:
+    """Of the arguments one after the other, or of the elements of a single one."""
+
+    def build(b: Builder, args: list[Node]) -> Node:
+        if len(args) == 1:
+            return b.apply(many, args[0])
+        result = args[0]
+        for arg in args[1:]:
+            result = b.apply(two, result, arg)
+        return result
+
+    return build
+
+
+_BIG = Brackets(Level.BIG, (Level.BIG,))
+_QUANTIFIED = Brackets(Level.SCOPE, (Level.ATOM,))
+_SEVERAL = ((3, 2), (1.5, -2, 4), (INTS,), (MIXED,))
+
+TABLE = (
+    Operator(
+        name="sum", rule=reduction(number), reference=sum_, doc="Sum of all elements, left to right; 0 if none.",
+        samples=VECTORS, elementwise=False,
+        scalar=Scalar("sum_({0})", chain=(" + ", "0"), names={"sum_": sum_}), array=Array("rt.sum({0})"),
+        bounds=bounding.total, finite=bounding.bounded, linear=linearity.every, whole=True, wraps=True,
+        function=Function("sum", ("x",), r"\textstyle\sum {0}", "Sum of all elements.", ((INTS,), (MIXED,), ((True, False),)),
+                          applies("sum"), brackets=_BIG),
+    ),
+    Operator(
+        name="prod", rule=reduction(number), reference=math.prod, doc="Product of all elements; 1 if none.",
+        samples=VECTORS, elementwise=False,
+        scalar=Scalar("prod({0})", chain=(" * ", "1"), names={"prod": math.prod}), array=Array("rt.prod({0})"),
+        bounds=bounding.power, finite=bounding.bounded, whole=True, wraps=True,
+        function=Function("prod", ("x",), r"\textstyle\prod {0}", "Product of all elements.", ((INTS,), (MIXED,)),
+                          applies("prod"), brackets=_BIG),
+    ),
+    Operator(
+        name="any", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=any,
+        doc="Whether some element holds.", samples=MASKS, elementwise=False,
+        scalar=Scalar("any({0})", chain=(" or ", "False")), array=Array("rt.any({0})"),
+        function=Function("any", ("x",), r"\exists\,{0}", "Whether some element holds.", (((True, False),),), applies("any"),
+                          brackets=_QUANTIFIED),
+    ),
+    Operator(
+        name="all", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=all,
+        doc="Whether every element holds.", samples=MASKS, elementwise=False,
+        scalar=Scalar("all({0})", chain=(" and ", "True")), array=Array("rt.all({0})"),
+        function=Function("all", ("x",), r"\forall\,{0}", "Whether every element holds.", (((True, False),), ((True, True),)),
+                          applies("all"), brackets=_QUANTIFIED),
+    ),
+    Operator(
+        name="count", rule=reduction(conditions(Kind.INT)), promote=as_they_are, reference=sum_, doc="How many elements hold.",
+        samples=MASKS, elementwise=False,
+        scalar=Scalar("sum_({0})", chain=(" + ", "0")), array=Array("rt.count({0})"),
+        bounds=lambda args, node: (0, node.args[0].type.size),
+        function=Function("count", ("x",), r"\#\{{0}\}", "How many elements hold.", (((True, False, True),),), applies("count")),
+    ),
+    Operator(
+        name="min", rule=reduction(number, empty=False), reference=min_, doc="Smallest element.",
+        samples=VECTORS + NAN_VECTORS, elementwise=False,
+        scalar=Scalar("min_({0})", whole="min({0})", names={"min_": min_}), array=Array("rt.min({0})"),
+        bounds=bounding.same, whole=True,
+        function=Function("min", ("x", "*rest"), r"\min({*})", "Smallest of the arguments, or of one vector's elements.",
+                          _SEVERAL, _extreme("min2", "min")),
+    ),
+    Operator(
+        name="max", rule=reduction(number, empty=False), reference=max_, doc="Largest element.",
+        samples=VECTORS + NAN_VECTORS, elementwise=False,
+        scalar=Scalar("max_({0})", whole="max({0})", names={"max_": max_}), array=Array("rt.max({0})"),
+        bounds=bounding.same, whole=True,
+        function=Function("max", ("x", "*rest"), r"\max({*})", "Largest of the arguments, or of one vector's elements.",
+                          _SEVERAL, _extreme("max2", "max")),
+    ),
+    Operator(
+        name="argmin", rule=reduction(lambda k: Kind.INT, empty=False), reference=argmin,
+        doc="Index of the smallest element, the first of equals.", samples=VECTORS + NAN_VECTORS, elementwise=False,
+        scalar=Scalar("argmin({0})", names={"argmin": argmin}), array=Array("rt.argmin({0})"), bounds=bounding.place,
+        function=Function("argmin", ("x",), r"\operatorname{arg\,min}({0})",
+                          "Index of the smallest element, the first of equals.", ((INTS,), ((1, 0, 0),)), applies("argmin")),
+    ),
+    Operator(
+        name="argmax", rule=reduction(lambda k: Kind.INT, empty=False), reference=argmax,
+        doc="Index of the largest element, the first of equals.", samples=VECTORS + NAN_VECTORS, elementwise=False,
+        scalar=Scalar("argmax({0})", names={"argmax": argmax}), array=Array("rt.argmax({0})"), bounds=bounding.place,
+        function=Function("argmax", ("x",), r"\operatorname{arg\,max}({0})",
+                          "Index of the largest element, the first of equals.", ((INTS,), ((0, 1, 1),)), applies("argmax")),
+    ),
+)  # fmt: skip
