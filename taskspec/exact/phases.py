@@ -180,14 +180,8 @@ def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
     ]
 
 
-_LIMITS: dict[tuple[str, str], tuple[float, float]] = {
-    ("Normal", "std"): (0.0, math.inf),
-    ("Exponential", "rate"): (1e-300, math.inf),
-    ("Poisson", "rate"): (0.0, math.inf),
-    ("Dirichlet", "alpha"): (1e-300, math.inf),
-    ("Bernoulli", "p"): (0.0, 1.0),
-}
-"""What the parameters of a distribution may be, where not every number will do."""
+_LEAST = 1e-300
+"""Least number above 0, as far as a check of ranges is concerned."""
 
 
 def _parameters(written: Written, where: Section, entry: str | None) -> Iterator[Check]:
@@ -218,15 +212,15 @@ def _probabilities(exprs: list[s.Expr], written: Written, where: Section, entry:
 
 
 def _of_call(call: s.Call, written: Written, where: Section, entry: str | None) -> Iterator[Check]:
-    names = [a.name for a in DISTS[call.function].arguments]
-    given = dict(zip(names, call.args, strict=False)) | dict(call.keywords)
+    arguments = {a.name: a for a in DISTS[call.function].arguments}
+    given = dict(zip(arguments, call.args, strict=False)) | dict(call.keywords)
     for name, expr in given.items():
-        low, high = _LIMITS.get((call.function, name), (-math.inf, math.inf))
-        node = where.number(expr) if name in names and not isinstance(expr, s.SetOf | s.Comprehension) else None
+        node = where.number(expr) if name in arguments and not isinstance(expr, s.SetOf | s.Comprehension) else None
         if node is None or isinstance(node, Const) or draws([node]):
             continue
-        ends = (low,) * node.type.size, (high,) * node.type.size
-        code = "E402" if call.function == "Bernoulli" else "E408"
+        argument = arguments[name]
+        ends = (argument.low + argument.open * _LEAST,) * node.type.size, (argument.high,) * node.type.size
+        code = "E402" if argument.is_probability else "E408"
         yield _check(code, node, *ends, written, where, entry, f"'{name}' of {call.function}", expr)
     if call.function in ("Uniform", "UniformInt") and {"low", "high"} <= given.keys():
         yield from _ordered(given["low"], given["high"], call, written, where, entry)

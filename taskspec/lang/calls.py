@@ -219,21 +219,23 @@ def _draw_shape(checker: Checker, dist: dists.Dist, nodes: dict[str, Node], shap
     return found.pop() if found else ()
 
 
+def _check_argument(checker: Checker, dist: dists.Dist, argument: dists.Argument, node: Const, expr: s.Call) -> None:
+    name, least, most = argument.name, min(node.flat), max(node.flat)
+    if math.isinf(argument.high) and not all(math.isfinite(v) for v in node.flat):
+        checker.fail("E408", expr, f"'{name}' of {dist.name} is not finite")
+    if not (least > argument.low if argument.open else least >= argument.low):
+        limit = f"{'above' if argument.open else 'at least'} {argument.low:g}"
+        checker.fail("E408", expr, f"'{name}' of {dist.name} is {float(least):g}; it must be {limit}")
+    if most > argument.high:
+        checker.fail("E402", expr, f"a probability of {float(most):g} is above 1")
+
+
 def _check_parameters(checker: Checker, dist: dists.Dist, nodes: dict[str, Node], expr: s.Call) -> None:
     """Refuse impossible constants at once; values that depend on the state are checked by enumeration."""
-    low = {"std": 0.0, "rate": 0.0, "p": 0.0, "alpha": 0.0, "n": 1.0}
-    for name, node in nodes.items():
-        if not isinstance(node, Const):
-            continue
-        if name not in ("p", "n") and not all(math.isfinite(v) for v in node.flat):
-            checker.fail("E408", expr, f"'{name}' of {dist.name} is not finite")
-        worst = min(node.flat)
-        strict = name == "alpha" or (name == "rate" and dist.name == "Exponential")
-        if name in low and (worst < low[name] or (strict and worst == 0) or worst != worst):
-            checker.fail("E408", expr, f"'{name}' of {dist.name} is {float(worst):g}; it must be "
-                         f"{'above' if strict else 'at least'} {low[name]:g}")  # fmt: skip
-        if name == "p" and max(node.flat) > 1:
-            checker.fail("E402", expr, f"a probability of {float(max(node.flat)):g} is above 1")
+    for argument in dist.arguments:
+        node = nodes[argument.name]
+        if isinstance(node, Const):
+            _check_argument(checker, dist, argument, node, expr)
     if dist.name.startswith("Uniform") and all(isinstance(n, Const) and n.type.is_scalar for n in nodes.values()):
         bottom, top = nodes["low"].value, nodes["high"].value  # type: ignore[union-attr]
         if bottom > top:

@@ -64,12 +64,22 @@ BASES: dict[str, Base] = {
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """A named argument of a distribution; one without a default must be given."""
+    """A named argument of a distribution; one without a default must be given.
+
+    It must lie between `low` and `high`, and above `low` where that is `open`.
+    """
 
     name: str
     default: int | None = None
-    static: bool = False  # a constant once parameters are bound
+    low: float = -math.inf
+    high: float = math.inf
+    open: bool = False
+    static: bool = False  # a constant int once parameters are bound
     vector: bool = False
+
+    @property
+    def is_probability(self) -> bool:
+        return self.high == 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +91,10 @@ class Dist:
     build: Callable[[Builder, Mapping[str, Node], Shape], Node]
     doc: str
     latex: str
+    certain: Callable[[Mapping[str, Node | None]], bool] = lambda given: False
+    """Whether its arguments leave it one outcome."""
     brackets: Brackets = ENCLOSED
     shaped: bool = True  # takes `shape=`
-    scipy: str | None = None  # the scipy.stats reference, with arguments as below
     samples: tuple[Mapping[str, float | tuple[float, ...]], ...] = ()
 
 
@@ -142,36 +153,66 @@ def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     return b.draw("permutation", (), Type(Kind.INT, (*shape, int(n.value))))
 
 
+def _is_all(value: float, *names: str) -> Callable[[Mapping[str, Node | None]], bool]:
+    """Whether one of some arguments is a constant with this value everywhere."""
+
+    def test(given: Mapping[str, Node | None]) -> bool:
+        found = (given.get(name) for name in names)
+        return any(isinstance(n, Const) and all(v == value for v in n.flat) for n in found)
+
+    return test
+
+
+def _is_sure(given: Mapping[str, Node | None]) -> bool:
+    return _is_all(0, "p")(given) or _is_all(1, "p")(given)
+
+
+def _has_no_width(given: Mapping[str, Node | None]) -> bool:
+    return given.get("low") is not None and given.get("low") is given.get("high")
+
+
+def _has_one_share(given: Mapping[str, Node | None]) -> bool:
+    alpha = given.get("alpha")
+    return alpha is not None and alpha.type.size == 1
+
+
+def _has_one_weight(given: Mapping[str, Node | None]) -> bool:
+    p = given.get("p")
+    return isinstance(p, Const) and len(p.type.shape) == 1 and sum(v > 0 for v in p.flat) == 1
+
+
+_P = Argument("p", low=0, high=1)
 DISTS: dict[str, Dist] = {
     d.name: d
     for d in (
         Dist("Uniform", (Argument("low"), Argument("high")), _uniform,
              "Uniform real between `low` and `high`; `Uniform({a, b, ...})` is uniform over a finite set.",
-             r"\operatorname{Unif}({low}, {high})", scipy="uniform", samples=({"low": -1, "high": 3}, {"low": 2.5, "high": 2.5})),
+             r"\operatorname{Unif}({low}, {high})", _has_no_width, samples=({"low": -1, "high": 3}, {"low": 2.5, "high": 2.5})),
         Dist("UniformInt", (Argument("low"), Argument("high")), _uniform_int,
              "Uniform integer from `low` to `high`, both included.",
-             r"\operatorname{Unif}\{{low}, \ldots, {high}\}", samples=({"low": -2, "high": 5}, {"low": 3, "high": 3})),
-        Dist("Normal", (Argument("mean", 0), Argument("std", 1)), _normal, "Normal (Gaussian) real.",
-             r"\mathcal{N}({mean}, {std}^2)", scipy="norm", samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
+             r"\operatorname{Unif}\{{low}, \ldots, {high}\}", _has_no_width,
+             samples=({"low": -2, "high": 5}, {"low": 3, "high": 3})),
+        Dist("Normal", (Argument("mean", 0), Argument("std", 1, low=0)), _normal, "Normal (Gaussian) real.",
+             r"\mathcal{N}({mean}, {std}^2)", _is_all(0, "std"), samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM))),
-        Dist("Bernoulli", (Argument("p"),), _bernoulli, "A condition that holds with probability `p`.",
-             r"\operatorname{Bernoulli}({p})", samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
-        Dist("Exponential", (Argument("rate", 1),), _exponential, "Exponential real with mean 1/`rate`.",
-             r"\operatorname{Exp}({rate})", scipy="expon", samples=({"rate": 2},)),
-        Dist("Poisson", (Argument("rate"),), _poisson, "Number of events at a mean of `rate`.",
-             r"\operatorname{Poisson}({rate})", scipy="poisson", samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
-        Dist("Dirichlet", (Argument("alpha", vector=True),), _dirichlet,
+        Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
+             r"\operatorname{Bernoulli}({p})", _is_sure, samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
+        Dist("Exponential", (Argument("rate", 1, low=0, open=True),), _exponential, "Exponential real with mean 1/`rate`.",
+             r"\operatorname{Exp}({rate})", samples=({"rate": 2},)),
+        Dist("Poisson", (Argument("rate", low=0),), _poisson, "Number of events at a mean of `rate`.",
+             r"\operatorname{Poisson}({rate})", _is_all(0, "rate"), samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
+        Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),), _dirichlet,
              "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
-             shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
-        Dist("Permutation", (Argument("n", static=True),), _permutation,
+             _has_one_share, shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
+        Dist("Permutation", (Argument("n", static=True, low=1),), _permutation,
              "A uniform permutation of 0, ..., n - 1; `shape=` gives one in each place.",
-             r"\operatorname{Perm}({n})", samples=({"n": 5}, {"n": 1})),
+             r"\operatorname{Perm}({n})", _is_all(1, "n"), samples=({"n": 5}, {"n": 1})),
     )
 }  # fmt: skip
 
 CATEGORICAL = Dist(
     "Categorical", (Argument("p"),), lambda b, a, shape: b.draw("categorical", (a["p"],), Type(Kind.INT, shape)),
     "`Categorical({value: p, ...})` draws a value; `Categorical(p)` with a vector of probabilities draws an index.",
-    r"\operatorname{Categorical}({p})", samples=({"p": (0.25, 0.0, 0.75)}, {"p": (0.5, 0.5)}, {"p": (1.0,)}),
+    r"\operatorname{Categorical}({p})", _has_one_weight, samples=({"p": (0.25, 0.0, 0.75)}, {"p": (0.5, 0.5)}, {"p": (1.0,)}),
 )  # fmt: skip
 DIST_NAMES = (*DISTS, CATEGORICAL.name)

@@ -44,9 +44,10 @@ def _is_certain(expr: s.Call | s.Weights, where: Section) -> bool:
         case s.Call(args=(s.SetOf(),)):
             return _one_element(expr, where)
         case s.Call(function=name, args=args, keywords=keywords):
-            names = [a.name for a in (CATEGORICAL if name == CATEGORICAL.name else DISTS[name]).arguments]
+            dist = CATEGORICAL if name == CATEGORICAL.name else DISTS[name]
+            names = [a.name for a in dist.arguments]
             given = dict(zip(names, args, strict=False)) | dict(keywords)
-            return _fixed(name, {key: where.number(value) for key, value in given.items() if key in names})
+            return dist.certain({key: where.number(value) for key, value in given.items() if key in names})
 
 
 def _one_weight(pairs: tuple[tuple[s.Expr, s.Expr], ...], where: Section) -> bool:
@@ -68,32 +69,5 @@ def _counts(draw: Draw) -> int | None:
     return int(first.value) if draw.base == "index" and isinstance(first, Const) and first.type.is_scalar else None
 
 
-def _fixed(name: str, given: dict[str, Node | None]) -> bool:
-    """Whether the arguments of a distribution leave it one outcome."""
-    match name:
-        case "Uniform" | "UniformInt":
-            return given.get("low") is not None and given.get("low") is given.get("high")
-        case "Normal":
-            return _all(given.get("std"), 0)
-        case "Poisson":
-            return _all(given.get("rate"), 0)
-        case "Bernoulli":
-            return _all(given.get("p"), 0) or _all(given.get("p"), 1)
-        case "Permutation":
-            return _all(given.get("n"), 1)
-        case "Categorical":
-            p = given.get("p")
-            return isinstance(p, Const) and len(p.type.shape) == 1 and sum(v > 0 for v in p.flat) == 1
-        case "Dirichlet":
-            alpha = given.get("alpha")
-            return alpha is not None and alpha.type.size == 1
-        case _:
-            return False
-
-
 def _above_zero(node: Node | None) -> bool:
     return isinstance(node, Const) and any(v > 0 for v in node.flat)
-
-
-def _all(node: Node | None, value: int) -> bool:
-    return isinstance(node, Const) and all(v == value for v in node.flat)
