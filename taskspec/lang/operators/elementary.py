@@ -94,6 +94,14 @@ TABLE = (
         function=Function("tanh", ("x",), r"\tanh({0})", "Hyperbolic tangent.", _PLACES, applies("tanh")),
     ),
     Operator(
+        name="asinh", rule=real, reference=math.asinh, doc="Inverse hyperbolic sine.", samples=REALS,
+        scalar=Scalar("asinh({0})", names={"asinh": math.asinh}), array=Array("xp.arcsinh({0})"),
+        kernel=Kernel(names=("asinh",)), bounds=bounding.increasing(math.asinh, ulps=4), precise=False,
+        function=Function(
+            "asinh", ("x",), r"\operatorname{arsinh}({0})", "Inverse hyperbolic sine.", _PLACES, applies("asinh")
+        ),
+    ),
+    Operator(
         name="atan2", rule=real, reference=math.atan2, doc="Angle of the point (x, y) as atan2(y, x).",
         samples=(*tuple((float(a), float(b)) for a, b in PAIRS), (0.0, 0.0), (1.0, 0.0)),
         scalar=Scalar("atan2({0}, {1})", names={"atan2": math.atan2}), array=Array("xp.arctan2({0}, {1})"),

@@ -178,7 +178,7 @@ def root(c: Context, depth: int) -> Term:
 
 def smooth(c: Context, depth: int) -> Term:
     """The functions that are right to the last digit only."""
-    which = c.rng.choice(("exp", "log", "sin", "cos", "tan", "tanh", "atan2", "norm2", "**"))
+    which = c.rng.choice(("exp", "log", "sin", "cos", "tan", "tanh", "asinh", "atan2", "norm2", "**"))
     x = mixed(c, "real", depth)
     if which == "norm2":
         v = vectors.any_vector(c, "real", depth)
@@ -188,7 +188,7 @@ def smooth(c: Context, depth: int) -> Term:
     if which == "**":
         return infix(x, "**", number(c.rng.choice((2, 0.5, -1, 3, 1.5))), "real", size=1e9, finite=False)
     bounded = which in ("sin", "cos", "tanh") or (which == "exp" and x.size < 10)
-    return call(which, [x], "real", size=3e4 if which == "exp" else 10, finite=bounded and x.finite)
+    return call(which, [x], "real", size={"exp": 3e4, "asinh": 800}.get(which, 10), finite=bounded and x.finite)
 
 
 def awkward(c: Context, depth: int) -> Term:

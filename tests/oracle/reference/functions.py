@@ -61,6 +61,7 @@ FUNCTIONS.update(
     cos=c_function(a.real_function(math.cos)),
     tan=c_function(a.real_function(math.tan)),
     tanh=c_function(a.real_function(math.tanh)),
+    asinh=c_function(a.real_function(math.asinh)),
     atan2=c_function(a.real_function(math.atan2)),
 )
 
