@@ -57,6 +57,8 @@ COMPONENTS: dict[str, tuple[str, str, Callable[[int], Law]]] = {
     "mapping": ("int", "Categorical({7: 1/4, -3: 3/4})", lambda m: {7: 1 / 4, -3: 3 / 4}),
     "row": ("int", "Categorical(rows[m])", lambda m: dict(enumerate(WEIGHTS[m]))),
     "weighted": ("int", "Categorical([m, 0, 1, 2] / (m + 3))", lambda m: dict(enumerate(np.array([m, 0, 1, 2]) / (m + 3)))),
+    "binomial": ("int", "Binomial(9, 0.3)", lambda m: stats.binom(9, 0.3)),
+    "binomial_m": ("int", "Binomial(7, m / 4)", lambda m: stats.binom(7, m / 4)),
     "poisson": ("int", "Poisson(rate=4)", lambda m: stats.poisson(4)),
     "poisson_0": ("int", "Poisson(rate=0)", lambda m: {0: 1}),
     "poisson_large": ("int", "Poisson(rate=300)", lambda m: stats.poisson(300)),

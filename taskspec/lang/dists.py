@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators.levels import ENCLOSED, Brackets, Level
-from taskspec.lang.types import INT_MAX, Kind, Refused, Shape, Type
+from taskspec.lang.types import INT, INT_MAX, Kind, Refused, Shape, Type
 from taskspec.limits import Limits
 
 if TYPE_CHECKING:
@@ -153,6 +154,38 @@ def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     return b.draw("permutation", (), Type(Kind.INT, (*shape, int(n.value))))
 
 
+def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    """An index drawn with the probabilities of all counts, which exact analysis lists."""
+    n, p = a["n"], b.cast(a["p"], Kind.REAL)
+    assert isinstance(n, Const)
+    if n.value > Limits.trials:
+        raise Refused(f"Binomial takes at most {Limits.trials:,} trials", "E408")
+    if p.type.is_scalar:
+        return b.draw("categorical", (_counts(b, int(n.value), p),), Type(Kind.INT, shape))
+    drawn = [b.draw("categorical", (_counts(b, int(n.value), q),), INT) for q in _elements(b, p, shape)]
+    return b.structure("reshape", [b.structure("vector", drawn)], shape)
+
+
+def _counts(b: Builder, n: int, p: Node) -> Node:
+    """The probabilities of 0, ..., n successes in n trials; exact where p is, unless they have very many digits."""
+    type_, ways = Type(Kind.REAL, (n + 1,)), [math.comb(n, k) for k in range(n + 1)]
+    if isinstance(p, Const) and not isinstance(p.value, float):
+        q = Fraction(p.value)
+        exact = [c * q**k * (1 - q) ** (n - k) for k, c in enumerate(ways)]
+        short = all(v.denominator.bit_length() <= Limits.bits for v in exact)
+        return b.const(exact if short else list(map(float, exact)), type_)
+    heads = b.apply("pow", p, b.const(list(range(n + 1)), type_))
+    tails = b.apply("pow", b.apply("sub", b.scalar(1), p), b.const(list(range(n, -1, -1)), type_))
+    return b.apply("mul", b.const(ways, type_), b.apply("mul", heads, tails))
+
+
+def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
+    """The elements of an argument for each element of a draw."""
+    size = math.prod(shape)
+    flat = b.structure("reshape", [b.stretch(node, shape)], (size,)) if shape else None
+    return [node] if flat is None else [b.structure("element", [flat], (i,)) for i in range(size)]
+
+
 def _is_all(value: float, *names: str) -> Callable[[Mapping[str, Node | None]], bool]:
     """Whether one of some arguments is a constant with this value everywhere."""
 
@@ -197,6 +230,10 @@ DISTS: dict[str, Dist] = {
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM))),
         Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
              r"\operatorname{Bernoulli}({p})", _is_sure, samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
+        Dist("Binomial", (Argument("n", static=True, low=1), _P), _binomial,
+             "Number of successes in `n` trials that each succeed with probability `p`.",
+             r"\operatorname{Binomial}({n}, {p})", _is_sure,
+             samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),
         Dist("Exponential", (Argument("rate", 1, low=0, open=True),), _exponential, "Exponential real with mean 1/`rate`.",
              r"\operatorname{Exp}({rate})", samples=({"rate": 2},)),
         Dist("Poisson", (Argument("rate", low=0),), _poisson, "Number of events at a mean of `rate`.",
