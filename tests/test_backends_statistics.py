@@ -59,6 +59,8 @@ COMPONENTS: dict[str, tuple[str, str, Callable[[int], Law]]] = {
     "weighted": ("int", "Categorical([m, 0, 1, 2] / (m + 3))", lambda m: dict(enumerate(np.array([m, 0, 1, 2]) / (m + 3)))),
     "binomial": ("int", "Binomial(9, 0.3)", lambda m: stats.binom(9, 0.3)),
     "binomial_m": ("int", "Binomial(7, m / 4)", lambda m: stats.binom(7, m / 4)),
+    "beta": ("real", "Beta(2, 0.5)", lambda m: stats.beta(2, 0.5)),
+    "beta_m": ("real", "Beta(m, 2 * m)", lambda m: stats.beta(m, 2 * m)),
     "poisson": ("int", "Poisson(rate=4)", lambda m: stats.poisson(4)),
     "poisson_0": ("int", "Poisson(rate=0)", lambda m: {0: 1}),
     "poisson_large": ("int", "Poisson(rate=300)", lambda m: stats.poisson(300)),

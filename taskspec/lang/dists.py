@@ -154,6 +154,14 @@ def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     return b.draw("permutation", (), Type(Kind.INT, (*shape, int(n.value))))
 
 
+def _beta(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    """The first of two shares."""
+    one, other = (_elements(b, b.cast(a[name], Kind.REAL), shape) for name in ("a", "b"))
+    pairs = (b.structure("vector", pair) for pair in zip(one, other, strict=True))
+    shares = [b.structure("element", [b.draw("dirichlet", (pair,), pair.type)], (0,)) for pair in pairs]
+    return b.structure("reshape", [b.structure("vector", shares)], shape) if shape else shares[0]
+
+
 def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     """An index drawn with the probabilities of all counts, which exact analysis lists."""
     n, p = a["n"], b.cast(a["p"], Kind.REAL)
@@ -241,6 +249,9 @@ DISTS: dict[str, Dist] = {
         Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),), _dirichlet,
              "A vector of probabilities with concentrations `alpha`.", r"\operatorname{Dirichlet}({alpha})",
              _has_one_share, shaped=False, samples=({"alpha": (1.0, 0.5, 3.0)},)),
+        Dist("Beta", (Argument("a", low=0, open=True), Argument("b", low=0, open=True)), _beta,
+             "A real between 0 and 1 with mean `a / (a + b)`.", r"\operatorname{Beta}({a}, {b})",
+             samples=({"a": 2, "b": 5}, {"a": 0.5, "b": 0.25})),
         Dist("Permutation", (Argument("n", static=True, low=1),), _permutation,
              "A uniform permutation of 0, ..., n - 1; `shape=` gives one in each place.",
              r"\operatorname{Perm}({n})", _is_all(1, "n"), samples=({"n": 5}, {"n": 1})),
