@@ -22,8 +22,8 @@ NAMES: dict[str, Any] = {
     "d": False,
 }  # fmt: skip
 DRAWN: dict[str, Any] = {
-    "Beta": stats.beta(2, 3),
-    "Binomial": stats.binom(6, 0.3),
+    "beta": stats.beta(2, 3),
+    "binomial": stats.binom(6, 0.3),
     "Gamma": stats.gamma(3, scale=1 / 2.5),
     "Geometric": stats.geom(0.3),
     "LogNormal": stats.lognorm(0.8, scale=np.exp(0.4)),

@@ -10,8 +10,8 @@ MODULES = frozenset(
 """What others write before the dot of a function."""
 
 _DRAWN: Mapping[str, str] = {
-    "beta": "Dirichlet((a, b))[0]",
-    "binomial": "sum(Bernoulli(p, shape=n))",
+    "beta": "Beta(a, b)",
+    "binomial": "Binomial(n, p)",
     "gamma": "sum(Exponential(rate, shape=k))",
     "erlang": "sum(Exponential(rate, shape=k))",
     "geometric": "ceil(Exponential(-log(1 - p)))",
@@ -50,6 +50,7 @@ _WORKED_OUT: Mapping[str, str] = {
     "log10": "log(x) / log(10)",
     "sigmoid": "1 / (1 + exp(-x))",
     "arctan2": "atan2(y, x)",
+    "arcsinh": "asinh(x)",
     "hypot": "sqrt(x**2 + y**2)",
     "mean": "sum(x) / len(x)",
     "average": "sum(x) / len(x)",
