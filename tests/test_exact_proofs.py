@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 import tracemalloc
 from collections.abc import Callable
 from fractions import Fraction
@@ -141,6 +142,26 @@ def test_what_never_ends_has_no_value() -> None:
     text = chain("0").replace("{goal: 0, here: 1 - 0}", "here")
     assert status(text, "optimal_return > 10") == "undecided"
     assert status(text.replace("reward: 1", "reward: 0"), "optimal_return == 0") == "proved"
+
+
+def test_numbers_beyond_the_largest_float_are_compared() -> None:
+    """No float holds 10**309, nor what ten of the largest floats add up to."""
+    text = LADDER.replace("reward: s' == L", "reward: 1e308")
+    assert status(text, "optimal_return > 1", L=1) == "proved"
+    assert status(text, "optimal_return ** 2 > 1", L=1) == "proved"
+    assert status(text, "optimal_return ** 2 < 2**(1/2)", L=1) == "false"
+    assert status(text, "optimal_return > 1", L=10) == "undecided"
+
+
+def test_what_pays_for_ever_is_given_up_soon() -> None:
+    """No sum is ever reached where an action stays and pays: that is noticed long before 300 million additions."""
+    text = chain("1/3").replace("{by: s, rows: {here: {goal", "{by: [s, a], rows: {here: {0: here, 1: {goal")
+    text = text.replace("here: 1 - 1/3}", "here: 1 - 1/3}}")
+    begun = time.process_time()
+    assert status(text, "optimal_return > 10") == "undecided"
+    assert status(text, "prefers(optimal, a == 0)") == "undecided"
+    assert status(text, "random_return == 6") == "proved"
+    assert time.process_time() - begun < 20
 
 
 RARE = """

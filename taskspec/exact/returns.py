@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec.diagnostics import SpecError
 from taskspec.exact.abstraction import Abstraction, abstraction
-from taskspec.exact.certified.enclosure import Enclosure, NoNumber
+from taskspec.exact.certified.enclosure import Enclosure, NoNumber, rounded
 from taskspec.exact.certified.solver import Rule, Solvers
 from taskspec.exact.confidence import CUT, mean_interval, return_range
 from taskspec.exact.cost import Budget, Cost
@@ -184,7 +184,7 @@ class Results:
             return None
         solver = self.solvers.of(rule, as_written)
         found = solver.worst() if rule is None else solver.value(rule)
-        if math.isinf(found.low) or math.isinf(found.high):
+        if math.isinf(rounded(found.low)) or math.isinf(rounded(found.high)):
             refuse("it has no finite value that floats could hold")
         return found
 

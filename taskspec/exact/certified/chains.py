@@ -23,6 +23,8 @@ DIRECT = 3000
 """States up to which equations are solved directly."""
 WORK = 300_000_000
 """Non-zeros that repeated substitution may go through."""
+SWEEP = 10_000
+"""Non-zeros that would take as long as starting to go through them does."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,7 @@ def _direct(matrix: Any, gain: Array) -> Array:
 def _substituted(matrix: Any, gain: Array) -> Array:
     """The solution by repeated substitution, as far as `WORK` goes."""
     value, before = gain, np.inf
-    for _ in range(max(1, WORK // max(1, matrix.nnz + len(gain)))):
+    for _ in range(WORK // (SWEEP + matrix.nnz + len(gain)) + 1):
         better = gain + matrix @ value
         gap = float(np.max(np.abs(better - value)))
         value = better

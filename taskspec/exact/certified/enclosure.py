@@ -53,14 +53,14 @@ class Enclosure:
     @property
     def value(self) -> float:
         """The float nearest to the middle."""
-        if math.isinf(self.low) or math.isinf(self.high):
+        if is_infinite(self.low) or is_infinite(self.high):
             return float(self.low if self.low == self.high else math.nan)
         return rounded((self.low + self.high) / 2)
 
     @property
     def error(self) -> float:
         """How far `value` may be from the number, rounded up; 0 where `value` is the number itself."""
-        if math.isinf(self.low) or math.isinf(self.high):
+        if is_infinite(self.low) or is_infinite(self.high):
             return 0.0 if self.low == self.high else math.inf
         value = self.value
         if math.isinf(value):
@@ -75,6 +75,11 @@ class Enclosure:
         if self.is_exact or self.error <= 1e-10 * abs(self.value):
             return digits(self.low if self.is_exact else self.value)
         return f"between {digits(self.low)} and {digits(self.high)}"
+
+
+def is_infinite(end: End) -> bool:
+    """Whether nothing is known on a side; a rational may well be beyond the largest float."""
+    return isinstance(end, float)
 
 
 def rounded(value: End) -> float:
@@ -230,7 +235,7 @@ def _less(a: Enclosure, b: Enclosure) -> bool | None:
 def _at_most(a: Enclosure, b: Enclosure, slack: Fraction) -> bool | None:
     if a.is_exact and b.is_exact and a.low == b.low:
         return True
-    if math.isinf(b.low) or math.isinf(b.high):
+    if is_infinite(b.low) or is_infinite(b.high):
         return True if a.high <= b.low else False if a.low > b.high else None
     return True if a.high <= b.low + slack else False if a.low > b.high + slack else None
 

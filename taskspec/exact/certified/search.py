@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.certified.chains import DIRECT, WORK, Chain
+from taskspec.exact.certified.chains import DIRECT, SWEEP, WORK, Chain
 from taskspec.exact.failure import refuse, scipy_sparse
 from taskspec.exact.model import Model
 
@@ -116,7 +116,7 @@ class Search:
         self.proper()
         first = np.searchsorted(self.owner, np.arange(self.size))
         value = np.zeros(self.size)
-        for _ in range(max(1, WORK // max(1, self.matrix.nnz + len(gain)))):
+        for _ in range(WORK // (SWEEP + self.matrix.nnz + len(gain)) + 1):
             better = np.maximum.reduceat(gain + self.matrix @ value, first)
             gap = float(np.max(np.abs(better - value)))
             value = better
