@@ -23,6 +23,8 @@ Row = dict[tuple[Key, bool], float]
 """Probabilities by the state that follows, and by whether the episode ends there."""
 BUDGET = 4000
 """The most outcomes that are listed, over all states, actions and times."""
+NEAR, TINY = 1e-13, 1e-15
+"""By how much of its size a number of the model may be off; and how much more a probability that is computed."""
 PAIRS = 2000
 """The most pairs of states and actions that are listed, over all times."""
 
@@ -103,9 +105,10 @@ def one_row(model: Model, step: Any, keys: dict[int, Key], row: int, at: tuple[K
                 found[after, ends] = found.get((after, ends), 0.0) + float(p)
     where = f"state {at[0]}, action {at[1]}, time {at[2]}"
     compare(expected, {k: p for k, p in found.items() if p}, "model row", where)
-    reward = float(sum((o.probability * exact(o.reward) for o in outcomes), Fraction(0)))
-    if not math.isclose(reward, float(step.reward[row]), rel_tol=1e-9, abs_tol=1e-9):
-        raise Difference("model reward", f"{where}: {step.reward[row]}, expected {reward}")
+    reward = sum((o.probability * exact(o.reward) for o in outcomes), Fraction(0))
+    size = sum((o.probability * abs(exact(o.reward)) for o in outcomes), Fraction(0))
+    if abs(reward - exact(float(step.reward[row]))) > NEAR * size:
+        raise Difference("model reward", f"{where}: {step.reward[row]}, expected {float(reward)}")
 
 
 def exact(x: Any) -> Fraction:
@@ -113,7 +116,9 @@ def exact(x: Any) -> Fraction:
 
 
 def compare(expected: dict[Any, float], found: dict[Any, float], what: str, where: str) -> None:
-    if expected.keys() != found.keys() or any(abs(expected[k] - found[k]) > 1e-9 for k in expected):
+    if expected.keys() != found.keys() or any(
+        not math.isclose(expected[k], found[k], rel_tol=NEAR, abs_tol=TINY) for k in expected
+    ):
         raise Difference(what, f"{where}: {found}, expected {expected}")
 
 
