@@ -7,16 +7,19 @@ from fractions import Fraction
 from typing import Any
 
 from taskspec.lang.evaluate import Flat, apply_flat
-from taskspec.lang.ir import Const, Node
+from taskspec.lang.ir import Const, Node, plain
 from taskspec.lang.operators import Operator
 from taskspec.lang.types import INT, REAL, Kind, Refused, Type
 from taskspec.limits import Limits
 
 
 def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Type) -> Flat:
-    """The elements of an operation on constants."""
+    """The elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
     constants = [a for a in args if isinstance(a, Const)]
-    return apply_flat(name, [c.flat for c in constants], tuple(c.type for c in constants), static, result)
+    flats = [c.flat for c in constants]
+    if result.kind is not Kind.REAL and any(isinstance(v, float) for flat in flats for v in flat):
+        flats = [tuple(map(plain, flat)) for flat in flats]
+    return apply_flat(name, flats, tuple(c.type for c in constants), static, result)
 
 
 def rational(op: Operator, args: Sequence[Node], result: Type) -> Flat | None:

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
-CHUNK = 250
+CHUNK = 1000
 
 
 @dataclass

@@ -81,7 +81,7 @@ def terms(c: Any) -> list[Term]:
     reads = frozenset({"state"})
     if c.choice is None:
         return [Term(c.name, c.kind, c.shape, size=9, reads=reads)]
-    return [Term(c.name, "label", reads=reads, labels=c.choice.labels)]
+    return [Term(c.name, "label", size=2 if c.choice.meaning else 1, reads=reads, labels=c.choice.labels)]
 
 
 def holds(case: Case, model: Model, key: Key, condition: str) -> bool:

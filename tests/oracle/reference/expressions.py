@@ -243,7 +243,7 @@ def call(node: ast.Call, scope: Scope, expected: Choice | None) -> Value:
     if name in scope.functions:
         f = scope.functions[name]
         return scope_forms()(f.body, scope.body(dict(zip(f.arguments, args, strict=True))), expected)
-    return FUNCTIONS[name](*args)
+    return FUNCTIONS[name](*map(number, args))
 
 
 def scope_forms() -> Callable[[Any, Scope, Choice | None], Value]:

@@ -6,9 +6,21 @@ import functools
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from tests.oracle.reference import arithmetic as a
-from tests.oracle.reference.values import Number, Value, Wrong, elementwise, joint_kind, number, settled, vector, watch
+from tests.oracle.reference.values import (
+    Number,
+    Value,
+    Wrong,
+    as_float,
+    elementwise,
+    joint_kind,
+    number,
+    settled,
+    vector,
+    watch,
+)
 
 Function = Callable[..., Value]
 FUNCTIONS: dict[str, Function] = {}
@@ -126,9 +138,15 @@ def condition(f: Callable[[Sequence[bool]], bool | int], kind: str) -> Function:
 FUNCTIONS.update(any=condition(any, "bool"), all=condition(all, "bool"), count=condition(sum, "int"))
 
 
+def compared(x: Value) -> list[Any]:
+    """Elements as they are compared: fractions beside floats are floats."""
+    items = [e.item for e in elements(x)]
+    return [as_float(i) for i in items] if any(isinstance(i, float) for i in items) else items
+
+
 def order(x: Value) -> list[int]:
     """Indices that sort a vector: equals keep their places, nan comes last."""
-    items = [e.item for e in elements(x)]
+    items = compared(x)
     if number(x).rough:
         sharp = sorted(items, key=lambda e: (a.is_nan(e), e))
         for p, q in itertools.pairwise(sharp):
@@ -150,7 +168,7 @@ def sort(x: Value) -> Value:
 
 def best(sense: int) -> Function:
     def of(x: Value) -> Value:
-        items = [e.item for e in elements(x)]
+        items = compared(x)
         real = [i for i, e in enumerate(items) if not a.is_nan(e)]
         chosen = min(real, key=lambda i: sense * items[i]) if real else 0
         for i in real:
