@@ -104,3 +104,18 @@ def test_a_variant_lists_the_section(tmp_path: Path) -> None:
     text = PATH + "variants:\n  slow: {accept: {W507: it is slow}}\n"
     _, report, _ = checked(tmp_path, text)
     assert [d["notes"] for d in report["diagnostics"]] == [[]]  # type: ignore[attr-defined]
+
+
+def test_a_figure_that_cannot_be_drawn_is_said_so_and_may_be_accepted(tmp_path: Path) -> None:
+    drawn = PATH.replace("a: stay", "a: go") + "figure: {kind: grid, at: [s, 0]}\n"
+    undrawn = drawn.replace("[s, 0]", "[s - 1, 0]")
+    accepted = undrawn + "accept: {W523: cells are counted from 1 in the source}\n"
+    for text, found in ((drawn, []), (undrawn, ["W523"]), (accepted, [])):
+        assert codes(checked(tmp_path, text)[1]) == found
+        path = tmp_path / f"docs{len(text)}.yaml"  # a file is read once
+        path.write_text(text, encoding="utf-8")
+        made = CliRunner().invoke(app, ["docs", str(path), "--no-results", "-f", "svg", "-o", str(tmp_path / "out")])
+        assert made.exit_code == 0
+        assert ("W523" in made.stderr) == bool(found)
+    report = exact.check(build(source.read_text(accepted, "path.yaml")))
+    assert not report.diagnostics  # Python's `check` does not draw

@@ -10,6 +10,7 @@ from taskspec.appendix.figures import figure as figure
 from taskspec.appendix.figures import overlay as overlay
 from taskspec.appendix.figures import render_frame as render_frame
 from taskspec.appendix.figures import scene as scene
+from taskspec.appendix.figures import undrawn as undrawn
 from taskspec.appendix.page import Page as Page
 from taskspec.appendix.page import page as page
 from taskspec.appendix.write import FORMATS as FORMATS
@@ -17,5 +18,5 @@ from taskspec.appendix.write import write as write
 
 __all__ = [
     "FORMATS", "OVERLAYS", "Facts", "Overlay", "Page", "figure", "gather", "overlay", "page", "render_frame", "scene",
-    "write",
+    "undrawn", "write",
 ]  # fmt: skip

@@ -69,9 +69,11 @@ def docs(
     repository (markdown); what is known of the tasks' returns and claims is worked out now.
     """
     from taskspec import appendix
+    from taskspec.cli import failures
     from taskspec.cli.check import plural
     from taskspec.cli.console import write_json
     from taskspec.cli.targets import near
+    from taskspec.exact.accept import set_aside
 
     tasks = tasks_of(targets or [])
     wanted = _named("--format", format or ["html"], FORMATS)
@@ -83,6 +85,7 @@ def docs(
         facts=facts_of(tasks) if results else None,
         columns=columns_of(parameters or []),
     )
+    failures.show(each for task in tasks for each in set_aside(task, appendix.undrawn(task))[0])
     if json:
         write_json([str(path) for path in written])
     else:

@@ -59,8 +59,10 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
             from there.
     """
     from taskspec import exact
+    from taskspec.appendix import undrawn
 
-    report = exact.check(task, ranges=sense and defaults, with_sense=sense, claims=sense and defaults)
+    beside = undrawn(task) if sense else None
+    report = exact.check(task, ranges=sense and defaults, with_sense=sense, claims=sense and defaults, beside=beside)
     statuses = [verdict.status for verdict in report.verdicts]
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),

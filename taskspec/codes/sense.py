@@ -210,4 +210,13 @@ An abstraction is there to solve a task exactly, which takes a finite one: every
 int with a lowest and a highest value.
 """,
     ),
+    Code(
+        "W523",
+        "figure-not-drawn",
+        "a figure that cannot be drawn",
+        """
+The spec asks for a figure, and none can be drawn: a graph with too many states or arrows to be read, a grid with columns
+below 0, bars of what is no vector. Pages have no figure then. Ask for another `kind`, or leave the section out.
+""",
+    ),
 )

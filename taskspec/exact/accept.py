@@ -31,10 +31,10 @@ def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic]
     return [each for each in found if each not in aside], accepted
 
 
-def idle(task: Task, accepted: Sequence[Accepted]) -> list[Diagnostic]:
-    """W511: reasons for warnings that a whole check did not give."""
+def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
+    """W511: reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
     reasons, merged = task.surface.data.get("accept") or {}, merge(task.document, task.variant)
-    unneeded = [code for code in reasons if code not in {each.warning.code for each in accepted}]
+    unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
     return [
         Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")
         for code in unneeded

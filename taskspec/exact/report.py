@@ -63,10 +63,18 @@ _SENSELESS = {"E404", "E406"}
 """Without a first state, or with rewards that are no numbers, nothing that is said of episodes and returns means anything."""
 
 
-def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: bool = True) -> Report:
+def check(
+    task: Task,
+    *,
+    ranges: bool = True,
+    with_sense: bool = True,
+    claims: bool = True,
+    beside: Sequence[Diagnostic] | None = None,
+) -> Report:
     """Check a task: soundness always; other parameter values, sense, claims and examples unless told otherwise.
 
-    Never raises for a wrong task: everything found is in the report.
+    `beside` are the warnings that only other parts of the package can give (`ELSEWHERE`), None where these did not look; the spec
+    may accept them like others. Never raises for a wrong task: everything found is in the report.
     """
     sound = examine(task)
     found = list(sound.diagnostics)
@@ -88,9 +96,9 @@ def check(task: Task, *, ranges: bool = True, with_sense: bool = True, claims: b
     if claims and not sound.diagnostics:
         said = tuple(verdicts(task, results))
         found += [v.diagnostic for v in said if v.diagnostic is not None]
-    left, accepted = set_aside(task, found)
+    left, accepted = set_aside(task, [*found, *(beside or ())])
     if with_sense and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
-        left += idle(task, accepted)
+        left += idle(task, accepted, () if beside is not None else ELSEWHERE)
     return Report(
         task, in_order(left), sound.method, cases, said, results=results, accepted=tuple(accepted), wrong_examples=wrong,
     )  # fmt: skip
@@ -110,6 +118,8 @@ def _sense(task: Task, results: Results) -> list[Diagnostic]:
     return [*sense(task, results), *([] if problem is None else [problem])]
 
 
+ELSEWHERE = ("W523",)
+"""Warnings about how a task is drawn."""
 RETURNS = ("optimal", "random", "worst", "expert")
 
 

@@ -23,20 +23,37 @@ from taskspec.appendix.figures.tikz import colors as tikz_colors
 from taskspec.appendix.figures.tikz import tikz as tikz
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.files import write_text
+from taskspec.spec.merge import merge
 from taskspec.spec.task import Task
 
 __all__ = [
     "KINDS", "OVERLAYS", "Overlay", "Scene", "figure", "overlay", "render_frame", "scene", "svg", "tikz", "tikz_colors",
+    "undrawn",
 ]  # fmt: skip
 
 KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
     "graph": graph, "grid": grid, "curve": curve, "bars": bars, "swaps": bars, "vector": bars,
 }  # fmt: skip
 
+NEEDED = {
+    "graph": "transition graphs are drawn of finite tasks with few states, whose arrows cross little",
+    "grid": "columns and rows are counted from 0, and a world that is drawn whole has at most 24 of each",
+    "curve": "a curve is drawn over a component of the state: `at: [x, y]`",
+}
+"""What a figure of some kind needs; the others show a vector."""
 HINT = (
-    "transition graphs are drawn of finite tasks with few states, whose arrows cross little; "
-    f"`figure: {{kind: ...}}` in a spec asks for another figure: {', '.join(k for k in KINDS if k != 'graph')}"
-)
+    f"{NEEDED['graph']}; `figure: {{kind: ...}}` in a spec asks for another figure: "
+    + ", ".join(k for k in KINDS if k != "graph")
+)  # fmt: skip
+
+
+def undrawn(task: Task) -> tuple[Diagnostic, ...]:
+    """W523 where the figure that a spec asks for cannot be drawn."""
+    if task.figure is None or scene(task) is not None:
+        return ()
+    place = merge(task.document, task.variant).key_span(("figure",))
+    hint = NEEDED.get(task.figure.kind, "bars are drawn of a vector: `values: v`")
+    return (Diagnostic("W523", place, f"no figure of kind `{task.figure.kind}` can be drawn of this task", hint),)
 
 
 def scene(task: Task, over: Overlay | None = None) -> Scene | None:
