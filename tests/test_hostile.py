@@ -245,6 +245,25 @@ def test_every_point_of_a_box_is_an_action(backend: str) -> None:
             lanes.step(np.array([wrong] * 3))
 
 
+@pytest.mark.parametrize("backend", ["numpy", "numba"])
+@pytest.mark.parametrize("action", ["a: {type: int, low: -9007199254740995, high: 9007199254740995}",
+                                    "a: {type: int, low: 0, high: 1099511627776}\n  u: {type: real, low: 0, high: 1}",
+                                    "a: {type: int, low: 0, high: 4503599627370496}", "a: {type: int}"])  # fmt: skip
+def test_whatever_is_sampled_is_taken(action: str, backend: str) -> None:
+    pytest.importorskip(backend)
+    vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
+    task = written(action=f"\n  {action}", dynamics=" {s': s}", reward=" a % 7", horizon=" 1000")
+    env, lanes = task.make(), vector.VectorEnvironment(task, 3, backend=backend)
+    for each in (env, lanes):
+        each.reset(seed=0)
+        each.action_space.seed(0)
+        for _ in range(50):
+            each.step(each.action_space.sample())
+    space = env.action_space
+    if isinstance(space, gym.spaces.Box) and space.is_bounded("both"):
+        env.step(space.high), env.step(space.low)
+
+
 OPTIONS = [5, "x", [("state", {})], {"stat": {}}, {"state": 5}, {"state": [1]}, {"state": {"x": 1}}, {"state": {"s": None}},
            {"state": {"s": 1.5}}, {"state": {"s": 10}}, {"state": {"s": "a"}}, {"state": {"s": [1]}}, {"state": {1: 1}},
            {"state": {"s": float("nan")}}, {"state": {"s": 10**30}}, {"state": {"s": 1j}}]  # fmt: skip

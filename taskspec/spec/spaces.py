@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -17,6 +17,8 @@ from taskspec.lang.types import INT_MAX, Kind
 from taskspec.spec.task import Component, SpaceKind, Task
 
 FLOAT_MAX = 3.4028234663852886e38
+INT_SINGLE = 2.0**31 - 128
+"""The largest float32 that is an int of 32 bits."""
 Form = Literal["discrete", "multi_discrete", "box", "one_hot", "dict"]
 
 
@@ -59,7 +61,14 @@ def observation_layout(task: Task) -> Layout:
 
 
 def action_layout(task: Task) -> Layout:
-    return _layout(task.action, "auto", several="multi_discrete")
+    """The action as one value. Ints of a box end where actions do, so that all that is sampled from it is taken."""
+    layout = _layout(task.action, "auto", several="multi_discrete")
+    if layout.form != "box":
+        return layout
+    most = [math.inf if c.type.kind is Kind.REAL else INT_SINGLE for c in task.action for _ in range(c.type.size)]
+    low = tuple(a if math.isinf(a) else max(a, -m) for a, m in zip(layout.low, most, strict=True))
+    high = tuple(b if math.isinf(b) else min(b, m) for b, m in zip(layout.high, most, strict=True))
+    return replace(layout, low=low, high=high)
 
 
 def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) -> Layout:
