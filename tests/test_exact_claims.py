@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -224,6 +225,32 @@ def test_under_names_the_decision_model() -> None:
     assert found.status == "proved"
     found = verdict("{claim: 'prefers(a == go, at=s + 6 - t == n)', under: soft(50)}")
     assert found.status == "proved"
+
+
+DISCOUNTED = """
+taskspec: 1
+name: Discounted
+state:
+  s: {type: int, low: 0, high: 2}
+action:
+  a: {type: int, low: 0, high: 1}
+horizon: 2
+discount: 1/2
+initial: {s: 0}
+dynamics: {s': s + a}
+reward: a
+claims:
+  - claim: CLAIM
+    tolerance: 1e-12
+"""
+
+
+def test_returns_of_trajectories_are_discounted() -> None:
+    """Going on twice has the weight exp(1 + 1/2) among exp(0), exp(1), exp(1/2) and its own."""
+    weights = [math.exp(x) for x in (0, 1, 1 / 2, 3 / 2)]
+    expected = weights[-1] / sum(weights)
+    found = verdict(f"probability(s == 2, under=maxent) == {expected!r}", DISCOUNTED)
+    assert found.status == "proved", found.detail
 
 
 def test_parameters_given_at_build_reach_the_claims() -> None:

@@ -4,13 +4,13 @@
 
 where tau = (s0, a0, s1, ...) runs until the horizon or a terminal state, P(tau) is the product of
 the start's and the transitions' probabilities (actions carry no factor of their own), and R(tau) is
-the undiscounted sum of its rewards. It is the model of Ziebart et al. 2008 for stochastic dynamics:
+its return, discounted by gamma as the task says. It is the model of Ziebart et al. 2008 for stochastic dynamics:
 outcomes of chance are weighed by what they pay, as if the agent could choose them, and that is what
 the causal model (`solve.soft`) does not do.
 
 With Z_T = 1 and Z = 1 at terminal states,
 
-    Z_t(s, a) = E[exp(beta r) Z_{t+1}(s')],   Z_t(s) = sum over a of Z_t(s, a),
+    Z_t(s, a) = E[exp(beta gamma^t r) Z_{t+1}(s')],   Z_t(s) = sum over a of Z_t(s, a),
 
 and the policy that acts as such trajectories do, given the state they are in, is Z_t(s, a)/Z_t(s).
 """
@@ -55,7 +55,7 @@ class MaxEnt(Rule):
         log_z, table = inner
         if table is None or table.step is not numbers.model.step(t):
             table = _Table(numbers, t, self.beta)
-        policy, value = numbers.boltzmann(table.log_q(log_z), 1.0)
+        policy, value = numbers.boltzmann(table.log_q(log_z, t), 1.0)
         return policy, (value, table)
 
     def settled(self, numbers: Any) -> Any:
@@ -63,7 +63,7 @@ class MaxEnt(Rule):
 
 
 class _Table:
-    """Every outcome of one time: rows, columns, log probability plus beta times the reward, whether it ends."""
+    """Every outcome of one time: rows, columns, log probability, beta times the reward, whether it ends."""
 
     def __init__(self, numbers: Bounded, t: int, beta: float) -> None:
         model = numbers.model
@@ -71,18 +71,20 @@ class _Table:
         order = np.argsort(rows, kind="stable")
         self.step, self.shape = model.step(t), (model.n_actions, model.n_states)
         self.columns, self.ends, size = columns[order], ends[order], model.n_actions * model.n_states
-        paid = beta * np.where(model.acting[rows % model.n_states], rewards, 0.0)[order]
-        logs, slack = np.log(weights[order]), numbers.slack
-        self.log_weight = logs + paid
-        off = slack.relative + 2 * slack.absolute / weights[order] + 8 * UNIT * (np.abs(logs) + np.abs(paid) + 1)
+        self.discount = model.discount
+        self.paid = beta * np.where(model.acting[rows % model.n_states], rewards, 0.0)[order]
+        self.logs, slack = np.log(weights[order]), numbers.slack
+        off = slack.relative + 2 * slack.absolute / weights[order] + 8 * UNIT * (np.abs(self.logs) + 1)
         self.error = off if not slack.missing else np.full_like(off, np.inf)  # what is left out may pay anything
         self.starts = np.searchsorted(rows[order], np.arange(size))
         self.counts = np.diff(np.append(self.starts, len(rows)))
 
-    def log_q(self, log_z: Bound) -> Bound:
+    def log_q(self, log_z: Bound, t: int) -> Bound:
         """log Z(s, a), (A, S), from log Z (S,) at the next time; 0 for rows without outcomes, where nobody acts."""
-        terms = self.log_weight + np.where(self.ends, 0.0, log_z.value[self.columns])
-        errors = self.error + np.where(self.ends, 0.0, log_z.error[self.columns])
+        paid = self.discount**t * self.paid
+        rounded = 8 * UNIT * np.abs(paid) * (1 + (t if self.discount != 1 else 0))
+        terms = self.logs + paid + np.where(self.ends, 0.0, log_z.value[self.columns])
+        errors = self.error + rounded + np.where(self.ends, 0.0, log_z.error[self.columns])
         some = self.counts > 0
         starts = self.starts[some]
         top = np.maximum.reduceat(terms, starts)

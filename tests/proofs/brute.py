@@ -22,6 +22,8 @@ Values = dict[Key, Value]
 Gains = list[Value]
 Graph = dict[Key, dict[Key, Fraction]]
 """Probabilities of going on, by the state left and the state reached."""
+ALIKE = Fraction(1, 10**8)
+"""Shares closer than this may count as alike."""
 
 
 class Unsettled(Exception):
@@ -67,6 +69,11 @@ class Solved:
 
     process: Process
     _known: dict[Any, Any] = field(default_factory=dict)
+
+    def kept(self, rule: Rule) -> Rule:
+        """The rule of this name that was made first, so that what was worked out for it is used again."""
+        found: Rule = self._known.setdefault(("rule", rule.text), rule)
+        return found
 
     # -- returns ------------------------------------------------------------------------------------------------------
 
@@ -224,13 +231,18 @@ class Solved:
         for t, layer in enumerate(self._layers() if self.process.horizon is not None else [self.process.acting()]):
             for k in filter(at, layer):
                 shares = self.shares(rule, k, t)
-                good = max((shares.get(a, Fraction(0)) for a in wanted), default=Fraction(-1))
-                others = set(range(self.process.actions)) - wanted
-                bad = max((shares.get(a, Fraction(0)) for a in others), default=Fraction(-1))
+                good, bad = (most(shares, wanted), most(shares, set(range(self.process.actions)) - wanted))
+                if 0 < abs(good - bad) < ALIKE:
+                    raise Unsettled
                 if good < bad:
                     return False
                 asked[k] = asked.get(k, False) or good > bad
         return bool(asked) and all(asked.values())
+
+
+def most(shares: Shares, among: set[int]) -> Fraction:
+    """The largest share among some actions; below 0 where there are none."""
+    return max((shares.get(a, Fraction(0)) for a in among), default=Fraction(-1))
 
 
 def mean(shares: Shares, gains: Gains) -> Value:

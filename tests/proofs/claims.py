@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from tests.proofs import soft
 from tests.proofs.brute import Rule, Solved, Unsettled, expert, greedy, uniform
+from tests.proofs.soft import maxent, soft
 from tests.proofs.subjects import Subject
 
 Data = dict[str, Any]
@@ -41,6 +41,8 @@ class Number:
 
     text: str
     values: list[Fraction]
+    decoys: tuple[Fraction, ...] = ()
+    """Values that a wrong stand-in would give it."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +85,8 @@ class Maker:
         found = [w.returns.get(name) for w in self.worlds]
         if any(v is None for v in found):
             raise Unclear
-        return Number(name, [v for v in found if v is not None])
+        decoy = self.subject.decoy.returns.get(name) if self.subject.decoy is not None else None
+        return Number(name, [v for v in found if v is not None], () if decoy is None else (decoy,))
 
     def compound(self) -> Number:
         a, b = self.number(0), self.number(0)
@@ -98,7 +101,7 @@ class Maker:
         if self.subject.condition is None:
             raise Unclear
         text, holds = self.subject.condition(self.rng)
-        rules = [self.rule(w) for w in self.worlds] if self.under is None else [soft.rule(w, 1) for w in self.worlds]
+        rules = [self.rule(w) if self.under is None else soft(w, 1) for w in self.worlds]
         values = [w.probability(rule, holds) for w, rule in zip(self.worlds, rules, strict=True)]
         if self.under is not None or rules[0].text == "uniform":
             return Number(f"probability({text})", values)
@@ -115,8 +118,8 @@ class Maker:
             return greedy()
         if pick < 0.7 and process.horizon is not None:
             return greedy("zero_terminal_value(1)", Fraction(1))
-        if pick < 0.8:
-            return soft.rule(world, 2)
+        if pick < 0.9:
+            return soft(world, 2) if pick < 0.8 else maxent(world, 1)
         if process.expert is None:
             raise Unclear
         return expert(process)
@@ -161,7 +164,7 @@ class Maker:
 
     def near(self, number: Number) -> Number:
         """A constant: the value of a number in one of the worlds, or one that is a little off."""
-        value = self.rng.choice(number.values)
+        value = self.rng.choice((*number.values, *number.decoys))
         size = max(abs(value), self.scale()) if self.subject.rough else abs(value)
         off = self.rng.choice(ROUGHLY if self.subject.rough else OFF) * self.rng.choice((1, -1))
         if self.subject.rough and self.rng.random() < 0.3 and abs(value) > size / 1000:
@@ -282,6 +285,8 @@ def claim(subject: Subject, rng: random.Random) -> Claim:
     per = len(worlds) // len(cases)
     truths = [settled(made.holds[i : i + per]) for i in range(0, len(worlds), per)]
     kinds = [*data, *sorted(maker.used)] or ["comparison"]
+    if subject.family.startswith("stand-in"):
+        kinds = [subject.family]
     return Claim(kinds[0], {"claim": made.text} | data, truths)
 
 

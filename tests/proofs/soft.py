@@ -1,36 +1,62 @@
-"""Policies of causal maximum entropy, to 60 digits."""
+"""Policies of maximum entropy, causal and not, to 60 digits."""
 
 from __future__ import annotations
 
 from decimal import Decimal, localcontext
 from fractions import Fraction
+from functools import cache
 
-from tests.proofs.brute import Gains, Rule, Solved, Unsettled
-from tests.proofs.process import Key, Shares
+from tests.proofs.brute import Gains, Rule, Solved, Unsettled, Value
+from tests.proofs.process import Key, Outcome, Process, Shares
 
 DIGITS = 60
 NEAR = Fraction(1, 10**40)
 LARGEST, LONGEST = 1000, 12
 
 
-def rule(solved: Solved, beta: int) -> Rule:
+def soft(solved: Solved, beta: int) -> Rule:
     """soft(beta). Unsettled: where 60 digits may not do, or take too long."""
+    refuse_large(solved.process)
+
+    def share(state: Key, t: int, gains: Gains) -> Shares:
+        return dict(enumerate(weighed(gains, beta)[0]))
+
+    def worth(gains: Gains) -> Value:
+        return weighed(gains, beta)[1]
+
+    return solved.kept(Rule(f"soft({beta})", share, worth))
+
+
+def maxent(solved: Solved, beta: int) -> Rule:
+    """maxent(beta): actions by the weight of all trajectories that begin with them, probability times exp(beta return)."""
     process = solved.process
-    if process.horizon is None or process.horizon > LONGEST or is_large(solved):
+    refuse_large(process)
+
+    @cache
+    def weights(state: Key, t: int) -> list[Decimal]:
+        return [sum((weight(o, t) for o in process.row(state, a, t)), Decimal(0)) for a in range(process.actions)]
+
+    def weight(o: Outcome, t: int) -> Decimal:
+        assert process.horizon is not None
+        over = o.terminated or t + 1 == process.horizon
+        later = Decimal(1) if over else sum(weights(o.state, t + 1), Decimal(0))
+        return decimal(o.probability) * decimal(beta * process.discount**t * o.reward).exp() * later
+
+    def share(state: Key, t: int, gains: Gains) -> Shares:
+        with localcontext() as context:
+            context.prec = DIGITS
+            found = weights(state, t)
+            return {a: Fraction(w / sum(found)) for a, w in enumerate(found)}
+
+    return solved.kept(Rule(f"maxent({beta})", share))
+
+
+def refuse_large(process: Process) -> None:
+    if process.horizon is None or process.horizon > LONGEST or is_large(process):
         raise Unsettled
-    key = ("soft", beta)
-    if key not in solved._known:
-
-        def share(state: Key, t: int, gains: Gains) -> Shares:
-            return dict(enumerate(weighed(gains, beta)[0]))
-
-        solved._known[key] = Rule(f"soft({beta})", share, lambda gains: weighed(gains, beta)[1])
-    found: Rule = solved._known[key]
-    return found
 
 
-def is_large(solved: Solved) -> bool:
-    process = solved.process
+def is_large(process: Process) -> bool:
     return any(
         abs(o.reward) > LARGEST
         for t, layer in enumerate(process.layers()) for k in layer for a in range(process.actions)

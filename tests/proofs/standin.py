@@ -24,6 +24,12 @@ class StandIn:
         """The spec alone: what claims are about."""
         return {k: v for k, v in self.spec.items() if k != "abstraction"}
 
+    @property
+    def alone(self) -> Data:
+        """The stand-in as a task of its own."""
+        taken = {k: v for k, v in self.spec["abstraction"].items() if k != "map"}
+        return {k: v for k, v in self.real.items() if k != "terminal"} | taken
+
 
 @dataclass(frozen=True)
 class Parts:

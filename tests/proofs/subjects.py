@@ -37,6 +37,8 @@ class Subject:
     rough: bool = False
     horizon: int | None = None
     """The default of the parameter H, if there is one."""
+    decoy: Solved | None = None
+    """The stand-in, as brute force finds it."""
     _known: dict[int | None, list[Solved]] = field(default_factory=dict)
 
     def worlds(self, horizon: int | None = None) -> list[Solved]:
@@ -78,11 +80,11 @@ def of_standin(number: int, rng: random.Random) -> Subject:
         model = reference_model(Case(made.real, None, number))
         if model is not None:
             break
-    found = [Solved(of_model(model))]
-    rough = "0.1" in made.spec["reward"]
+    found, decoy = [Solved(of_model(model))], reference_model(Case(made.alone, None, number))
     return Subject(
-        f"stand-in, {made.wrong or 'right'}", Case(made.spec, None, number), lambda _: found, None, model, rough
-    )
+        f"stand-in, {made.wrong or 'right'}", Case(made.spec, None, number), lambda _: found, None, model,
+        rough="0.1" in made.spec["reward"], decoy=None if decoy is None else Solved(of_model(decoy)),
+    )  # fmt: skip
 
 
 def of_any(number: int, rng: random.Random) -> Subject:
