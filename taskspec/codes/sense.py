@@ -68,7 +68,7 @@ it. Remove it, or find the expression that forgot it.
         """
 The expert's expected return is below the best possible one. If that is intended, say so with a
 claim, such as `expert_return < optimal_return`. Where there is no exact model, the warning is given
-when random actions return more than the expert does, in simulated episodes.
+when random actions return as much as the expert does, or more, in simulated episodes.
 """,
     ),
     Code(
