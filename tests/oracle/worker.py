@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import random
 import signal
@@ -63,6 +64,8 @@ def examined(number: int, backends: list[str]) -> Outcome:
 
 def main(first: int, last: int, backends: list[str]) -> None:
     """Examine specs first, ..., last - 1. Before each a line with its number, so that a crash has a name."""
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 50)  # a spec leaves much behind, and little of it in circles
     for number in range(first, last):
         say({"begun": number})
         begun = time.process_time()

@@ -46,7 +46,6 @@ def single(c: Context, to: Component, depth: int) -> str:
     if to.kind != "bool" and not to.low:
         return unbounded(c, to, depth)
     same = [n for n in c.names if n.text.rstrip("'") == to.name and n.kind == to.kind]
-    twins = [n for n in c.names if n.kind == to.kind and n.shape == to.shape and n.size <= 1]
     if to.kind == "bool":
         options = [n for n in c.names if n.kind == "bool" and n.shape == to.shape]
         if options and c.chance(0.35):
@@ -54,12 +53,22 @@ def single(c: Context, to: Component, depth: int) -> str:
         return scalars.term(c, "bool", to.shape, depth).text
     if same and c.chance(0.15):
         return same[0].text
-    if twins and to.low == "0" and to.kind == "int" and c.chance(0.2) and to.high in "123":
+    twins = copies(c, to)
+    if twins and c.chance(0.2):
         return c.rng.choice(twins).text
     made = scalars.term(c, to.kind, to.shape, depth)
     if not made.finite:
         made = scalars.integer(c, 1) if to.shape == () else Term(to.low, "int")
     return within(c, to, made)
+
+
+def copies(c: Context, to: Component) -> list[Term]:
+    """Ints, read bare, that are certain to lie within the bounds of the component."""
+    if to.kind != "int" or to.shape or not to.high.isdigit():
+        return []
+    least, most = int(to.low), int(to.high)
+    ints = [n for n in c.names if n.kind == "int" and n.shape == () and n.rows]
+    return [n for n in ints if least <= min(n.rows) and max(n.rows) <= most]
 
 
 def unbounded(c: Context, to: Component, depth: int) -> str:

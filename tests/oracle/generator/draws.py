@@ -26,7 +26,8 @@ def flag(c: Context, depth: int) -> Term:
 
 
 def integer(c: Context, depth: int) -> Term:
-    which = c.rng.choice(("UniformInt", "UniformInt", "Categorical", "weights", "set", "Permutation", "Poisson"))
+    kinds = ("UniformInt", "UniformInt", "Categorical", "weights", "set", "Permutation", "Binomial", "Poisson")
+    which = c.rng.choice(kinds)
     if which == "Poisson" and not c.bounded:
         rate = Term(c.rng.choice(("1", "0.5", "3", "7/2")), "real", level=6)
         if c.chance(0.3):
@@ -35,6 +36,9 @@ def integer(c: Context, depth: int) -> Term:
         return drawn(call("Poisson", [rate], "int", size=1000), INFINITE)
     if which == "Permutation":
         return drawn(Term(f"Permutation({c.rng.randint(2, 3)})[{c.rng.randint(0, 1)}]", "int", level=9, size=3), 6)
+    if which == "Binomial":
+        n = c.rng.randint(1, 3)
+        return drawn(Term(f"Binomial({n}, {c.rng.choice(FRACTIONS)})", "int", size=n), n + 1)
     if which == "set":
         return from_set(c, depth)
     if which == "Categorical":
@@ -75,7 +79,7 @@ def listed(c: Context, kind: str, depth: int) -> Term:
 
 
 def real(c: Context, depth: int) -> Term:
-    which = c.rng.choice(("Uniform", "Normal", "Exponential", "Dirichlet", "listed"))
+    which = c.rng.choice(("Uniform", "Normal", "Exponential", "Dirichlet", "Beta", "listed"))
     match which:
         case "Uniform":
             low = scalars.real(c.without_draws(), min(depth, 1))
@@ -95,6 +99,8 @@ def real(c: Context, depth: int) -> Term:
             )
         case "Dirichlet":
             return drawn(Term("Dirichlet((1, 0.5, 2))[1]", "real", level=9), INFINITE)
+        case "Beta":
+            return drawn(Term(c.rng.choice(("Beta(2, 0.5)", "Beta(1/3, 4)")), "real"), INFINITE)
     return listed(c, "real", depth)
 
 

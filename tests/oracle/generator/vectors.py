@@ -205,6 +205,7 @@ def reduction(c: Context, kind: str, depth: int) -> Term:
         which = "sum"
     if which == "dot" and len(x.shape) == 1:
         y = vector(c, kind, x.shape, min(depth, 1))
-        return call("dot", [x, y], kind, size=x.size * y.size * count)
+        if x.size * y.size * count < 2**62:
+            return call("dot", [x, y], kind, size=x.size * y.size * count)
     which = "sum" if which == "dot" else which
     return call(which, [x], kind, size=max(1, x.size) ** count if which == "prod" else x.size * count)

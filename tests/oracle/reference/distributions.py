@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import comb
 
 from tests.oracle.reference.chance import Chance, Key
 from tests.oracle.reference.values import (
@@ -138,6 +139,15 @@ def bernoulli(call: Call, chance: Chance, key: Key) -> Value:
     return drawn("bool", shape, chance.flags(key, spread(p, shape), fixed=p.fixed))
 
 
+@distribution("Binomial")
+def binomial(call: Call, chance: Chance, key: Key) -> Value:
+    """A count, with the probabilities of all counts."""
+    n, p = int(call.argument(0, "n").item), call.argument(1, "p")
+    shape, count = call.size()
+    shares = [comb(n, k) * (p.item**k * (1 - p.item) ** (n - k)) for k in range(n + 1)]
+    return drawn("int", shape, chance.category(key, shares, count, fixed=p.fixed))
+
+
 @distribution("Exponential")
 def exponential(call: Call, chance: Chance, key: Key) -> Value:
     rate = call.argument(0, "rate", 1)
@@ -157,6 +167,13 @@ def poisson(call: Call, chance: Chance, key: Key) -> Value:
 def dirichlet(call: Call, chance: Chance, key: Key) -> Value:
     alpha = call.argument(0, "alpha")
     return settled("real", alpha.shape, chance.dirichlet(key, alpha.data), fixed=False, rough=True)
+
+
+@distribution("Beta")
+def beta(call: Call, chance: Chance, key: Key) -> Value:
+    """The first of two shares."""
+    alpha = [call.argument(0, "a").item, call.argument(1, "b").item]
+    return settled("real", (), chance.dirichlet(key, alpha)[:1], fixed=False, rough=True)
 
 
 @distribution("Permutation")
