@@ -32,9 +32,8 @@ def ranges(root: Node, known: dict[int, Range], rule: Callable[[Node, Args], Ran
     """What is known of a node; `rule` gives that of a node from its arguments, `step` unless it is given."""
     rule = rule or step
     if id(root) not in known:
-        for node in walk([root]):
-            if id(node) not in known:
-                known[id(node)] = rule(node, [known[id(c)] for c in children(node)])
+        for node in walk([root], known):
+            known[id(node)] = rule(node, [known[id(c)] for c in children(node)])
     return known[id(root)]
 
 

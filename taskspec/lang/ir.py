@@ -8,7 +8,7 @@ exact enumeration) walks these nodes; nothing downstream sees names of parameter
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -80,19 +80,27 @@ def children(node: Node) -> tuple[Node, ...]:
             return args
 
 
-def walk(roots: Iterable[Node]) -> Iterator[Node]:
-    """Every node below the roots once, arguments before users, in a stable order."""
+def walk(roots: Iterable[Node], known: Container[int] = frozenset()) -> Iterator[Node]:
+    """Every node below the roots once, arguments before users, in a stable order.
+
+    Nodes whose ids are `known` are left out, with all that is below them alone.
+    """
     seen: set[int] = set()
     for root in roots:
-        stack: list[tuple[Node, bool]] = [(root, False)]
+        stack: list[Node | None] = [root]
+        users: list[Node] = []  # whose arguments are on the stack, above a None
         while stack:
-            node, done = stack.pop()
-            if done:
-                yield node
-            elif id(node) not in seen:
+            node = stack.pop()
+            if node is None:
+                yield users.pop()
+            elif id(node) not in seen and id(node) not in known:
                 seen.add(id(node))
-                stack.append((node, True))
-                stack.extend((child, False) for child in reversed(children(node)))
+                if isinstance(node, Apply | Draw) and node.args:
+                    users.append(node)
+                    stack.append(None)
+                    stack.extend(node.args[::-1])
+                else:
+                    yield node
 
 
 def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:

@@ -43,33 +43,36 @@ def reached(
     declared = {c.name: (min(c.low), max(c.high)) for c in state}
     known: dict[int, Range] = {}
     found = {c.name: _within(bounds(n, known), declared[c.name]) for c, n in zip(state, initial, strict=True)}
+    reads = _state_reads(following)
+
+    def step(reached: dict[str, Interval]) -> dict[str, Interval]:
+        known = _known(reads, reached)
+        nexts = (_within(bounds(node, known), declared[c.name]) for c, node in zip(state, following, strict=True))
+        return {c.name: _union(reached[c.name], edge) for c, edge in zip(state, nexts, strict=True)}
+
     for _ in range(MAX_STEPS if horizon is None else min(horizon, MAX_STEPS)):
-        wider = _step(state, following, found, declared)
+        wider = step(found)
         if wider == found:
             return found
         found = wider
     if horizon is not None and horizon <= MAX_STEPS:
         return found
-    while (wider := _step(state, following, found, declared)) != found:  # what still moves may go anywhere
+    while (wider := step(found)) != found:  # what still moves may go anywhere
         found = {name: edge if wider[name] == edge else declared[name] for name, edge in found.items()}
     return found
 
 
-def _step(
-    state: Sequence[Component],
-    following: Sequence[Node],
-    reached: dict[str, Interval],
-    declared: dict[str, Interval],
-) -> dict[str, Interval]:
-    known = over(following, reached)
-    nexts = (_within(bounds(node, known), declared[c.name]) for c, node in zip(state, following, strict=True))
-    return {c.name: _union(reached[c.name], edge) for c, edge in zip(state, nexts, strict=True)}
-
-
 def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range]:
     """What is known of the state reads below some nodes, for `interval.bounds`."""
-    states = (n for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE)
-    return {id(n): Range(*reached[n.name]) for n in states if n.name in reached}
+    return _known(_state_reads(roots), reached)
+
+
+def _state_reads(roots: Sequence[Node]) -> list[Read]:
+    return [n for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE]
+
+
+def _known(reads: Sequence[Read], reached: dict[str, Interval]) -> dict[int, Range]:
+    return {id(n): Range(*reached[n.name]) for n in reads if n.name in reached}
 
 
 def _within(edge: Interval, declared: Interval) -> Interval:
