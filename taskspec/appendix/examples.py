@@ -24,10 +24,10 @@ class Table:
 
 def table(w: Writing, wrong: frozenset[int] = frozenset()) -> Table | None:
     """The examples of a task without columns that stay empty; None where there are none."""
-    data = w.data.get("examples") or ()
+    written = w.spec.examples
     columns = [(title, tuple(make(w, e) for e in w.task.examples)) for title, make in _COLUMNS if w.task.examples]
-    columns.append(("", tuple(inlines(entry.get("doc")) for entry in data)))
-    columns.append(("", tuple(_mark(i in wrong) for i in range(len(data)))))
+    columns.append(("", tuple(inlines(entry.doc) for entry in written)))
+    columns.append(("", tuple(_mark(i in wrong) for i in range(len(written)))))
     kept = [(title, cells) for title, cells in columns if any(cells)]
     return Table(tuple(t for t, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True))) if kept else None
 

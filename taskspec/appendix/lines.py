@@ -16,6 +16,7 @@ from taskspec.printers.names import expression
 from taskspec.printers.notation import Writer
 from taskspec.printers.text import text
 from taskspec.spec.names import signature
+from taskspec.spec.schema import Component as DeclaredComponent
 from taskspec.spec.task import Component, Soft
 
 _SPACES = {
@@ -56,9 +57,9 @@ def setting(value: Any) -> m.Math:
 
 def _range(w: Writing, name: str) -> Inlines:
     """The allowed values of a parameter, in brackets."""
-    entry = w.section("parameters")[name]
-    low, high = entry.get("low"), entry.get("high")
-    if entry.get("values"):
+    entry = w.spec.parameters.entries[name]
+    low, high = entry.low, entry.high
+    if entry.values:
         return (Text(" ("), Formula(w.domain(name, entry)), Text(")"))
     match low, high:
         case None, None:
@@ -73,7 +74,7 @@ def _range(w: Writing, name: str) -> Inlines:
 
 def grids(w: Writing) -> Iterator[tuple[str, str]]:
     """Text grids among the constants."""
-    for name, value in w.section("constants").items():
+    for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
             text = value["grid"] if isinstance(value["grid"], str) else "\n".join(value["grid"])
             legend = ", ".join(f"{k} = {v}" for k, v in (value.get("legend") or {}).items())
@@ -81,13 +82,13 @@ def grids(w: Writing) -> Iterator[tuple[str, str]]:
 
 
 def state(w: Writing) -> Iterator[Inlines]:
-    yield (formula(m.Ident("S", "calligraphic"), m.Sym("="), w.space("state")), *_numbered(w.task.state))
-    yield from _components(w, "state", w.task.state)
+    yield (formula(m.Ident("S", "calligraphic"), m.Sym("="), w.space(w.spec.state)), *_numbered(w.task.state))
+    yield from _components(w, w.spec.state, w.task.state)
 
 
 def actions(w: Writing) -> Iterator[Inlines]:
-    yield (formula(m.Ident("A", "calligraphic"), m.Sym("="), w.space("action")), *_numbered(w.task.action))
-    yield from _components(w, "action", w.task.action)
+    yield (formula(m.Ident("A", "calligraphic"), m.Sym("="), w.space(w.spec.action)), *_numbered(w.task.action))
+    yield from _components(w, w.spec.action, w.task.action)
 
 
 def _numbered(components: tuple[Component, ...]) -> Inlines:
@@ -95,12 +96,14 @@ def _numbered(components: tuple[Component, ...]) -> Inlines:
     return (Text(", numbered from 0"),) if any(c.domain is not None for c in components) else ()
 
 
-def _components(w: Writing, section: str, components: tuple[Component, ...]) -> Iterator[Inlines]:
+def _components(
+    w: Writing, declared: Mapping[str, DeclaredComponent], components: tuple[Component, ...]
+) -> Iterator[Inlines]:
     """What each component is, and what its labels stand for."""
     for c in components:
         name = formula(w.symbol(c.name))
         if len(components) > 1:
-            domain = (m.Sym("∈"), w.domain(c.name, w.section(section)[c.name]))
+            domain = (m.Sym("∈"), w.domain(c.name, declared[c.name]))
             name = formula(w.symbol(c.name), *domain)
         doc = inlines(c.doc)
         labels = _labels(w, c)
@@ -141,7 +144,7 @@ def observations(w: Writing) -> Iterator[Inlines]:
     how = _SPACES.get(observation.space)
     extra: Inlines = (Text(f", {how}"),) if how else ()
     if observation.is_state:
-        yield (Text("the state "), formula(w.whole("state")), *extra)
+        yield (Text("the state "), formula(w.whole(w.spec.state)), *extra)
         return
     exprs: Mapping[str, s.Expr] = w.parsed("observation")
     whole = m.joined(w.symbol(name) for name in exprs)
@@ -159,10 +162,10 @@ def observations(w: Writing) -> Iterator[Inlines]:
 
 
 def horizon(w: Writing) -> Iterator[Inlines]:
-    value = w.data.get("horizon")
+    value = w.spec.horizon
     content: Inlines = (Text("none"),) if value in (None, "none") else (Formula(w.declared(value)),)
-    if "discount" in w.data and w.data["discount"] != 1:
-        content += (Text(", discount "), formula(m.Ident("γ"), m.Sym("="), w.declared(w.data["discount"])))
+    if w.spec.discount != 1:
+        content += (Text(", discount "), formula(m.Ident("γ"), m.Sym("="), w.declared(w.spec.discount)))
     yield content
 
 
@@ -184,7 +187,7 @@ def termination(w: Writing) -> Iterator[Inlines]:
 
 def definitions(w: Writing) -> Iterator[Inlines]:
     """Constants, named expressions and functions, and noise."""
-    for name, value in w.section("constants").items():
+    for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
             continue
         yield (Formula(w.equation(w.symbol(name), expression(value))),)
@@ -211,11 +214,11 @@ def dynamics(w: Writing) -> Iterator[Inlines]:
 
 
 def _transition(w: Writing, name: str, expr: s.Expr) -> Iterator[Inlines]:
-    actions = list(w.section("action"))
+    actions = list(w.spec.action)
     expr = w.put(expr)
     alone = len(w.task.state) == 1
     if alone and isinstance(expr, s.Table) and piecewise.has_arrows(expr, name, actions):
-        action = w.whole("action")
+        action = w.whole(actions)
         for line in piecewise.arrows(Writer(w.notation, name), expr, name, action, actions[0]):
             yield (Formula(line),)
     else:
@@ -242,10 +245,9 @@ def initial(w: Writing) -> Iterator[Inlines]:
             Formula(w.equation(m.joined(names), expr, pairs[0][0])),
             *((Text(", independently"),) if together else ()),
         )
-    roles = w.data.get("roles")
-    if roles:
-        words = " and ".join(f"the {role} in {variant}" for role, variant in roles.items())
-        yield (Text(f"roles: {words}"),)
+    roles = w.spec.roles
+    if roles is not None:
+        yield (Text(f"roles: the expert in {roles.expert} and the learner in {roles.learner}"),)
 
 
 def expert(w: Writing) -> Iterator[Inlines]:
@@ -260,7 +262,7 @@ def expert(w: Writing) -> Iterator[Inlines]:
             yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
         case _:
             found = w.parsed("expert")
-            names = list(w.section("action"))
+            names = list(w.spec.action)
             pairs = found.items() if isinstance(found, Mapping) else [(names[0], found)]
             for name, expr in pairs:
                 yield (Formula(w.equation(w.symbol(name), expr, name)),)

@@ -54,13 +54,12 @@ def page(task: Task, facts: Facts | None = None, columns: Sequence[Mapping[str, 
         columns: parameter values to show beside the symbols, each on top of the task's own.
     """
     facts = facts or Facts()
-    data = task.surface.data
     shown = _with_columns(task, facts, columns)
     return Page(
-        id=task.id, name=task.name, anchor=anchor(task.name), title=str(data.get("title") or task.name),
-        capability=str(data.get("capability") or ""), summary=inlines(data.get("summary")),
-        description=blocks(data.get("description")), make=make_line(task), sections=shown,
-        sources=tuple(Cite(x["key"], x.get("where")) for x in sections.sources(data)),
+        id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
+        capability=task.spec.capability or "", summary=inlines(task.spec.summary),
+        description=blocks(task.spec.description), make=make_line(task), sections=shown,
+        sources=tuple(Cite(x.key, x.where) for x in task.spec.sources),
         source_text=task.document.origin.text, source_name=task.document.origin.name.replace("\\", "/").rsplit("/")[-1],
         task=task, facts=facts, columns=tuple(column_title(c) for c in columns),
     )  # fmt: skip

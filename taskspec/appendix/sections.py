@@ -167,10 +167,10 @@ def _setting(value: Any) -> str:
 
 
 def _errata(w: Writing) -> Iterator[Line]:
-    for entry in w.data.get("errata") or ():
-        content: Inlines = (*_sentence(entry["source"]), Text(" Here: "), *inlines(entry["here"]))
-        if entry.get("because"):
-            content += (Text(", because "), *inlines(entry["because"]))
+    for entry in w.spec.errata:
+        content: Inlines = (*_sentence(entry.source), Text(" Here: "), *inlines(entry.here))
+        if entry.because:
+            content += (Text(", because "), *inlines(entry.because))
         yield Line((*content, Text(".")))
 
 
@@ -181,11 +181,6 @@ def _sentence(text: str) -> Inlines:
     return inlines(ended[:1].upper() + ended[1:])
 
 
-def sources(data: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """The sources of a spec; a bare key is short for an entry."""
-    return [x if isinstance(x, Mapping) else {"key": str(x)} for x in data.get("sources") or ()]
-
-
 def _sources(w: Writing) -> Iterator[Line]:
-    for entry in sources(w.data):
-        yield Line((Cite(str(entry["key"]), entry.get("where")),))
+    for entry in w.spec.sources:
+        yield Line((Cite(entry.key, entry.where),))

@@ -17,6 +17,9 @@ from taskspec.printers.notation import Notation, condition, mathematics
 from taskspec.printers.pieces import prime
 from taskspec.printers.substitute import substitute
 from taskspec.spec.names import signature
+from taskspec.spec.schema import Component as DeclaredComponent
+from taskspec.spec.schema import Parameter as DeclaredParameter
+from taskspec.spec.schema import Spec
 from taskspec.spec.task import Task
 
 
@@ -32,13 +35,8 @@ class Writing:
         return of_task(self.task)
 
     @property
-    def data(self) -> Mapping[str, Any]:
-        return self.task.surface.data
-
-    def section(self, name: str) -> Mapping[str, Any]:
-        """Entries of a section as the author wrote them; empty when there is none."""
-        found = self.data.get(name)
-        return found if isinstance(found, Mapping) else {}
+    def spec(self) -> Spec:
+        return self.task.spec
 
     def parsed(self, name: str) -> Any:
         return self.task.surface.sections.get(name)
@@ -77,42 +75,42 @@ class Writing:
 
     # -- sets -----------------------------------------------------------------------------------------------------
 
-    def domain(self, name: str, entry: Mapping[str, Any]) -> m.Math:
+    def domain(self, name: str, entry: DeclaredComponent | DeclaredParameter) -> m.Math:
         """The set of values of a component or parameter."""
-        several = {key: entry[key] for key in ("low", "high") if isinstance(entry.get(key), list)}
+        several = {key: ends for key in ("low", "high") if isinstance(ends := getattr(entry, key), list)}
         if several:  # a bound for each element
             ends = [dict(zip(several, each, strict=True)) for each in zip(*several.values(), strict=False)]
-            return self._product([self._scalar(name, {**entry, **each}) for each in ends])
+            return self._product([self._scalar(name, entry.model_copy(update=each)) for each in ends])
         inner = self._scalar(name, entry)
-        shape = entry.get("shape")
+        shape = getattr(entry, "shape", None)
         lengths = shape if isinstance(shape, list) else [] if shape is None else [shape]
         if not lengths or lengths == [1]:
             return inner
         return m.Script(inner, sup=m.joined((self.declared(n) for n in lengths), "×"))
 
-    def _scalar(self, name: str, entry: Mapping[str, Any]) -> m.Math:
-        low, high = (None if entry.get(k) is None else self.declared(entry[k]) for k in ("low", "high"))
-        match entry.get("type"):
+    def _scalar(self, name: str, entry: DeclaredComponent | DeclaredParameter) -> m.Math:
+        low, high = (None if end is None else self.declared(end) for end in (entry.low, entry.high))
+        match entry.type:
             case "bool":
                 return interval(m.Num("0"), m.Num("1"))
             case "choice":
-                labels = self.notation.labels.get(name) or {str(v): m.Words(str(v)) for v in entry.get("values") or ()}
+                labels = self.notation.labels.get(name) or {str(v): m.Words(str(v)) for v in entry.values or ()}
                 return m.braces(m.joined(labels.values()))
             case "int":
                 return _integers(low, high)
             case _:
                 return _reals(low, high)
 
-    def space(self, section: str) -> m.Math:
+    def space(self, components: Mapping[str, DeclaredComponent]) -> m.Math:
         """The product of the components' sets, equal neighbours as a power."""
-        return self._product([self.domain(name, entry) for name, entry in self.section(section).items()])
+        return self._product([self.domain(name, entry) for name, entry in components.items()])
 
     def _product(self, sets: Sequence[m.Math]) -> m.Math:
         return m.joined((_power(same, len(list(group))) for same, group in groupby(sets)), "×")
 
-    def whole(self, section: str, primed: bool = False) -> m.Math:
+    def whole(self, components: Iterable[str], primed: bool = False) -> m.Math:
         """The state or the action as one thing: its component, or the tuple of its components."""
-        names = [self.symbol(name, primed) for name in self.section(section)]
+        names = [self.symbol(name, primed) for name in components]
         return names[0] if len(names) == 1 else m.brackets(m.joined(names))
 
     # -- what is read ---------------------------------------------------------------------------------------------
@@ -138,7 +136,7 @@ class Writing:
     def arguments(self, expr: s.Expr) -> tuple[m.Math, ...]:
         """What a value is a function of: state, action, next state, time, in this order."""
         used = self.reads(expr)
-        state, action = list(self.section("state")), list(self.section("action"))
+        state, action = list(self.spec.state), list(self.spec.action)
         names = [(n, False) for n in (*state, *action) if n in used]
         names += [(n, True) for n in state if n + "'" in used]
         names += [("t", False)] if "t" in used else []

@@ -100,7 +100,7 @@ def _wide(tasks: list[Task], width: int) -> Table:
 def _words(task: Task, key: str) -> str:
     from taskspec.visible import visible
 
-    return visible(str(task.surface.data.get(key) or ""))
+    return visible(getattr(task.spec, key) or "")
 
 
 def _narrow(tasks: list[Task]) -> Table:

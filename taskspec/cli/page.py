@@ -18,6 +18,7 @@ from taskspec.cli.records import domain_words, show_value, space_words
 from taskspec.cli.targets import near
 from taskspec.cli.terminal import Text
 from taskspec.printers import text as written
+from taskspec.spec.schema import Erratum, Source
 from taskspec.spec.spaces import action_layout, observation_layout
 from taskspec.spec.task import Component, Followed, Parameter, Soft, Task
 from taskspec.visible import visible
@@ -33,12 +34,12 @@ def print_page(task: Task, out: Console) -> None:
 
 
 def _page(task: Task, width: int) -> Iterable[RenderableType]:
-    data = task.surface.data
+    spec = task.spec
     yield _title(task, width)
-    if data.get("summary"):
-        yield Text(_words(data["summary"]), style="italic")
-    if data.get("description"):
-        yield _indented(Markdown(_words(data["description"])), top=1)
+    if spec.summary:
+        yield Text(_words(spec.summary), style="italic")
+    if spec.description:
+        yield _indented(Markdown(_words(spec.description)), top=1)
     yield from _section("Parameters", _parameters(task.parameters))
     yield from _section("State", _components(task.state))
     yield from _section("Action", _components(task.action), space_words(action_layout(task)))
@@ -46,8 +47,8 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
     yield from _section("Equations", _equations(task))
     yield from _section("Claims", _claims(task))
     yield from _section("Examples", _examples(task))
-    yield from _section("Errata", _errata(data.get("errata") or ()))
-    yield from _section("Sources", _sources(data.get("sources") or ()))
+    yield from _section("Errata", _errata(spec.errata))
+    yield from _section("Sources", _sources(spec.sources))
     yield Text()
     yield _foot(task)
 
@@ -56,9 +57,9 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
 
 
 def _title(task: Task, width: int) -> RenderableType:
-    title = visible(str(task.surface.data.get("title") or task.name))
+    title = visible(task.title)
     left = Text.assemble((task.id, "bold cyan"), "  ", (title, "bold"))
-    right = Text(visible(str(task.surface.data.get("capability") or "")), style="quiet")
+    right = Text(visible(task.spec.capability or ""), style="quiet")
     line = Table.grid(expand=True, padding=(0, 2, 0, 0))
     line.add_column(ratio=1)
     line.add_column(justify="right")
@@ -157,9 +158,9 @@ def _lines(lines: Sequence[_Shown]) -> RenderableType:
 
 def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
     """Sections in the order of a paper's appendix, with their lines."""
-    data, sections = task.surface.data, task.surface.sections
-    if data.get("constants"):
-        yield "constants", [_Shown(visible(str(name)), _constant(value)) for name, value in data["constants"].items()]
+    constants, sections = task.spec.constants, task.surface.sections
+    if constants:
+        yield "constants", [_Shown(visible(name), _constant(value)) for name, value in constants.items()]
     for key in _KEYS:
         if sections.get(key):
             yield key, _named(sections[key])
@@ -177,7 +178,7 @@ def _named(expressions: Mapping[str, Any]) -> list[_Shown]:
 
 
 def _horizon(task: Task) -> Text:
-    raw = task.surface.data["horizon"]
+    raw = task.spec.horizon
     steps = "none" if task.horizon is None else f"{task.horizon:,}"
     return colored(steps if isinstance(raw, int) or task.horizon is None else f"{raw} = {steps}")
 
@@ -239,28 +240,25 @@ def _followed(found: Followed) -> str:
     return f"{word}{found.name}{chr(39) * (found.section == 'next')} = {written(found.expr)}"
 
 
-def _errata(errata: Sequence[Mapping[str, Any]]) -> RenderableType | None:
+def _errata(errata: Sequence[Erratum]) -> RenderableType | None:
     if not errata:
         return None
     table = Table.grid(padding=(0, 1, 0, 0))
     for style in ("quiet", "default"):
         table.add_column(style=style)
     for i, erratum in enumerate(errata):
-        for label, key in (("source", "source"), ("here", "here"), ("because", "because")):
-            if erratum.get(key):
-                table.add_row(label, _words(erratum[key]))
+        for label in ("source", "here", "because"):
+            if words := getattr(erratum, label):
+                table.add_row(label, _words(words))
         if i + 1 < len(errata):
             table.add_row()
     return table
 
 
-def _sources(sources: Sequence[Mapping[str, Any]]) -> RenderableType | None:
+def _sources(sources: Sequence[Source]) -> RenderableType | None:
     if not sources:
         return None
-    lines = [
-        Text.assemble((visible(str(x.get("key", ""))), "cyan"), f"  {visible(str(x.get('where') or ''))}")
-        for x in sources
-    ]
+    lines = [Text.assemble((visible(x.key), "cyan"), f"  {visible(x.where or '')}") for x in sources]
     return Group(*lines)
 
 

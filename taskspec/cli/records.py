@@ -17,7 +17,7 @@ _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 def record(task: Task) -> dict[str, Any]:
     """What `list --json` says of a task."""
-    data = task.surface.data
+    spec = task.spec
     return {
         "id": task.id,
         "name": task.name,
@@ -25,7 +25,9 @@ def record(task: Task) -> dict[str, Any]:
         "version": task.version,
         "variant": task.variant,
         "path": task.document.origin.name,
-        **{key: data.get(key) for key in ("title", "summary", "capability")},
+        "title": spec.title,
+        "summary": spec.summary,
+        "capability": spec.capability,
         "parameters": [parameter(p) for p in task.parameters],
         "states": count(task.state),
         "actions": count(task.action),

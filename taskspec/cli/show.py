@@ -54,4 +54,4 @@ def _print_json(task: Task) -> None:
     from taskspec.cli.console import write_json
     from taskspec.cli.records import record
 
-    write_json({**record(task), "spec": task.surface.data})
+    write_json({**record(task), "spec": task.written})

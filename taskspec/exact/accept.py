@@ -21,7 +21,7 @@ class Accepted:
 
 def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
     """What is left to report, and the warnings that the task accepts."""
-    reasons, merged = task.surface.data.get("accept") or {}, merge(task.document, task.variant)
+    reasons, merged = task.spec.accept, merge(task.document, task.variant)
     accepted = [
         Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
         for each in found
@@ -33,7 +33,7 @@ def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic]
 
 def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
     """W511: reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
-    reasons, merged = task.surface.data.get("accept") or {}, merge(task.document, task.variant)
+    reasons, merged = task.spec.accept, merge(task.document, task.variant)
     unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
     return [
         Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from taskspec.lang import syntax as s
@@ -16,7 +16,6 @@ from taskspec.spec.task import Component, Task
 
 def of_task(task: Task) -> Notation:
     """The notation that every part of a task's printed form shares."""
-    data = task.surface.data
     components = (*task.state, *task.action)
     return Notation(
         symbols=dict(_symbols(task)),
@@ -24,23 +23,20 @@ def of_task(task: Task) -> Notation:
         singles=frozenset(c.name for c in components if c.type.shape == (1,)),
         lengths={
             name: expr
-            for section in ("state", "action")
-            for name, entry in data.get(section, {}).items()
-            if (expr := _length(entry.get("shape"))) is not None
+            for name, entry in (task.spec.state | task.spec.action).items()
+            if (expr := _length(entry.shape)) is not None
         },
     )
 
 
 def _symbols(task: Task) -> Iterator[tuple[str, m.Math]]:
-    data = task.surface.data
-    for section in ("parameters", "state", "action"):
-        for name, entry in (data.get(section) or {}).items():
-            if isinstance(entry, Mapping):
-                yield name, symbol(name, entry.get("symbol"))
-    for section in ("constants", "noise"):
-        for name in data.get(section) or {}:
-            yield name, symbol(name)
-    for written in data.get("definitions") or {}:
+    spec = task.spec
+    for declared in (spec.parameters.entries, spec.state, spec.action):
+        for name, entry in declared.items():
+            yield name, symbol(name, entry.symbol)
+    for name in (*spec.constants, *spec.noise):
+        yield name, symbol(name)
+    for written in spec.definitions:
         name = signature(written)[0]
         yield name, symbol(name)
     yield "t", m.Ident("t")

@@ -25,7 +25,7 @@ from taskspec.spec.forms import is_word
 from taskspec.spec.invariants import check_on_request
 from taskspec.spec.merge import Merged, abstracted, merge
 from taskspec.spec.names import Names, signature
-from taskspec.spec.schema import check_merged, check_shape
+from taskspec.spec.schema import Spec, check_shape, validated
 from taskspec.spec.sections import Sections
 from taskspec.spec.taken import check_names
 from taskspec.spec.task import Component, Surface, Task
@@ -54,8 +54,7 @@ def build(
     """
     raise_if_errors(check_shape(document))
     merged = merge(document, variant)
-    raise_if_errors(check_merged(merged))
-    return _Build(merged, Collector()).checked(dict(parameters or {}), suite)
+    return _Build(validated(merged), merged, Collector()).checked(dict(parameters or {}), suite)
 
 
 def _reduced(task: Task) -> tuple[Any, ...]:
@@ -93,7 +92,7 @@ def build_abstract(task: Task) -> Task | None:
     if merged is None:
         return None
     try:
-        found = _Build(merged, Collector()).checked(task.values, task.suite)
+        found = _Build(validated(merged), merged, Collector()).checked(task.values, task.suite)
     except SpecError as error:
         note = "this is about the abstraction, which takes from the task what it does not give itself"
         raise SpecError(replace(d, notes=(*d.notes, note)) for d in error.diagnostics) from None
@@ -103,7 +102,8 @@ def build_abstract(task: Task) -> Task | None:
 class _Build:
     """One build, section after section, into one context."""
 
-    def __init__(self, merged: Merged, collector: Collector) -> None:
+    def __init__(self, spec: Spec, merged: Merged, collector: Collector) -> None:
+        self.spec = spec
         self.context = Context(merged, collector)
         self.names = Names(self.context)
         self.sections = Sections(self.context, self.names)
@@ -160,13 +160,13 @@ class _Build:
         self.collector.raise_if_errors()
         context.builder.settle()
         return Task(
-            name=self.merged.name, suite=suite, version=int(self.data.get("version", 0)), variant=self.merged.variant,
+            name=self.merged.name, suite=suite, version=self.spec.version, variant=self.merged.variant,
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
             horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
             raw_initial=raw_initial, raw_next=raw_next,
             terminal=terminal, expert=expert, claims=claims, examples=examples, absorbing_reward=absorbing,
             builder=context.builder, reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
-            surface=Surface(context.exprs, self.data, context.named_scopes, tuple(context.checker.moved.values())),
+            spec=self.spec, surface=Surface(context.exprs, context.named_scopes, tuple(context.checker.moved.values())),
             document=self.merged.document,
             content_hash=self._hash(), figure=drawn,
         )  # fmt: skip

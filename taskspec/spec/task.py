@@ -23,6 +23,8 @@ from taskspec.source import Document
 if TYPE_CHECKING:
     import gymnasium
 
+    from taskspec.spec.schema import Spec
+
 FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
 """Spaces of observations that hold finite components only."""
 SpaceKind = Literal["auto", "box", "dict", "one_hot", "multi_discrete", "discrete"]
@@ -160,7 +162,6 @@ class Surface:
     """The parsed sections, for the printers and for whoever asks what the author wrote."""
 
     sections: Mapping[str, Any]  # section -> expression, or name -> expression
-    data: Mapping[str, Any]  # the merged document, plain
     scopes: Mapping[str, Scope] = field(default_factory=dict, repr=False)  # names visible per section
     moved: tuple[Moved, ...] = ()  # indices that may lie outside their vectors
 
@@ -201,6 +202,7 @@ class Task:
     builder: Builder
     reset_draws: tuple[Draw, ...]
     step_draws: tuple[Draw, ...]
+    spec: Spec
     surface: Surface
     document: Document
     content_hash: str
@@ -213,6 +215,16 @@ class Task:
         """`suite/Name-vN`, the id under which a shipped task is registered with Gymnasium."""
         prefix = f"{self.suite}/" if self.suite else ""
         return f"{prefix}{self.name}-v{self.version}"
+
+    @property
+    def title(self) -> str:
+        """The heading that the spec gives it, or its name."""
+        return self.spec.title or self.name
+
+    @cached_property
+    def written(self) -> dict[str, Any]:
+        """The spec, its variant laid over it, as plain data; what it does not say is left out."""
+        return self.spec.model_dump(by_alias=True, exclude_unset=True)
 
     @property
     def values(self) -> dict[str, Any]:

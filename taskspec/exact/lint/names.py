@@ -29,7 +29,7 @@ def unused_names(case: Case, collector: Collector) -> None:
 
 def unused(task: Task) -> list[tuple[str, str]]:
     """Section and written name of everything that no part of the task depends on, in order."""
-    data = task.surface.data
+    data = task.written
     entries = {(section, str(name)): value for section in NAMED for name, value in (data.get(section) or {}).items()}
     entries.pop(("parameters", "require"), None)
     defined = {name.partition("(")[0].strip(): (section, name) for section, name in entries}
@@ -42,7 +42,7 @@ def unused(task: Task) -> list[tuple[str, str]]:
 
 def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
     """Every word of a section (or of one of its entries), and of the definitions, constants and noises that it names."""
-    value = task.surface.data.get(section)
+    value = task.written.get(section)
     if name is not None:
         value = value.get(name) if isinstance(value, dict) else None
     return followed(task, set(_words(value)))
@@ -50,7 +50,7 @@ def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
 
 def followed(task: Task, found: set[str]) -> set[str]:
     """Some words, and every word of the definitions, constants and noises that they name."""
-    data = task.surface.data
+    data = task.written
     entries = {
         str(written).partition("(")[0].strip(): inner
         for part in NAMED[1:]

@@ -62,8 +62,8 @@ def _missing(c: Component, seen: Array) -> list[str]:
 
 def _partners(case: Case, model: Model) -> Iterator[Model]:
     """The models of the variants in which expert and learner act."""
-    roles = case.task.surface.data.get("roles") or {} if model.task is case.task else {}
-    for variant in dict.fromkeys(roles.values()):
+    roles = case.task.spec.roles if model.task is case.task else None
+    for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
         if variant in (case.task.name, case.task.variant):
             continue
         try:

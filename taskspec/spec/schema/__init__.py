@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from taskspec.spec.schema.check import check_merged as check_merged
 from taskspec.spec.schema.check import check_shape as check_shape
+from taskspec.spec.schema.check import validated as validated
 from taskspec.spec.schema.export import json_schema as json_schema
 from taskspec.spec.schema.models import Abstraction as Abstraction
 from taskspec.spec.schema.models import Claim as Claim

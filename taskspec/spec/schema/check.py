@@ -47,7 +47,7 @@ class Located(Protocol):
 def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     """Problems with the sections, keys and kinds of values of a whole document.
 
-    Variants are checked as far as they go; what they come to with what they are based on is for `check_merged`.
+    Variants are checked as far as they go; what they come to with what they are based on is for `validated`.
     """
     collector = Collector()
     if isinstance(document.data, dict):
@@ -60,29 +60,32 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     return collector.diagnostics
 
 
-def check_merged(merged: Merged) -> tuple[Diagnostic, ...]:
-    """Problems of a spec or variant, each well-formed by itself, as the task that it is meant to be.
+def validated(merged: Merged) -> Spec:
+    """A spec or variant, well-formed by itself, as the task that it is meant to be.
 
-    A section that is missing, an entry that a variant changes though there is none, and keys that do not go together
-    once those of a variant stand among those of what it is based on.
+    Raises:
+        SpecError: for a section that is missing, an entry that a variant changes though there is none, and keys that do not go
+            together once those of a variant stand among those of what it is based on.
     """
     collector = Collector()
     for problem in _strays(merged):
         _add(collector, merged, problem)
     for section in merged.missing:
         _add_missing(collector, merged, section)
-    if merged.variant is not None and not merged.strays:
-        _validate(merged, collector)
-    return collector.diagnostics
+    found = None if merged.strays else _validate(merged, collector)
+    collector.raise_if_errors()
+    assert found is not None
+    return found
 
 
-def _validate(located: Located, collector: Collector) -> None:
+def _validate(located: Located, collector: Collector) -> Spec | None:
     try:
-        Spec.model_validate(located.data)
+        return Spec.model_validate(located.data)
     except ValidationError as error:
         for details in error.errors(include_url=False):
             for problem in _problems(dict(details), located.data):
                 _add(collector, located, problem)
+        return None
 
 
 def _add(collector: Collector, located: Located, problem: Problem) -> None:
