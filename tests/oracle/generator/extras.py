@@ -9,6 +9,7 @@ from tests.oracle.generator.assign import fitted
 from tests.oracle.generator.terms import call, number
 
 if TYPE_CHECKING:
+    from tests.oracle.generator.declarations import Component
     from tests.oracle.generator.spec import Draft
 
 EVERYTHING = {"state", "action", "prime", "t", "noise"}
@@ -70,8 +71,7 @@ def entry(d: Draft, c: Any) -> Any:
         return d.rng.choice(d.state).name
     labelled = [s for s in d.state if s.labels and all(x.isidentifier() for x in s.labels)]
     if labelled and d.chance(0.2):
-        s = d.rng.choice(labelled)
-        return f"{d.rng.choice(s.labels)} if {conditions.condition(c, 1).at(1)} else {s.name}"
+        return beside(d, c, d.rng.choice(labelled))
     made = scalars.term(c, d.rng.choice(("bool", "int", "int", "real")), d.rng.choice(((), (), (), (2,))), d.depth())
     if not made.finite:
         return d.rng.choice(d.state).name
@@ -79,6 +79,17 @@ def entry(d: Draft, c: Any) -> Any:
         moved = call("clip", [made, number(-2), number(5)], made.kind, size=5)
         return {"value": moved.text, "low": -2, "high": 5}
     return made.text
+
+
+def beside(d: Draft, c: Any, s: Component) -> Any:
+    """A label that means what the component beside it makes of it: in an expression, cases, a table, a draw."""
+    label, test = d.rng.choice(s.labels), conditions.condition(c, 1)
+    forms: list[Any] = [
+        f"{label} if {test.at(1)} else {s.name}",
+        [{"if": test.text, "then": label}, {"else": s.name}],
+        {"by": "t", "rows": {0: s.name, 3: label, "else": d.rng.choice(s.labels)}},
+    ]
+    return d.rng.choice([*forms, {s.name: "1/3", label: "2/3"}] if c.may_draw else forms)
 
 
 def finite_entry(d: Draft) -> Any:
