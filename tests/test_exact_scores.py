@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from taskspec import exact, source
-from taskspec.diagnostics import SpecError
+from taskspec.diagnostics import SpecError, TaskspecError
 from taskspec.exact import benchmark, rows, solve
 from taskspec.exact.abstraction import abstraction
 from taskspec.exact.certified.bounded import Bounded
@@ -67,6 +67,48 @@ def test_scores_are_kept_and_refused_when_stale(tmp_path: Path) -> None:
     assert json.loads(path.read_text())["gap"] == 0
     with pytest.raises(exact.StaleScores, match="E714"):
         exact.Scores.load(path, shipped("branching", L=5))
+
+
+DAMAGED = ["", "null", "[]", "3", "NaN", "{}", "[" * 100_000, '{"id": ' + "9" * 5000 + "}", "\udcff"]
+
+
+@pytest.mark.parametrize("text", DAMAGED, ids=range(len(DAMAGED)))
+def test_what_holds_no_scores_is_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "scores.json"
+    path.write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(SpecError, match=r"E713.*holds no scores"):
+        exact.Scores.load(path, shipped("branching"))
+
+
+def test_damaged_scores_are_refused(tmp_path: Path) -> None:
+    """Each part in turn is left out, or is what it cannot be."""
+    task, path = shipped("branching"), tmp_path / "scores.json"
+    exact.scores(task).save(path)
+    whole = json.loads(path.read_text())
+    parts: list[tuple[str, ...]] = [(name,) for name in whole if name != "gap"]
+    parts += [("optimal", name) for name in whole["optimal"] if name != "status"]
+    for part in parts:
+        for wrong in ({}, "x", [[1]], True, None, -0.5, ...):
+            data = json.loads(json.dumps(whole))
+            holder = data if len(part) == 1 else data[part[0]]
+            if wrong is ...:
+                del holder[part[-1]]
+            else:
+                holder[part[-1]] = wrong
+            if taken(part[-1], wrong):
+                continue
+            path.write_text(json.dumps(data))
+            with pytest.raises(TaskspecError, match=r"E71[34]"):
+                exact.Scores.load(path, task)
+    for place in (tmp_path / "none.json", tmp_path, "a\0"):
+        with pytest.raises(SpecError, match=r"E71[013]"):
+            exact.Scores.load(place, task)
+
+
+def taken(name: str, value: object) -> bool:
+    """Whether this is a value that the part may have."""
+    may = {"parameters": [{}], "why_not_exact": ["x", None], "value": [-0.5], "error": [-0.5], "bound": [-0.5]}
+    return value in may.get(name, [None] if name not in ("id", "content_hash", "episodes", "tested") else [])
 
 
 def test_an_expert_no_better_than_random_has_no_score() -> None:

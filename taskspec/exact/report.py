@@ -19,6 +19,7 @@ from taskspec.exact.faith import unfaithful
 from taskspec.exact.lint import sense
 from taskspec.exact.points import Method
 from taskspec.exact.returns import EPISODES, Results, Return, normalised
+from taskspec.exact.saved import read
 from taskspec.exact.soundness import check_ranges, examine
 from taskspec.files import write_text
 from taskspec.spec.task import Task
@@ -170,12 +171,12 @@ class Scores:
         """Scores from a file.
 
         Raises:
+            SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it holds no scores.
             StaleScores: when they were worked out for another version of the task.
         """
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-        if data.get("content_hash") != task.content_hash or data.get("id") != task.id:
-            raise StaleScores(f"E714: {path} holds scores of {data.get('id')} as it was; the task has changed since")
-        data.pop("gap", None)
+        data = read(path, RETURNS)
+        if data["content_hash"] != task.content_hash or data["id"] != task.id:
+            raise StaleScores(f"E714: {path} holds scores of {data['id']} as it was; the task has changed since")
         for name in RETURNS:
             data[name] = None if data[name] is None else _return(data[name])
         return cls(**data)
