@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from taskspec.exact.certified import enclosure
+from taskspec.exact.certified.enclosure import Enclosure
+from taskspec.exact.evaluator import Evaluator
+from taskspec.exact.returns import Results
 from tests.oracle.compare.cases import Case
 from tests.oracle.reference.merging import read
 from tests.oracle.reference.model import Model
@@ -19,7 +24,7 @@ from tests.proofs.subjects import subject
 from tests.proofs.worker import Outcome as Examined
 from tests.proofs.worker import examined, judged
 
-MODELS, CHUNK, CLAIMS = 24, 6, 10
+MODELS, CHUNK, CLAIMS = 20, 5, 10
 RISKY = Path(__file__).parents[1] / "tasks" / "derail" / "risky_path.yaml"
 
 
@@ -45,6 +50,30 @@ def test_a_wrong_verdict_is_a_fault() -> None:
         outcome = Examined()
         judged(about, [Claim("comparison", claim, [truth])], outcome)
         assert len(outcome.found) == faults
+
+
+def nearly(a: Enclosure, b: Enclosure, tolerance: Fraction | None) -> bool:
+    """Equality by the same measure at every size."""
+    return abs(a.value - b.value) <= (1e-9 if tolerance is None else tolerance)
+
+
+MISTAKES: dict[str, Any] = {
+    "equality is absolute": (5001, enclosure, "_equal", nearly),
+    "errors are forgotten": (5004, Enclosure, "around", classmethod(lambda cls, value, error: cls.exactly(value))),
+    "abstractions are believed": (5011, Results, "faith", property(lambda results: None)),
+    "decimals are read in one way": (5026, Evaluator, "ambiguous", property(lambda evaluator: False)),
+}
+"""With the number of a model that shows it."""
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_prover_that_errs_is_noticed(mistake: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of these once was how claims were decided, or might have been."""
+    number, *patch = MISTAKES[mistake]
+    assert not examined(number, CLAIMS).found
+    monkeypatch.setattr(*patch)
+    found = [f["what"] for f in examined(number, CLAIMS).found]
+    assert any(what.startswith(("false claim", "true claim", "decimals decide")) for what in found)
 
 
 def test_brute_force_on_a_task_that_is_known() -> None:
