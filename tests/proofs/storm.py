@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import tempfile
 from fractions import Fraction
-from importlib.util import find_spec
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,11 @@ BEFORE = Fraction(1)
 
 
 def is_installed() -> bool:
-    return find_spec("stormpy") is not None
+    """Whether there is a `stormpy` that reads rationals."""
+    try:
+        return int(version("stormpy").partition(".")[0]) >= 2
+    except PackageNotFoundError:
+        return False
 
 
 def returns(solved: Solved) -> dict[str, Fraction]:
