@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import platform
 import subprocess
 import sys
@@ -15,6 +16,9 @@ from importlib.metadata import version
 from typing import Any
 
 CHUNK = 1000
+
+ALONE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""A worker computes in one thread: others that wait would be counted as its time."""
 
 
 @dataclass
@@ -50,7 +54,7 @@ def records(worker: str, first: int, last: int, more: str) -> Iterator[dict[str,
     while first < last:
         command = [sys.executable, "-m", worker, str(first), str(last), more]
         begun = last
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | ALONE) as process:
             assert process.stdout is not None
             for line in process.stdout:
                 record = json.loads(line)

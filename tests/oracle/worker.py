@@ -65,7 +65,7 @@ def examined(number: int, backends: list[str]) -> Outcome:
 def main(first: int, last: int, backends: list[str]) -> None:
     """Examine specs first, ..., last - 1. Before each a line with its number, so that a crash has a name."""
     gc.freeze()
-    gc.set_threshold(50_000, 20, 50)  # a spec leaves much behind, and little of it in circles
+    gc.set_threshold(20_000, 20, 10)  # a spec leaves much behind, and little of it in circles
     for number in range(first, last):
         say({"begun": number})
         begun = time.process_time()
