@@ -254,3 +254,17 @@ def test_processes_do_not_matter() -> None:
     one, two = (list(judgements(path, jobs)) for jobs in (1, 2))
     assert [j for _, j in one] == [j for _, j in two]
     assert [m.after for m, _ in one] == [m.after for m, _ in two]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["early_term", "init_shift", "risky_path"])
+def test_the_published_counts_are_those_of_the_suite(name: str) -> None:
+    """Of the specs that take little time; the others were counted when the page says."""
+    page = (ROOT / "docs/correctness.md").read_text(encoding="utf-8")
+    lines = page.partition("<!-- changes -->")[2].partition("<!-- /changes -->")[0].splitlines()
+    wanted = [line for line in lines if line.startswith(("| spec", f"| `{name}"))]
+    header, row = ([cell.strip() for cell in line.split("|")[2:-1]] for line in wanted)
+    found = [judgement.kind for _, judgement in judgements(ROOT / f"tasks/derail/{name}.yaml", 2)]
+    assert dict(zip(header, map(int, row), strict=True)) == {k: found.count(k) for k in header[1:]} | {
+        "changes": len(found)
+    }
