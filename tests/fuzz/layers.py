@@ -35,7 +35,7 @@ from taskspec.spec.schema import check_shape
 from taskspec.spec.task import Task
 
 FOLDER = next((p for p in (Path("/dev/shm"),) if os.access(p, os.W_OK)), Path(tempfile.gettempdir()))
-SHARES = {"step": 0.5, "check": 0.15, "pages": 0.05}
+SHARES = {"step": 0.5, "check": 0.07, "pages": 0.05}
 """How many of the inputs that get so far go through a layer that takes longer."""
 PARAMETERS = (
     0,
