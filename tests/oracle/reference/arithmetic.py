@@ -106,10 +106,10 @@ def clip(x: Number, low: Number, high: Number) -> Number:
 
 
 def to_int(x: Number) -> int:
-    """The nearest int that 32 bits hold; 0 for nan."""
+    """The nearest int from -(2**31 - 1) to 2**31 - 1; 0 for nan."""
     if is_nan(x):
         return 0
-    return int(max(-INT32 - 1, min(INT32, x)))
+    return int(max(-INT32, min(INT32, x)))
 
 
 def rounding(function: Callable[[Number], int]) -> Callable[[Number], int]:
