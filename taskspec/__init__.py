@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from taskspec.diagnostics import Diagnostic as Diagnostic
     from taskspec.diagnostics import SpecError as SpecError
     from taskspec.diagnostics import TaskspecError as TaskspecError
+    from taskspec.making import make as make
+    from taskspec.making import make_vec as make_vec
+    from taskspec.making import register as register
     from taskspec.registry import load as load
-    from taskspec.registry import make as make
-    from taskspec.registry import make_vec as make_vec
-    from taskspec.registry import register as register
     from taskspec.registry import task_ids as task_ids
     from taskspec.spec.task import Task as Task
 
@@ -23,9 +23,9 @@ _PUBLIC = {
     "TaskspecError": "taskspec.diagnostics",
     "Task": "taskspec.spec.task",
     "load": "taskspec.registry",
-    "make": "taskspec.registry",
-    "make_vec": "taskspec.registry",
-    "register": "taskspec.registry",
+    "make": "taskspec.making",
+    "make_vec": "taskspec.making",
+    "register": "taskspec.making",
     "task_ids": "taskspec.registry",
 }
 __all__ = [

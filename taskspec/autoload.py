@@ -2,7 +2,7 @@
 
 `taskspec-autoload.pth`, installed beside the package, imports the package whenever Python starts. That costs about a
 millisecond: nothing is read until `gymnasium.envs.registration` is imported, and then the shipped tasks are registered.
-Set TASKSPEC_NO_AUTOLOAD=1 to switch it off; `taskspec.registry.register_shipped()` does the same by hand.
+Set TASKSPEC_NO_AUTOLOAD=1 to switch it off; `taskspec.making.register_shipped()` does the same by hand.
 """
 
 import os
@@ -32,7 +32,7 @@ def _act_after(loader) -> None:  # type: ignore[no-untyped-def]
     def exec_module(module) -> None:  # type: ignore[no-untyped-def]
         execute(module)
         try:
-            from taskspec.registry import register_shipped
+            from taskspec.making import register_shipped
 
             register_shipped()
         except Exception as error:  # a broken installation of ours must not break `import gymnasium`
@@ -43,7 +43,7 @@ def _act_after(loader) -> None:  # type: ignore[no-untyped-def]
 
 if not os.environ.get("TASKSPEC_NO_AUTOLOAD"):
     if TARGET in sys.modules:
-        from taskspec.registry import register_shipped
+        from taskspec.making import register_shipped
 
         register_shipped()
     else:

@@ -1,7 +1,7 @@
-"""Finds task specs, gives them ids, loads them, and registers them with Gymnasium.
+"""Finds task specs, gives them ids, and loads them.
 
-A suite is a folder of specs; a task's id is `suite/Name-vN`. The shipped suites are always known; `register` adds others.
-Gymnasium is imported inside functions only: its plugin hook may load this module while `import gymnasium` is still running.
+A suite is a folder of specs; a task's id is `suite/Name-vN`. The shipped suites are always known;
+`taskspec.register` adds others.
 """
 
 from __future__ import annotations
@@ -18,13 +18,9 @@ from taskspec import scan
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 
 if TYPE_CHECKING:
-    import gymnasium
-
-    from taskspec.envs.vector import VectorEnvironment
     from taskspec.source import Document
-    from taskspec.spec.task import Task
+    from taskspec.spec.task import Task, TaskLike
 
-SPEC_ID = "taskspec/Spec-v0"
 _VERSION = re.compile(r"-v(\d+)$")
 
 
@@ -81,6 +77,11 @@ def known() -> dict[str, Entry]:
     return {**shipped(), **_registered}
 
 
+def add(entry: Entry) -> None:
+    """Know a task by its id from now on."""
+    _registered[entry.id] = entry
+
+
 def task_ids() -> list[str]:
     """The ids of all known tasks."""
     return sorted(known())
@@ -89,25 +90,41 @@ def task_ids() -> list[str]:
 # -- loading ------------------------------------------------------------------------------------------------------
 
 
-def load(id_or_path: str | os.PathLike[str], variant: str | None = None, /, **parameters: Any) -> Task:
-    """The task of an id or of a spec's file, with parameters bound.
+def load(source: TaskLike, variant: str | None = None, /, **parameters: Any) -> Task:
+    """The task of an id, of a spec's file, or the task itself, with parameters bound.
 
     Args:
-        id_or_path: `suite/Name-vN` (the version, and the suite when the name is unique, may be left out), or a path.
-        variant: for a path, the variant to load, by its key or its task's name.
-        **parameters: values of the task's parameters; the others keep their defaults.
+        source: `suite/Name-vN` (the version, and the suite when the name is unique, may be left out), a path, or a task.
+        variant: for a path or a task, the variant to load, by its key or its task's name.
+        **parameters: values of the task's parameters; the others keep their defaults, or the values that a given task has.
 
     Raises:
         SpecError: unknown id, or any mistake in the spec, each with its place.
     """
-    if not isinstance(id_or_path, str | os.PathLike):
-        raise SpecError([Diagnostic("E701", None, f"a task is named by its id or a path, not by {id_or_path!r}")])
+    from taskspec.spec.task import Task
+
+    if not isinstance(source, Task | str | os.PathLike):
+        raise SpecError([Diagnostic("E701", None, f"a task is named by its id or a path, not by {source!r}")])
     if variant is not None and not isinstance(variant, str):
         raise SpecError([Diagnostic("E211", None, f"a variant is named by a text, not by {variant!r}")])
-    if isinstance(id_or_path, os.PathLike) or is_path(id_or_path):
-        return _load_file(Path(id_or_path), variant, parameters)
-    entry = find(id_or_path)
+    if isinstance(source, Task):
+        return _changed(source, variant, parameters)
+    if isinstance(source, os.PathLike) or is_path(source):
+        return _load_file(Path(source), variant, parameters)
+    entry = find(source)
     return _load_file(entry.path, variant or entry.variant, parameters, entry.suite)
+
+
+def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Task:
+    """A task with other values of parameters; in another variant the others have their defaults."""
+    if variant is None and not parameters:
+        return task
+    from taskspec.spec.build import build
+
+    values = {**({} if variant else task.values), **parameters}
+    found = build(task.document, variant or task.variant, values, task.suite)
+    found = found.absorbing() if task.ending == "absorb" else found
+    return found.observing_time() if task.observe_time else found
 
 
 def is_path(name: str) -> bool:
@@ -176,121 +193,3 @@ def suite_of(path: Path) -> str:
     except (OSError, ValueError):  # no path at all; reading it will say so
         return ""
     return name if re.fullmatch(r"[\w:-]+", name) else ""
-
-
-# -- Gymnasium ----------------------------------------------------------------------------------------------------
-
-
-def make(
-    id_or_path: str | os.PathLike[str],
-    variant: str | None = None,
-    /,
-    *,
-    render_mode: str | None = None,
-    ending: str = "terminate",
-    observe_time: bool = False,
-    **parameters: Any,
-) -> gymnasium.Env[Any, Any]:
-    """The scalar environment of a task: `load` and `Task.make` in one call."""
-    task = load(id_or_path, variant, **parameters)
-    return task.make(render_mode=render_mode, ending=ending, observe_time=observe_time)
-
-
-def register(folder: str | os.PathLike[str]) -> list[str]:
-    """Register the specs of a folder, and of its sub-folders, with Gymnasium; gives the ids.
-
-    Raises:
-        SpecError: when the folder does not exist or a spec in it cannot be read.
-    """
-    root = Path(folder)
-    if not root.is_dir():
-        raise SpecError([Diagnostic("E710", None, f"there is no folder '{root}'")])
-    found = [e for each in (root, *sorted(p for p in root.iterdir() if p.is_dir())) for e in entries(each.resolve())]
-    for entry in found:
-        _registered[entry.id] = entry
-        _add(entry.id, {"path": str(entry.path), "variant": entry.variant})
-    return [entry.id for entry in found]
-
-
-def register_shipped() -> None:
-    """Register the shipped tasks with Gymnasium: once, cheaply, without reading their specs in full."""
-    for entry in shipped().values():
-        _add(entry.id, {"task": entry.id})
-    _add(SPEC_ID, {})
-
-
-def _add(task_id: str, kwargs: dict[str, Any]) -> None:
-    from gymnasium.envs.registration import register as add
-    from gymnasium.envs.registration import registry
-
-    if task_id in registry and registry[task_id].kwargs == kwargs:
-        return
-    registry.pop(task_id, None)
-    # The environment checks order, horizon and actions itself, so that `gym.make` can return it bare.
-    add(
-        task_id,
-        "taskspec.registry:make_registered",
-        vector_entry_point="taskspec.registry:make_vec_registered",
-        order_enforce=False,
-        disable_env_checker=True,
-        kwargs=kwargs,
-    )
-
-
-def make_vec(
-    id_or_path: str | os.PathLike[str],
-    variant: str | None = None,
-    /,
-    *,
-    num_envs: int = 1,
-    backend: str = "auto",
-    autoreset_mode: Any = "NextStep",
-    reuse: bool = False,
-    num_threads: int = 1,
-    ending: str = "terminate",
-    observe_time: bool = False,
-    render_mode: str | None = None,
-    **parameters: Any,
-) -> VectorEnvironment:
-    """Many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one call.
-
-    Raises:
-        SpecError: E705 when Gymnasium is older than 1.1 or the backend's package is not installed.
-    """
-    from taskspec.envs.vector import VectorEnvironment
-
-    return VectorEnvironment(
-        load(id_or_path, variant, **parameters),
-        num_envs,
-        backend=backend,
-        autoreset_mode=autoreset_mode,
-        reuse=reuse,
-        num_threads=num_threads,
-        ending=ending,
-        observe_time=observe_time,
-        render_mode=render_mode,
-    )
-
-
-def make_registered(
-    *, task: str | None = None, path: str | None = None, variant: str | None = None, **options: Any
-) -> gymnasium.Env[Any, Any]:
-    """What `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`."""
-    return make(_source(task, path), variant, **options)
-
-
-def make_vec_registered(
-    *, task: str | None = None, path: str | None = None, variant: str | None = None, **options: Any
-) -> VectorEnvironment:
-    """What `gym.make_vec` calls; options are parameters and those of `make_vec`."""
-    return make_vec(_source(task, path), variant, **options)
-
-
-def _source(task: str | None, path: str | None) -> str | Path:
-    if task is not None and path is not None:
-        raise SpecError([Diagnostic("E713", None, "give `task` or `path`, not both")])
-    source = task if path is None else Path(path)
-    if source is None:
-        hint = 'gym.make("taskspec/Spec-v0", path="my.yaml")'
-        raise SpecError([Diagnostic("E713", None, f"{SPEC_ID} needs a spec", hint)])
-    return source

@@ -13,12 +13,12 @@ import pytest
 
 from taskspec import registry
 from taskspec.appendix import Facts, claims, gather, page, write
-from taskspec.appendix.extras import need
 from taskspec.appendix.facts import Score, Verdict
 from taskspec.appendix.prose import Formula, Inlines, Mark, Text
 from taskspec.appendix.write import gather_pages
 from taskspec.appendix.writing import Writing
 from taskspec.diagnostics import SpecError
+from taskspec.extras import need
 from taskspec.lang.parse import parse
 from taskspec.printers import plain
 from taskspec.printers.names import nowhere

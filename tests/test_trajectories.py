@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 import taskspec
 from taskspec.backends.interpreter import Interpreter
 from taskspec.diagnostics import SpecError
-from taskspec.registry import entries, register_shipped, task_ids
+from taskspec.making import register_shipped
+from taskspec.registry import entries, task_ids
 from taskspec.spec.spaces import pack, unpack
 from taskspec.spec.task import FINITE_SPACES, Task
 

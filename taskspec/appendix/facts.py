@@ -10,7 +10,8 @@ from taskspec.exact import Results as Analysis
 from taskspec.exact import Return, verdicts, wrong_examples
 from taskspec.exact import Verdict as Decision
 from taskspec.exact.statuses import CLAIMS
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import Task, TaskLike
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +49,13 @@ class Facts:
     wrong_examples: frozenset[int] = frozenset()  # by number
 
 
-def gather(task: Task) -> Facts:
+def gather(task: TaskLike) -> Facts:
     """Scores and verdicts of a task, worked out now.
 
     Raises:
         SpecError: (E705) without scipy.
     """
+    task = load(task)
     found = Analysis(task)
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
     shown = {f"{name} return": _score(value) for name, value in returns.items() if value is not None}

@@ -17,7 +17,8 @@ from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import Block, Cite, Inlines, blocks, inlines
 from taskspec.appendix.sections import Line, Section
 from taskspec.appendix.writing import Writing
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import Task, TaskLike
 from taskspec.visible import visible
 
 
@@ -45,7 +46,7 @@ class Page:
         return next((s for s in self.sections if s.key == key), None)
 
 
-def page(task: Task, facts: Facts | None = None, columns: Sequence[Mapping[str, Any]] = ()) -> Page:
+def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[str, Any]] = ()) -> Page:
     """The page of a task.
 
     Args:
@@ -53,7 +54,7 @@ def page(task: Task, facts: Facts | None = None, columns: Sequence[Mapping[str, 
         facts: scores and verdicts; none are shown without.
         columns: parameter values to show beside the symbols, each on top of the task's own.
     """
-    facts = facts or Facts()
+    task, facts = load(task), facts or Facts()
     shown = _with_columns(task, facts, columns)
     return Page(
         id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from taskspec.appendix.extras import need
+from taskspec.extras import need
 from taskspec.printers import tree as m
 from taskspec.printers.tex import read as read_tex
 

@@ -18,7 +18,8 @@ from taskspec.appendix.page import Page, page
 from taskspec.appendix.render.suite import Suite
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.files import write_text
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import Task, TaskLike
 
 _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
     "latex": lambda suite, links: render.document(suite),
@@ -33,7 +34,7 @@ _TAKEN = ("index", "appendix", "document", "preamble")
 
 
 def write(
-    tasks: Sequence[Task],
+    tasks: Iterable[TaskLike],
     formats: Iterable[str],
     folder: Path | str,
     *,
@@ -46,7 +47,7 @@ def write(
     """Write the printed form of tasks; the same tasks give the same files.
 
     Args:
-        tasks: in the order in which they are to appear.
+        tasks: tasks, ids or paths, in the order in which they are to appear.
         formats: of `latex`, `html`, `markdown`, `svg` (the figures alone) and `pdf` (LaTeX, compiled).
         folder: made if need be.
         title: of the whole; by default the tasks' suite.
@@ -67,7 +68,7 @@ def write(
     if "pdf" in wanted and shutil.which("pdflatex") is None:
         hint = "install TeX Live, or write `latex` and compile it elsewhere"
         raise _refused("`pdf` needs pdflatex, which is not installed", hint)
-    suite = gather_pages(tasks, title, facts or {}, columns, references)
+    suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, references)
     files: dict[str, str] = {}
     for name in dict.fromkeys("latex" if f == "pdf" else f for f in wanted):
         files |= _WRITERS[name](suite, links or {})

@@ -9,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec.appendix.extras import need
+from taskspec.extras import need
 from taskspec.files import write_bytes
 
 if TYPE_CHECKING:

@@ -111,7 +111,7 @@ def _check(wanted: Wanted) -> None:
         hint = "for example: taskspec bench vector derail --backend numba"
         raise misuse("-p, --backend, --lanes and --num-threads need a TASK: the project's own table has its own", hint)
     if wanted.chart is not None:
-        from taskspec.appendix.extras import need
+        from taskspec.extras import need
 
         if wanted.chart.suffix.lower() not in CHARTS:
             raise misuse(f"--chart is a file that ends in {', '.join(CHARTS)}, not '{wanted.chart.name}'")

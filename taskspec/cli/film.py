@@ -15,8 +15,9 @@ from taskspec.files import Unfinished, refused, write_bytes
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Watch
     from taskspec.envs import Environment
+    from taskspec.envs.options import RenderMode
 
-RENDER_MODES = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
+RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
 """What an environment renders for each value of `--render`."""
 FILMS = ("gif", "mp4")
 GIF_FRAMES = 500  # a GIF is kept in memory until it is whole: 1.5 MB a frame
@@ -64,7 +65,7 @@ class Film:
     """
 
     def __init__(self, path: Path, kind: str) -> None:
-        from taskspec.appendix.extras import need
+        from taskspec.extras import need
 
         self._path, self._kind, self.frames = path, kind, 0
         self._writer: Any = None
@@ -137,7 +138,7 @@ def _find_ffmpeg(module: Any) -> None:
 
 def warn_unseen() -> None:
     """Say on standard error that there is no display, rather than show nothing without a word."""
-    from taskspec.appendix.extras import need
+    from taskspec.extras import need
 
     if need("matplotlib", "figures").get_backend().lower() == "agg":
         say("no display was found, so no window is shown; --render gif makes a film", err=True)

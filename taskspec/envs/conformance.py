@@ -15,8 +15,10 @@ import gymnasium
 import numpy as np
 
 from taskspec.backends.interpreter import Interpreter
+from taskspec.backends.vector import Backend
 from taskspec.envs.env import Environment
 from taskspec.envs.errors import NotRunningError
+from taskspec.envs.options import Autoreset
 from taskspec.envs.state import plain_state
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.spec.spaces import action_layout, observation_layout, pack, unpack
@@ -105,9 +107,9 @@ class Agreement:
     """
 
     task: Task
-    backend: str
+    backend: Backend
     lanes: int
-    mode: str
+    mode: Autoreset
     seed: int = 123
     one: Callable[[Task], Any] = Environment
     states: bool = False

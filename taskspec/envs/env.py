@@ -18,12 +18,13 @@ from taskspec.backends.program import Clock, Failures, Lane, Scalar, compile_sca
 from taskspec.draws.sample import sampler
 from taskspec.envs import picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import ENDINGS, one_of, seed_of
+from taskspec.envs.options import ENDINGS, RenderMode, one_of, seed_of
 from taskspec.envs.spaces import space
 from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import Ending, TaskLike
 
 Reset = Callable[..., tuple[Any, dict[str, Any]]]
 
@@ -36,7 +37,7 @@ class Environment(gymnasium.Env[Any, Any]):
     components of the first state, by name; a choice may be given as its label or its index.
 
     Args:
-        task: the task, with its parameters bound.
+        task: the task, its id or its path.
         render_mode: None; "ansi" for text; "rgb_array" for pixels (480, 640, 3) of uint8; "human" for a window that follows
             every reset and step. The last two need the extra `figures`.
         ending: "terminate", or "absorb": terminal states absorb until the horizon and pay the absorbing reward.
@@ -50,10 +51,10 @@ class Environment(gymnasium.Env[Any, Any]):
 
     def __init__(
         self,
-        task: Task,
+        task: TaskLike,
         *,
-        render_mode: str | None = None,
-        ending: str = "terminate",
+        render_mode: RenderMode | None = None,
+        ending: Ending = "terminate",
         observe_time: bool = False,
     ) -> None:
         if render_mode is not None:
@@ -61,6 +62,7 @@ class Environment(gymnasium.Env[Any, Any]):
         one_of("ending", ending, ENDINGS)
         if render_mode in ("rgb_array", "human"):
             window.require()
+        task = load(task)
         task = task.absorbing() if ending == "absorb" else task
         self.task = task.observing_time() if observe_time else task
         self.render_mode = render_mode

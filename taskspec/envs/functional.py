@@ -9,7 +9,7 @@ from gymnasium.experimental.functional import FuncEnv
 
 from taskspec.backends.jax import Functional, State
 from taskspec.envs.spaces import space
-from taskspec.spec.task import Task
+from taskspec.spec.task import TaskLike
 
 
 class FuncState(NamedTuple):
@@ -27,7 +27,7 @@ class TaskFuncEnv(FuncEnv[FuncState, Any, Any, Any, Any, Any, Any]):
     There is no autoreset, and the horizon is the caller's, as for every FuncEnv.
     """
 
-    def __init__(self, task: Task, options: dict[str, Any] | None = None) -> None:
+    def __init__(self, task: TaskLike, options: dict[str, Any] | None = None) -> None:
         super().__init__(options)
         self._functional = Functional(task)
         self.observation_space = space(self._functional.program.observation)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterable
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn, TypeAlias, get_args
 
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.limits import count, how_to_raise, limits
-from taskspec.spec.task import Task
+from taskspec.spec.task import Ending, Task
 
-ENDINGS = ("terminate", "absorb")
+ENDINGS = get_args(Ending)
+RenderMode: TypeAlias = Literal["ansi", "rgb_array", "human"]
+"""What `render` gives: text, pixels, or a window."""
+Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]
+"""Values of Gymnasium's `AutoresetMode`: when an episode that has ended begins anew."""
 
 
 def invalid(message: str, hint: str | None = None) -> SpecError:

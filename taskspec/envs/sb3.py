@@ -10,35 +10,39 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.vec_env import VecEnv
 
 from taskspec import draws
 from taskspec.backends import select
 from taskspec.backends.actions import BadActionError
+from taskspec.backends.vector import Backend, Options
 from taskspec.backends.vector import NotRunningError as EngineNotRunning
-from taskspec.backends.vector import Options
 from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.options import positive, seed_of, uncopied
 from taskspec.envs.spaces import space
-from taskspec.spec.task import Task
+from taskspec.extras import need
+from taskspec.registry import load
+from taskspec.spec.task import TaskLike
+
+need("stable_baselines3", "sb3")
+from stable_baselines3.common.vec_env import VecEnv  # noqa: E402  # after the message about its absence
 
 
 class Sb3VecEnv(VecEnv):
     """Environments of one task for Stable-Baselines3.
 
     Args:
-        task: the task, with its parameters bound.
+        task: the task, its id or its path.
         num_envs: how many.
         seed: lane i draws from seed + i.
         backend, num_threads: as for `taskspec.envs.vector.VectorEnvironment`.
     """
 
     def __init__(
-        self, task: Task, num_envs: int, *, seed: int = 0, backend: str = "auto", num_threads: int = 1
+        self, task: TaskLike, num_envs: int, *, seed: int = 0, backend: Backend = "auto", num_threads: int = 1
     ) -> None:
-        self.task = task
+        self.task = load(task)
         num_envs, num_threads = positive("num_envs", num_envs), positive("num_threads", num_threads)
-        self._engine = select.engine(task, num_envs, backend, Options("same_step", num_threads))
+        self._engine = select.engine(self.task, num_envs, backend, Options("same_step", num_threads))
         self.render_mode = None
         super().__init__(num_envs, space(self._engine.observation), space(self._engine.action))
         self._first_seed: int | None = seed_of(seed)

@@ -19,14 +19,15 @@ from taskspec import draws
 from taskspec.backends import select
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.buffers import Array
-from taskspec.backends.vector import Mode, Options
+from taskspec.backends.vector import Backend, Mode, Options
 from taskspec.backends.vector import NotRunningError as EngineNotRunning
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import ENDINGS, invalid, lanes_of, one_of, positive, seed_of, uncopied
+from taskspec.envs.options import ENDINGS, Autoreset, RenderMode, invalid, lanes_of, one_of, positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.envs.state import plain_state
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import Ending, TaskLike
 
 if not hasattr(gymnasium.vector, "AutoresetMode"):
     raise SpecError(
@@ -47,7 +48,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Environments of one task, stepped together.
 
     Args:
-        task: the task, with its parameters bound.
+        task: the task, its id or its path.
         num_envs: how many.
         backend: "numpy", "numba", "jax", or "auto": Numba where it is installed, else NumPy.
         autoreset_mode: Gymnasium's `AutoresetMode` or its value. An episode that has ended begins anew with the next
@@ -65,16 +66,16 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def __init__(
         self,
-        task: Task,
+        task: TaskLike,
         num_envs: int = 1,
         *,
-        backend: str = "auto",
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        backend: Backend = "auto",
+        autoreset_mode: AutoresetMode | Autoreset = AutoresetMode.NEXT_STEP,
         reuse: bool = False,
         num_threads: int = 1,
-        ending: str = "terminate",
+        ending: Ending = "terminate",
         observe_time: bool = False,
-        render_mode: str | None = None,
+        render_mode: RenderMode | None = None,
     ) -> None:
         if render_mode is not None:
             raise invalid(f"a vector environment is not rendered; render_mode must be None, not {render_mode!r}")
@@ -83,6 +84,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         if not isinstance(autoreset_mode, AutoresetMode):
             one_of("autoreset_mode", autoreset_mode, _MODES)
         mode = AutoresetMode(autoreset_mode)
+        task = load(task)
         task = task.absorbing() if ending == "absorb" else task
         self.task = task.observing_time() if observe_time else task
         self.num_envs = lanes_of(self.task, num_envs)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.envs import picture
+from taskspec.extras import need
 from taskspec.spec.task import Task
 
 Frame = np.ndarray[Any, np.dtype[np.uint8]]
@@ -23,8 +24,7 @@ def require() -> None:
     Raises:
         SpecError: E705, with what to install.
     """
-    extras = importlib.import_module("taskspec.appendix.extras")
-    extras.need("matplotlib", "figures")
+    need("matplotlib", "figures")
 
 
 def frame(task: Task, state: dict[str, Any], time: int) -> Frame:

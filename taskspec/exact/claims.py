@@ -18,8 +18,9 @@ from taskspec.exact.returns import EPISODES, Results
 from taskspec.exact.space import words
 from taskspec.exact.statuses import CLAIMS, OfClaim
 from taskspec.lang import syntax as s
+from taskspec.registry import load
 from taskspec.spec.build import build
-from taskspec.spec.task import Claim, Task
+from taskspec.spec.task import Claim, Task, TaskLike
 
 CONFIDENCE = 0.999
 
@@ -44,8 +45,9 @@ class Verdict:
         return self.status in ("proved", "tested")
 
 
-def verdicts(task: Task, results: Results | None = None) -> Iterator[Verdict]:
+def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict]:
     """The verdict on every claim of a task, one for each case of its `for:`."""
+    task = load(task)
     known: dict[str, Results | SpecError] = {}
     if results is not None:
         known[repr(sorted(task.values.items(), key=str))] = results

@@ -19,10 +19,11 @@ from taskspec.lang.check import Checker
 from taskspec.lang.ir import Const, Node, Read, Role, reads, rewrite
 from taskspec.lang.scope import Scope
 from taskspec.lang.types import BOOL, REAL, Refused
+from taskspec.registry import load
 from taskspec.spec.assign import assign
 from taskspec.spec.build import build
 from taskspec.spec.examples import SCOPE
-from taskspec.spec.task import Component, Example, Followed, Task
+from taskspec.spec.task import Component, Example, Followed, Task, TaskLike
 
 ENDLESS = float("inf")
 REWARD = Component("reward", REAL, (-ENDLESS,), (ENDLESS,))
@@ -30,8 +31,9 @@ CHANCE = Component("probability", REAL, (0,), (1,))
 ENDS = {"terminal": Component("terminal", BOOL, (0,), (1,)), "truncated": Component("truncated", BOOL, (0,), (1,))}
 
 
-def wrong_examples(task: Task) -> Iterator[tuple[int, Diagnostic]]:
+def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
     """Every problem with the examples of a task, each with the number of its example."""
+    task = load(task)
     known: dict[str, Task | SpecError] = {}
     for i, example in enumerate(task.examples):
         for case in example.cases or ({},):

@@ -16,7 +16,8 @@ from taskspec.exact.space import MAX_CODES
 from taskspec.exact.transitions import Steps
 from taskspec.limits import count as count_of
 from taskspec.limits import how_to_raise, limits
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import TaskLike
 
 Array = np.ndarray[Any, Any]
 WHOLE = 4_000_000
@@ -29,7 +30,7 @@ OVERHEAD = 20_000
 """What a sweep costs whatever the size of the model, as non-zeros."""
 
 
-def extract(task: Task, reachable: bool | None = None, limit: int | None = None) -> Model:
+def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = None) -> Model:
     """The exact model of a finite task.
 
     Args:
@@ -41,6 +42,7 @@ def extract(task: Task, reachable: bool | None = None, limit: int | None = None)
         SpecError: (E712) when the task is not finite or too large; (E705) without scipy.
     """
     scipy_sparse()
+    task = load(task)
     steps = Steps(task)
     _check_finite(steps)
     times = task.horizon or 1 if steps.uses_time else 1

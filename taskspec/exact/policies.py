@@ -17,8 +17,9 @@ from taskspec.exact.plans import Plan, stationary, timed
 from taskspec.exact.returns import Results, Return
 from taskspec.exact.rollout import State
 from taskspec.lang.ir import Read, Role
+from taskspec.registry import load
 from taskspec.spec import spaces
-from taskspec.spec.task import Task
+from taskspec.spec.task import Task, TaskLike
 
 Array = np.ndarray[Any, Any]
 Asking = Literal["probabilities", "actions", "samples"]
@@ -185,7 +186,8 @@ class Expert:
     experts may depend on the time. `gap` certifies how far it is below the optimum.
     """
 
-    def __init__(self, task: Task, seed: int = 0) -> None:
+    def __init__(self, task: TaskLike, seed: int = 0) -> None:
+        task = load(task)
         if task.expert is None:
             refuse(f"{task.name} gives no expert")
         self.task, self.results = task, Results(task)

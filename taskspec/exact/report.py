@@ -22,7 +22,8 @@ from taskspec.exact.returns import EPISODES, Results, Return, normalised
 from taskspec.exact.saved import read
 from taskspec.exact.soundness import check_ranges, examine
 from taskspec.files import write_text
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import Task, TaskLike
 
 if TYPE_CHECKING:
     from taskspec.exact.policies import Asking
@@ -65,7 +66,7 @@ _SENSELESS = {"E404", "E406"}
 
 
 def check(
-    task: Task,
+    task: TaskLike,
     *,
     ranges: bool = True,
     with_sense: bool = True,
@@ -77,6 +78,7 @@ def check(
     `beside` are the warnings that only other parts of the package can give (`ELSEWHERE`), None where these did not look; the spec
     may accept them like others. Never raises for a wrong task: everything found is in the report.
     """
+    task = load(task)
     sound = examine(task)
     found = list(sound.diagnostics)
     cases: tuple[Mapping[str, Any], ...] = ()
@@ -167,13 +169,14 @@ class Scores:
         write_text(Path(path), json.dumps(self.record(), indent=2, default=str) + "\n")
 
     @classmethod
-    def load(cls, path: str | Path, task: Task) -> Scores:
+    def load(cls, path: str | Path, task: TaskLike) -> Scores:
         """Scores from a file.
 
         Raises:
             SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it holds no scores.
             StaleScores: when they were worked out for another version of the task.
         """
+        task = load(task)
         data = read(path, RETURNS)
         if data["content_hash"] != task.content_hash or data["id"] != task.id:
             raise StaleScores(f"E714: {path} holds scores of {data['id']} as it was; the task has changed since")
@@ -190,8 +193,9 @@ class StaleScores(TaskspecError, ValueError):
     """Scores in a file belong to another version of the task (E714)."""
 
 
-def scores(task: Task, episodes: int = EPISODES, seed: int = 0) -> Scores:
+def scores(task: TaskLike, episodes: int = EPISODES, seed: int = 0) -> Scores:
     """Optimal, random, worst and expert return of a task: exact where it has a model, otherwise from episodes."""
+    task = load(task)
     results = Results(task, episodes, seed)
     model = results.model
     return Scores(
@@ -221,7 +225,7 @@ class Score:
 
 
 def score(
-    task: Task,
+    task: TaskLike,
     policy: Any = None,
     *,
     returns: Sequence[float] | None = None,
@@ -252,6 +256,7 @@ def score(
 
     if (policy is None) == (returns is None):
         misused("`score` takes a policy, or `returns=` of episodes")
+    task = load(task)
     measured = known or scores(task, episodes, seed)
     if returns is not None:
         value = Return.estimated(_numbers(returns))

@@ -25,7 +25,8 @@ from taskspec.exact.plans import Greedy, Plan, Uniform, rule_of, tables
 from taskspec.exact.rollout import Choose, Rollout, at_random, by_expert
 from taskspec.exact.statuses import OfNumber
 from taskspec.lang.ir import Const
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import Task, TaskLike
 
 Array = np.ndarray[Any, Any]
 EPISODES = 1000
@@ -79,8 +80,8 @@ class Results:
     `model` is that of the task or of its abstraction, or None; `why_not` then says why.
     """
 
-    def __init__(self, task: Task, episodes: int = EPISODES, seed: int = 0, limit: int | None = None) -> None:
-        self.task, self.episodes, self.seed, self.limit = task, episodes, seed, limit
+    def __init__(self, task: TaskLike, episodes: int = EPISODES, seed: int = 0, limit: int | None = None) -> None:
+        self.task, self.episodes, self.seed, self.limit = load(task), episodes, seed, limit
         self.unsettled: str | None = None
         self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
         self._samples: dict[tuple[str, int], Return | None] = {}

@@ -20,8 +20,9 @@ from taskspec.exact.phases import Check, phases
 from taskspec.exact.points import Method
 from taskspec.exact.wording import parameters, report
 from taskspec.limits import limits
+from taskspec.registry import load
 from taskspec.spec.build import build
-from taskspec.spec.task import Parameter, Task
+from taskspec.spec.task import Parameter, Task, TaskLike
 
 RANGE_POINTS = 50_000
 MAX_CASES = 8
@@ -37,7 +38,7 @@ class Soundness:
     method: Method
 
 
-def examine(task: Task, limit: int | None = None) -> Soundness:
+def examine(task: TaskLike, limit: int | None = None) -> Soundness:
     """Check a task for its present parameters.
 
     Args:
@@ -45,7 +46,7 @@ def examine(task: Task, limit: int | None = None) -> Soundness:
     """
     collector = Collector()
     methods = []
-    for phase in phases(task, limits().points if limit is None else limit):
+    for phase in phases(load(task), limits().points if limit is None else limit):
         examination = Examination(phase)
         for violation in _causes(list(examination.violations())):
             report(violation, examination, collector)
@@ -59,7 +60,7 @@ def _causes(violations: list[Violation]) -> list[Violation]:
     return [v for v in violations if v.check.place is not None or (v.check.section, v.check.entry) not in drawn]
 
 
-def soundness(task: Task) -> list[Diagnostic]:
+def soundness(task: TaskLike) -> list[Diagnostic]:
     """Everything wrong with a task for its present parameters, each with a counterexample."""
     return list(examine(task).diagnostics)
 
@@ -75,13 +76,14 @@ class Ranges:
     cases: tuple[Mapping[str, Any], ...]
 
 
-def check_ranges(task: Task, limit: int = RANGE_POINTS) -> Ranges:
+def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
     """Check a task at corners of the declared ranges of its parameters and between them.
 
     Every parameter goes to its ends alone, then all together; a range without an end, or with a far
     one, is tried up to a few times the default, so that the cost stays bounded. Values that a
     `require` forbids are passed over.
     """
+    task = load(task)
     known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
     found: list[Diagnostic] = []
     tried = []

@@ -8,7 +8,8 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.draws.layout import Layout
@@ -21,8 +22,8 @@ from taskspec.lang.types import BOOL, Domain, Kind, Type
 from taskspec.source import Document
 
 if TYPE_CHECKING:
-    import gymnasium
-
+    from taskspec.envs.env import Environment
+    from taskspec.envs.options import RenderMode
     from taskspec.spec.schema import Spec
 
 FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
@@ -256,11 +257,14 @@ class Task:
     def __deepcopy__(self, memo: dict[int, Any]) -> Task:
         return self
 
-    def make(self, **options: Any) -> gymnasium.Env[Any, Any]:
+    def make(
+        self, *, render_mode: RenderMode | None = None, ending: Ending = "terminate", observe_time: bool = False
+    ) -> Environment:
         """The scalar Gymnasium environment of this task (see `taskspec.envs.Environment` for the options)."""
         # The one upward call: a convenience for people, resolved by name so that the layers stay layers.
         envs = importlib.import_module("taskspec.envs")
-        return envs.Environment(self, **options)  # type: ignore[no-any-return]
+        env: Environment = envs.Environment(self, render_mode=render_mode, ending=ending, observe_time=observe_time)
+        return env
 
     def absorbing(self) -> Task:
         """The same task, with terminal states absorbing until the horizon and paying the absorbing reward."""
@@ -362,6 +366,10 @@ class Task:
                     return None
 
         return rewrite(self.observation.nodes, leaf, b.remake)
+
+
+TaskLike: TypeAlias = Task | str | PathLike[str]
+"""What stands for a task wherever one is wanted: the task itself, its id, or the path of its spec."""
 
 
 def _free(name: str, components: Iterable[Component]) -> str:

@@ -23,8 +23,9 @@ from taskspec.appendix.figures.tikz import colors as tikz_colors
 from taskspec.appendix.figures.tikz import tikz as tikz
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.files import write_text
+from taskspec.registry import load
 from taskspec.spec.merge import merge
-from taskspec.spec.task import Task
+from taskspec.spec.task import Task, TaskLike
 
 __all__ = [
     "KINDS", "OVERLAYS", "Overlay", "Scene", "figure", "overlay", "render_frame", "scene", "svg", "tikz", "tikz_colors",
@@ -47,8 +48,9 @@ HINT = (
 )  # fmt: skip
 
 
-def undrawn(task: Task) -> tuple[Diagnostic, ...]:
+def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
     """W523 where the figure that a spec asks for cannot be drawn."""
+    task = load(task)
     if task.figure is None or scene(task) is not None:
         return ()
     place = merge(task.document, task.variant).key_span(("figure",))
@@ -56,18 +58,19 @@ def undrawn(task: Task) -> tuple[Diagnostic, ...]:
     return (Diagnostic("W523", place, f"no figure of kind `{task.figure.kind}` can be drawn of this task", hint),)
 
 
-def scene(task: Task, over: Overlay | None = None) -> Scene | None:
+def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can."""
+    task = load(task)
     return KINDS["graph" if task.figure is None else task.figure.kind](task, over or Overlay())
 
 
-def figure(task: Task, path: Path | str, overlays: Iterable[str] = ()) -> Path:
+def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Path:
     """Draw a task's figure to a file: `.svg`, `.tex` (TikZ), `.png` or `.pdf`; `overlays` are names of `OVERLAYS`.
 
     Raises:
         SpecError: when the task has no figure, the ending is another, or an extra is missing.
     """
-    path = Path(path)
+    task, path = load(task), Path(path)
     found = scene(task, overlay(task, overlays))
     if found is None:
         raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn", HINT),))
@@ -85,7 +88,7 @@ def figure(task: Task, path: Path | str, overlays: Iterable[str] = ()) -> Path:
 
 
 def render_frame(
-    task: Task, state: Mapping[str, Any], title: str = "", size: tuple[int, int] = (640, 480)
+    task: TaskLike, state: Mapping[str, Any], title: str = "", size: tuple[int, int] = (640, 480)
 ) -> np.ndarray[Any, np.dtype[np.uint8]]:
     """One state as a picture (height, width, 3) of uint8; every task has one.
 
@@ -95,5 +98,6 @@ def render_frame(
         title: a line of text above, such as the step.
         size: width and height in pixels; frames of an episode are all alike in it.
     """
+    task = load(task)
     found = scene(task, Overlay(here=state)) or table(task, state)
     return raster.pixels(found, size, title)

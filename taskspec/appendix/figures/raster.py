@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.appendix.extras import need
 from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Scene, head, shaft
 from taskspec.appendix.figures.svg import COLORS
+from taskspec.extras import need
 from taskspec.files import write_bytes
 from taskspec.printers import tree as m
 from taskspec.printers.plain import plain

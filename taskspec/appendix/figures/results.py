@@ -10,13 +10,14 @@ import numpy as np
 from taskspec.appendix.figures.overlay import Overlay
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exact import Model, extract, plans, solve
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import TaskLike
 
 Array = np.ndarray[Any, Any]
 OVERLAYS = ("values", "policy", "expert", "occupancy")
 
 
-def overlay(task: Task, names: Iterable[str]) -> Overlay:
+def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
     """What to lay over a task's figure.
 
     Args:
@@ -33,7 +34,7 @@ def overlay(task: Task, names: Iterable[str]) -> Overlay:
         raise SpecError((Diagnostic("E713", None, f"'{unknown}' is not an overlay", f"use {', '.join(OVERLAYS)}"),))
     if not wanted:
         return Overlay()
-    model = extract(task)
+    model = extract(load(task))
     optimal = plans.optimal_plan(model)
     acting = plans.expert_plan(model) or optimal
     plan = optimal if "policy" in wanted else acting

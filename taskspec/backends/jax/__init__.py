@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from taskspec.backends.jax.engine import JaxEngine as JaxEngine
-from taskspec.backends.jax.functional import Functional as Functional
-from taskspec.backends.jax.program import JaxProgram as JaxProgram
-from taskspec.backends.jax.program import Result as Result
-from taskspec.backends.jax.program import State as State
-from taskspec.backends.jax.program import compile_jax as compile_jax
+from taskspec.extras import need
+
+need("jax", "jax")
+
+from taskspec.backends.jax.engine import JaxEngine as JaxEngine  # noqa: E402
+from taskspec.backends.jax.functional import Functional as Functional  # noqa: E402
+from taskspec.backends.jax.program import JaxProgram as JaxProgram  # noqa: E402
+from taskspec.backends.jax.program import Result as Result  # noqa: E402
+from taskspec.backends.jax.program import State as State  # noqa: E402
+from taskspec.backends.jax.program import compile_jax as compile_jax  # noqa: E402

@@ -15,7 +15,8 @@ import jax.numpy as jnp
 from taskspec.backends.jax.gymnax import Gymnax
 from taskspec.backends.jax.pack import acted, observed
 from taskspec.backends.jax.program import JaxProgram, Result, State, compile_jax
-from taskspec.spec.task import Task
+from taskspec.registry import load
+from taskspec.spec.task import TaskLike
 
 Array = Any
 
@@ -27,9 +28,9 @@ class Functional:
     give arrays with the lanes last, which XLA compiles to better code than `vmap` over the first axis.
     """
 
-    def __init__(self, task: Task) -> None:
-        self.task = task
-        self.program: JaxProgram = compile_jax(task)
+    def __init__(self, task: TaskLike) -> None:
+        self.task = load(task)
+        self.program: JaxProgram = compile_jax(self.task)
 
     @property
     def name(self) -> str:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Sequence
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from taskspec.backends.vector import Backend
 from taskspec.envs.env import Environment
 from taskspec.envs.measure.race import Clock, Contestant, Drive
 from taskspec.spec.task import Task
@@ -82,7 +83,7 @@ def vector(task: Task, backend: str, lanes: int, num_threads: int = 1) -> Drive:
     from taskspec.envs.vector import VectorEnvironment
 
     env = VectorEnvironment(
-        task, lanes, backend=backend, autoreset_mode="SameStep", reuse=True, num_threads=num_threads
+        task, lanes, backend=cast(Backend, backend), autoreset_mode="SameStep", reuse=True, num_threads=num_threads
     )
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(ACTIONS)]

@@ -12,8 +12,9 @@ import tempfile
 import time
 import tracemalloc
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, cast
 
+from taskspec.backends.vector import Backend
 from taskspec.diagnostics import TaskspecError
 from taskspec.envs.measure.programs import label
 from taskspec.spec.task import Task
@@ -129,7 +130,7 @@ def _held(task: Task, backend: str, lanes: int) -> int:
     tracemalloc.start()
     try:
         before = _allocated(backend)
-        env = VectorEnvironment(task, lanes, backend=backend, autoreset_mode="SameStep", reuse=True)
+        env = VectorEnvironment(task, lanes, backend=cast(Backend, backend), autoreset_mode="SameStep", reuse=True)
         env.reset(seed=0)
         env.step(env.action_space.sample())
         return _allocated(backend) - before

@@ -21,8 +21,9 @@ from taskspec.exact.lint.twins import twins
 from taskspec.exact.lint.unread import unread
 from taskspec.exact.returns import Results
 from taskspec.exact.soundness import cases
+from taskspec.registry import load
 from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.spec.task import Task, TaskLike
 
 Lint = Callable[[Case, Collector], None]
 
@@ -37,8 +38,9 @@ WRITTEN: tuple[Lint, ...] = (certain, whole, past_the_end, uneven)
 """What the text itself is warned about: given for the parameters at hand, and for all others that are tried."""
 
 
-def sense(task: Task, results: Results | None = None) -> tuple[Diagnostic, ...]:
+def sense(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic, ...]:
     """Warnings about a task for its present parameters; what needs an exact model is passed over without one."""
+    task = load(task)
     case = Case(task, results or Results(task))
     collector = Collector()
     for lint in LINTS:

@@ -1,0 +1,138 @@
+"""Makes environments of ids, paths and tasks, and registers tasks with Gymnasium.
+
+Gymnasium is imported inside functions only: its plugin hook may load this module while `import gymnasium` is still running.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taskspec import registry
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.registry import entries, load, shipped
+
+if TYPE_CHECKING:
+    from taskspec.backends.vector import Backend
+    from taskspec.envs import Environment
+    from taskspec.envs.options import Autoreset, RenderMode
+    from taskspec.envs.vector import AutoresetMode, VectorEnvironment
+    from taskspec.spec.task import Ending, TaskLike
+
+SPEC_ID = "taskspec/Spec-v0"
+
+
+def make(
+    source: TaskLike,
+    variant: str | None = None,
+    /,
+    *,
+    render_mode: RenderMode | None = None,
+    ending: Ending = "terminate",
+    observe_time: bool = False,
+    **parameters: Any,
+) -> Environment:
+    """The scalar environment of a task: `load` and `Task.make` in one call."""
+    task = load(source, variant, **parameters)
+    return task.make(render_mode=render_mode, ending=ending, observe_time=observe_time)
+
+
+def register(folder: str | os.PathLike[str]) -> list[str]:
+    """Register the specs of a folder, and of its sub-folders, with Gymnasium; gives the ids.
+
+    Raises:
+        SpecError: when the folder does not exist or a spec in it cannot be read.
+    """
+    root = Path(folder)
+    if not root.is_dir():
+        raise SpecError([Diagnostic("E710", None, f"there is no folder '{root}'")])
+    found = [e for each in (root, *sorted(p for p in root.iterdir() if p.is_dir())) for e in entries(each.resolve())]
+    for entry in found:
+        registry.add(entry)
+        _add(entry.id, {"path": str(entry.path), "variant": entry.variant})
+    return [entry.id for entry in found]
+
+
+def register_shipped() -> None:
+    """Register the shipped tasks with Gymnasium: once, cheaply, without reading their specs in full."""
+    for entry in shipped().values():
+        _add(entry.id, {"task": entry.id})
+    _add(SPEC_ID, {})
+
+
+def _add(task_id: str, kwargs: dict[str, Any]) -> None:
+    from gymnasium.envs.registration import register as add
+    from gymnasium.envs.registration import registry
+
+    if task_id in registry and registry[task_id].kwargs == kwargs:
+        return
+    registry.pop(task_id, None)
+    # The environment checks order, horizon and actions itself, so that `gym.make` can return it bare.
+    add(
+        task_id,
+        "taskspec.making:make_registered",
+        vector_entry_point="taskspec.making:make_vec_registered",
+        order_enforce=False,
+        disable_env_checker=True,
+        kwargs=kwargs,
+    )
+
+
+def make_vec(
+    source: TaskLike,
+    variant: str | None = None,
+    /,
+    *,
+    num_envs: int = 1,
+    backend: Backend = "auto",
+    autoreset_mode: AutoresetMode | Autoreset = "NextStep",
+    reuse: bool = False,
+    num_threads: int = 1,
+    ending: Ending = "terminate",
+    observe_time: bool = False,
+    render_mode: RenderMode | None = None,
+    **parameters: Any,
+) -> VectorEnvironment:
+    """Many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one call.
+
+    Raises:
+        SpecError: E705 when Gymnasium is older than 1.1 or the backend's package is not installed.
+    """
+    from taskspec.envs.vector import VectorEnvironment
+
+    return VectorEnvironment(
+        load(source, variant, **parameters),
+        num_envs,
+        backend=backend,
+        autoreset_mode=autoreset_mode,
+        reuse=reuse,
+        num_threads=num_threads,
+        ending=ending,
+        observe_time=observe_time,
+        render_mode=render_mode,
+    )
+
+
+def make_registered(
+    *, task: str | None = None, path: str | None = None, variant: str | None = None, **options: Any
+) -> Environment:
+    """What `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`."""
+    return make(_source(task, path), variant, **options)
+
+
+def make_vec_registered(
+    *, task: str | None = None, path: str | None = None, variant: str | None = None, **options: Any
+) -> VectorEnvironment:
+    """What `gym.make_vec` calls; options are parameters and those of `make_vec`."""
+    return make_vec(_source(task, path), variant, **options)
+
+
+def _source(task: str | None, path: str | None) -> str | Path:
+    if task is not None and path is not None:
+        raise SpecError([Diagnostic("E713", None, "give `task` or `path`, not both")])
+    source = task if path is None else Path(path)
+    if source is None:
+        hint = 'gym.make("taskspec/Spec-v0", path="my.yaml")'
+        raise SpecError([Diagnostic("E713", None, f"{SPEC_ID} needs a spec", hint)])
+    return source
