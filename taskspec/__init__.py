@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from taskspec.making import register as register
     from taskspec.registry import load as load
     from taskspec.registry import task_ids as task_ids
-    from taskspec.spec.task import Task as Task
+    from taskspec.task.task import Task as Task
 
 _PUBLIC = {
     "Diagnostic": "taskspec.diagnostics",
     "SpecError": "taskspec.diagnostics",
     "TaskspecError": "taskspec.diagnostics",
-    "Task": "taskspec.spec.task",
+    "Task": "taskspec.task.task",
     "load": "taskspec.registry",
     "make": "taskspec.making",
     "make_vec": "taskspec.making",

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from taskspec.envs import Environment
     from taskspec.envs.options import Autoreset, RenderMode
     from taskspec.envs.vector import AutoresetMode, VectorEnvironment
-    from taskspec.spec.task import Ending, TaskLike
+    from taskspec.task.task import Ending, TaskLike
 
 SPEC_ID = "taskspec/Spec-v0"
 

@@ -19,7 +19,7 @@ from taskspec.diagnostics import Diagnostic, SpecError, suggest
 
 if TYPE_CHECKING:
     from taskspec.source import Document
-    from taskspec.spec.task import Task, TaskLike
+    from taskspec.task.task import Task, TaskLike
 
 _VERSION = re.compile(r"-v(\d+)$")
 
@@ -101,7 +101,7 @@ def load(source: TaskLike, variant: str | None = None, /, **parameters: Any) -> 
     Raises:
         SpecError: unknown id, or any mistake in the spec, each with its place.
     """
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
     if not isinstance(source, Task | str | os.PathLike):
         raise SpecError([Diagnostic("E701", None, f"a task is named by its id or a path, not by {source!r}")])
@@ -119,7 +119,7 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
     """A task with other values of parameters; in another variant the others have their defaults."""
     if variant is None and not parameters:
         return task
-    from taskspec.spec.build import build
+    from taskspec.task.build import build
 
     values = {**({} if variant else task.values), **parameters}
     found = build(task.document, variant or task.variant, values, task.suite)
@@ -174,7 +174,7 @@ def _load_file(path: Path, variant: str | None, parameters: dict[str, Any], suit
 @lru_cache(maxsize=128)
 def _built(path: str, version: tuple[int, int], variant: str | None, given: tuple[Any, ...], suite: str) -> Task:
     """A task of an unchanged file is built once: tasks are immutable."""
-    from taskspec.spec.build import build
+    from taskspec.task.build import build
 
     return build(_document(path, version), variant, {name: value for name, _, value in given}, suite)
 

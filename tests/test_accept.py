@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from taskspec import exact, source
 from taskspec.cli.app import app
 from taskspec.diagnostics import SpecError
-from taskspec.spec.build import build
+from taskspec.task.build import build
 
 TIGER = (Path(__file__).parent / "specs" / "tiger.yaml").read_text(encoding="utf-8")
 PATH = """\

@@ -12,16 +12,16 @@ import pytest
 
 from taskspec import registry
 from taskspec.appendix import Overlay, figure, overlay, render_frame, scene
-from taskspec.appendix.figures.elide import drawings
-from taskspec.appendix.figures.machine import explore
-from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Scene
-from taskspec.appendix.figures.svg import svg
-from taskspec.appendix.figures.values import first_state
 from taskspec.diagnostics import SpecError
+from taskspec.figures.elide import drawings
+from taskspec.figures.machine import explore
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
+from taskspec.figures.svg import svg
+from taskspec.figures.values import first_state
 from taskspec.printers.plain import plain
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 ROOT = Path(__file__).parent.parent
 IDS = [i for i in registry.task_ids() if i.startswith("derail/")]

@@ -11,18 +11,18 @@ from xml.etree import ElementTree
 import pytest
 
 from taskspec.appendix import Overlay
-from taskspec.appendix.figures import raster
-from taskspec.appendix.figures.elide import drawings
-from taskspec.appendix.figures.graph import MOST_CROSSINGS, _planned, graph
-from taskspec.appendix.figures.machine import explore
-from taskspec.appendix.figures.order import ordered
-from taskspec.appendix.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, bezier, text_width
-from taskspec.appendix.figures.svg import svg
-from taskspec.appendix.figures.tikz import tikz
+from taskspec.figures import raster
+from taskspec.figures.elide import drawings
+from taskspec.figures.graph import MOST_CROSSINGS, _planned, graph
+from taskspec.figures.machine import explore
+from taskspec.figures.order import ordered
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, bezier, text_width
+from taskspec.figures.svg import svg
+from taskspec.figures.tikz import tikz
 from taskspec.printers.plain import plain
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 CASES = [(n, a, k, long, starts, 0) for n in (2, 3, 4) for a in (1, 2, 3) for k in (1, 2)
          for long in (False, True) for starts in (1, 2)]  # fmt: skip

@@ -12,7 +12,7 @@ import pytest
 from taskspec.appendix import write
 from taskspec.appendix.prose import is_safe
 from taskspec.registry import load
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 SPEC = r"""
 taskspec: 1

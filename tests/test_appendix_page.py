@@ -23,8 +23,8 @@ from taskspec.lang.parse import parse
 from taskspec.printers import plain
 from taskspec.printers.names import nowhere
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Claim, Task
+from taskspec.task.build import build
+from taskspec.task.task import Claim, Task
 
 ROOT = Path(__file__).parent.parent
 GOLDEN = ROOT / "tests" / "golden" / "appendix"

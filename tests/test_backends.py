@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec.backends.arrayform import ArrayForm, Scratch, arrays
-from taskspec.backends.kernel import EVERYTHING, KernelLane
-from taskspec.backends.lanevalues import Value
-from taskspec.backends.numpy import _NAMESPACE as NUMPY
+from taskspec.backends.emit.arrayform import ArrayForm, Scratch, arrays
+from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
+from taskspec.backends.numpy.engine import _NAMESPACE as NUMPY
 from taskspec.envs.conformance import Agreement
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
@@ -24,8 +24,8 @@ from taskspec.lang.operators import FUNCTIONS, TABLE, Operator
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import Kind, Type
 from taskspec.source import read
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 BACKENDS = ("numpy", "numba", "jax")
 SLOWLY = ("numpy", *(pytest.param(backend, marks=pytest.mark.slow) for backend in ("numba", "jax")))

@@ -9,7 +9,7 @@ import pytest
 
 import taskspec
 from taskspec.source import read
-from taskspec.spec.build import build
+from taskspec.task.build import build
 
 jax = pytest.importorskip("jax")
 import jax.numpy as jnp  # noqa: E402

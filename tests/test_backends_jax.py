@@ -17,7 +17,7 @@ from taskspec.backends.jax import Functional, library  # noqa: E402
 from taskspec.backends.jax.library import threefry  # noqa: E402
 from taskspec.envs.functional import TaskFuncEnv  # noqa: E402
 from taskspec.source import read  # noqa: E402
-from taskspec.spec.build import build  # noqa: E402
+from taskspec.task.build import build  # noqa: E402
 
 
 def scalar_episode(name: str, seed: int, actions: Any) -> tuple[list[Any], list[float]]:

@@ -14,8 +14,8 @@ import pytest
 from taskspec.envs.conformance import Agreement, Reference
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import read
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 HEAD = """
 taskspec: 1

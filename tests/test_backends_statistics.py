@@ -21,8 +21,8 @@ from taskspec.envs.env import Environment
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.source import read
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 stats = pytest.importorskip("scipy.stats")
 

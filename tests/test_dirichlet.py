@@ -13,10 +13,10 @@ from scipy import stats
 from taskspec import draws
 from taskspec.backends.interpreter import Interpreter
 from taskspec.envs.conformance import Agreement
-from taskspec.exact.expectation import expected
+from taskspec.exact.model.expectation import expected
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 COUNT = 40_000
 SIGMAS = 5.0

@@ -19,11 +19,12 @@ import pytest
 
 from taskspec.envs.conformance import Agreement, Reference
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.exact import extract, solve
+from taskspec.exact import extract
+from taskspec.exact.planning import solve
 from taskspec.lang.ir import draws
 from taskspec.source import read
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 HEAD = """
 taskspec: 1

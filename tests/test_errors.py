@@ -13,9 +13,9 @@ from taskspec.cli.targets import File
 from taskspec.diagnostics import CODES, Diagnostic, SpecError
 from taskspec.exact import check as report
 from taskspec.exact import soundness, verdicts
-from taskspec.spec.build import build
-from taskspec.spec.schema import check_shape
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.schema import check_shape
+from taskspec.task.task import Task
 
 FOLDER = Path(__file__).parent / "errors"
 FILES = sorted(FOLDER.glob("E[1234]*.yaml"))

@@ -10,11 +10,11 @@ import pytest
 
 from taskspec import source
 from taskspec.diagnostics import SpecError
-from taskspec.exact.claims import Verdict, verdicts
-from taskspec.exact.vocabulary import FUNCTIONS, MODELS, RESULTS
-from taskspec.spec.build import build
-from taskspec.spec.merge import variant_names
-from taskspec.spec.task import Task
+from taskspec.exact.claims.claims import Verdict, verdicts
+from taskspec.exact.claims.vocabulary import FUNCTIONS, MODELS, RESULTS
+from taskspec.task.build import build
+from taskspec.task.merge import variant_names
+from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[1]
 SPECS = sorted((ROOT / "tasks").rglob("*.yaml")) + sorted((ROOT / "tests" / "specs").glob("*.yaml"))

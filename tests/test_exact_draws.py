@@ -11,13 +11,13 @@ from taskspec import draws, source
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
-from taskspec.exact import outcomes
-from taskspec.exact.outcomes import branches, count, is_finite
+from taskspec.exact.model import outcomes
+from taskspec.exact.model.outcomes import branches, count, is_finite
 from taskspec.lang import batch
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.ir import draws as draws_below
-from taskspec.spec.build import build
+from taskspec.task.build import build
 
 SPEC = """
 taskspec: 1

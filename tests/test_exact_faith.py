@@ -10,19 +10,19 @@ import pytest
 
 from taskspec import exact, source
 from taskspec.diagnostics import Collector
-from taskspec.exact.abstraction import Abstraction, abstraction
-from taskspec.exact.claims import verdicts
-from taskspec.exact.faith import examined
-from taskspec.exact.homomorphism.linear import Normal
-from taskspec.exact.homomorphism.order import How, dependence
-from taskspec.exact.returns import Results
+from taskspec.exact.abstraction.abstraction import Abstraction, abstraction
+from taskspec.exact.abstraction.faith import examined
+from taskspec.exact.abstraction.homomorphism.linear import Normal
+from taskspec.exact.abstraction.homomorphism.order import How, dependence
+from taskspec.exact.claims.claims import verdicts
+from taskspec.exact.scoring.returns import Results
 from taskspec.lang.check import Checker
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
 from taskspec.lang.syntax import Text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[1]
 

@@ -13,10 +13,10 @@ import pytest
 import taskspec
 from taskspec.diagnostics import SpecError
 from taskspec.exact import Expert, score
-from taskspec.exact.returns import Results
+from taskspec.exact.scoring.returns import Results
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 RISKY = taskspec.load("RiskyPath")
 TREE = """

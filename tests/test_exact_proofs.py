@@ -18,15 +18,15 @@ from taskspec import exact, source
 from taskspec.appendix import gather
 from taskspec.cli.app import app
 from taskspec.diagnostics import SpecError
-from taskspec.exact import plans
-from taskspec.exact.certified import rational
-from taskspec.exact.certified.bounded import Bounded
-from taskspec.exact.certified.rational import Rational
-from taskspec.exact.certified.readings import Reader, written
-from taskspec.exact.claims import Verdict, verdicts
-from taskspec.exact.returns import Results, Return
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.exact.claims.claims import Verdict, verdicts
+from taskspec.exact.planning import plans
+from taskspec.exact.planning.certified import rational
+from taskspec.exact.planning.certified.bounded import Bounded
+from taskspec.exact.planning.certified.rational import Rational
+from taskspec.exact.planning.certified.readings import Reader, written
+from taskspec.exact.scoring.returns import Results, Return
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 
 def task(text: str, **parameters: Any) -> Task:

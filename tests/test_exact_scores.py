@@ -12,13 +12,14 @@ import pytest
 
 from taskspec import exact, source
 from taskspec.diagnostics import SpecError, TaskspecError
-from taskspec.exact import benchmark, rows, solve
-from taskspec.exact.abstraction import abstraction
-from taskspec.exact.certified.bounded import Bounded
-from taskspec.exact.faith import unfaithful
-from taskspec.exact.returns import Results, Return
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.exact.abstraction.abstraction import abstraction
+from taskspec.exact.abstraction.faith import unfaithful
+from taskspec.exact.model import rows
+from taskspec.exact.planning import benchmark, solve
+from taskspec.exact.planning.certified.bounded import Bounded
+from taskspec.exact.scoring.returns import Results, Return
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[1]
 
@@ -201,12 +202,12 @@ def test_planned_experts_count_their_steps() -> None:
 
 def test_simulation_walks_the_trajectories_of_the_environment() -> None:
     """Lane i of a rollout is the environment of seed + i, to the bit of its start and the digits of its rewards."""
-    from taskspec.exact.rollout import Rollout
+    from taskspec.exact.simulation.rollout import Rollout
 
     for task in (shipped("noisy_obs"), shipped("proc_goal"), shipped("sort"), shipped("risky_path")):
         rollout, env = Rollout(task, 4, seed=11), task.make()
         rng = np.random.default_rng(0)
-        from taskspec.exact.rollout import at_random
+        from taskspec.exact.simulation.rollout import at_random
 
         actions, state, rewards = at_random(task), rollout.start(), []
         chosen = []
@@ -316,7 +317,7 @@ def test_a_missing_package_is_named_with_the_command(monkeypatch: pytest.MonkeyP
 @pytest.mark.parametrize("tidy", [0, 10**9])
 @pytest.mark.parametrize("largest", [True, False])
 def test_compiled_sweeps_equal_the_plain_ones(monkeypatch: pytest.MonkeyPatch, tidy: int, largest: bool) -> None:
-    kernels = pytest.importorskip("taskspec.exact.kernels_numba")
+    kernels = pytest.importorskip("taskspec.exact.planning.kernels_numba")
     monkeypatch.setattr(rows, "TIDY", tidy)
     for task in (
         benchmark.grid(70, 100),

@@ -9,9 +9,9 @@ import pytest
 from taskspec import source
 from taskspec.diagnostics import SpecError
 from taskspec.exact.lint import sense
-from taskspec.spec.build import build
-from taskspec.spec.merge import variant_names
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.merge import variant_names
+from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[1]
 

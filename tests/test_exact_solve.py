@@ -12,15 +12,16 @@ import numpy as np
 import pytest
 
 from taskspec import source
-from taskspec.exact import extract, maxent, plans, solve
-from taskspec.exact.abstraction import abstraction
-from taskspec.exact.model import Model
-from taskspec.exact.returns import Results, simulate
-from taskspec.exact.rollout import at_random
+from taskspec.exact import extract
+from taskspec.exact.abstraction.abstraction import abstraction
+from taskspec.exact.model.model import Model
+from taskspec.exact.planning import maxent, plans, solve
+from taskspec.exact.scoring.returns import Results, simulate
+from taskspec.exact.simulation.rollout import at_random
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Draw, Role
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[1]
 Array = np.ndarray[Any, Any]
@@ -413,7 +414,7 @@ def test_random_returns_by_simulation(name: str, variant: str | None) -> None:
 
 @pytest.mark.parametrize(("name", "variant"), EVERY)
 def test_experts_by_simulation(name: str, variant: str | None) -> None:
-    from taskspec.exact.rollout import by_expert
+    from taskspec.exact.simulation.rollout import by_expert
 
     task = shipped(name, variant)
     results = Results(task)

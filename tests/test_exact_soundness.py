@@ -8,10 +8,10 @@ import pytest
 
 from taskspec import source
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.exact.soundness import cases, check_ranges, examine, soundness
-from taskspec.spec.build import build
-from taskspec.spec.merge import variant_names
-from taskspec.spec.task import Task
+from taskspec.exact.checks.soundness import cases, check_ranges, examine, soundness
+from taskspec.task.build import build
+from taskspec.task.merge import variant_names
+from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[1]
 SPECS = sorted((ROOT / "tasks").rglob("*.yaml")) + sorted((ROOT / "tests" / "specs").glob("*.yaml"))

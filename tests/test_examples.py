@@ -17,9 +17,9 @@ from taskspec.cli.targets import File
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exact import check, wrong_examples
 from taskspec.lang.ir import draws
-from taskspec.spec.build import build
-from taskspec.spec.merge import variant_names
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.merge import variant_names
+from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[1]
 SPEC: dict[str, Any] = {

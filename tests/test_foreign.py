@@ -14,7 +14,7 @@ from taskspec import source
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.lang.foreign import FOREIGN
-from taskspec.spec.build import build
+from taskspec.task.build import build
 
 X, Y = (3, -1, 2), (0.5, 4.0, 2.0)
 NAMES: dict[str, Any] = {

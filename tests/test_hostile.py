@@ -22,8 +22,8 @@ from taskspec.diagnostics import SpecError
 from taskspec.envs.errors import ActionError, StateError
 from taskspec.exact import check, scores, soundness
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 EVIL = 'x"""\nraise SystemExit("ran")\n"""\\'
 BASE = """\

@@ -14,11 +14,11 @@ import pytest
 from taskspec.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement
 from taskspec.envs.errors import StateError
-from taskspec.exact.extract import extract
-from taskspec.exact.soundness import soundness
+from taskspec.exact.checks.soundness import soundness
+from taskspec.exact.model.extract import extract
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 SPEC = """
 taskspec: 1

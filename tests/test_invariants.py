@@ -12,9 +12,9 @@ from taskspec.diagnostics import SpecError
 from taskspec.lang.ir import Apply, Const, Draw, Read, Role
 from taskspec.lang.types import BOOL, INT, REAL, Kind, Type
 from taskspec.source import read_text
-from taskspec.spec.build import build, build_abstract
-from taskspec.spec.invariants import OF_NODES, OF_TASKS, ON_REQUEST, broken
-from taskspec.spec.task import Figure, Task
+from taskspec.task.build import build, build_abstract
+from taskspec.task.invariants import OF_NODES, OF_TASKS, ON_REQUEST, broken
+from taskspec.task.task import Figure, Task
 
 ROOT = Path(__file__).parents[1]
 SPECS = sorted(
@@ -119,7 +119,7 @@ def test_each_notices_a_task_that_breaks_it(rule: str) -> None:
 def test_a_build_checks_them_on_request(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(ON_REQUEST, "1")
     build(read_text(SPEC, "walk.yaml"))
-    monkeypatch.setattr("taskspec.spec.invariants.OF_TASKS", (("nothing is right", lambda task: False),))
+    monkeypatch.setattr("taskspec.task.invariants.OF_TASKS", (("nothing is right", lambda task: False),))
     with pytest.raises(AssertionError, match="nothing is right"):
         build(read_text(SPEC, "walk.yaml"))
     monkeypatch.setenv(ON_REQUEST, "")

@@ -23,7 +23,7 @@ from jsonschema import Draft202012Validator
 from taskspec import source
 from taskspec.cli.new import SCAFFOLD
 from taskspec.diagnostics import SpecError
-from taskspec.spec.schema import check_shape, json_schema
+from taskspec.task.schema import check_shape, json_schema
 
 ROOT = Path(__file__).parent.parent
 SHIPPED = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/**/*.yaml")])

@@ -16,13 +16,13 @@ import pytest
 from taskspec import limits
 from taskspec.diagnostics import SpecError
 from taskspec.exact import check
-from taskspec.exact.extract import extract
-from taskspec.exact.returns import simulate
-from taskspec.exact.rollout import at_random
+from taskspec.exact.model.extract import extract
+from taskspec.exact.scoring.returns import simulate
+from taskspec.exact.simulation.rollout import at_random
 from taskspec.limits import Limits, changed, count, how_to_raise, table
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 BASE = {
     "taskspec": "1",

@@ -6,7 +6,7 @@ import pytest
 
 from taskspec.exact import check
 from taskspec.source import read_text
-from taskspec.spec.build import build
+from taskspec.task.build import build
 
 SPEC = """
 taskspec: 1

@@ -9,7 +9,7 @@ import pytest
 
 from taskspec import source
 from taskspec.exact import check
-from taskspec.spec.build import build
+from taskspec.task.build import build
 
 V, R = "Uniform(0, 1, shape=6)", "r + dx * v[0]"
 PARTS: dict[str, Any] = {

@@ -14,8 +14,8 @@ from taskspec.cli.app import app
 from taskspec.mutation import CLASSES, Original, judge, judgements, mutants, same_task
 from taskspec.mutation.expressions import Names, changes
 from taskspec.mutation.mutants import written
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[1]
 SPECS = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/*.yaml")])

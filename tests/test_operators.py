@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from taskspec import draws
-from taskspec.backends import scalars
-from taskspec.backends.lane import Lane
-from taskspec.backends.lanevalues import Value
+from taskspec.backends.emit.lane import Lane
+from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.scalar import scalars
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout, words_of
 from taskspec.draws.sample import sampler

@@ -16,8 +16,8 @@ from taskspec.lang.parse import parse
 from taskspec.printers.names import nowhere
 from taskspec.printers.text import data, text
 from taskspec.source import read
-from taskspec.spec.forms import Forms
-from taskspec.spec.merge import merge
+from taskspec.task.forms import Forms
+from taskspec.task.merge import merge
 
 PLACE = s.Place(nowhere(""), 0, 0)
 ROOT = Path(__file__).parent.parent

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from taskspec.exact.certified import enclosure
-from taskspec.exact.certified.enclosure import Enclosure
-from taskspec.exact.evaluator import Evaluator
-from taskspec.exact.returns import Results
+from taskspec.exact.claims.evaluator import Evaluator
+from taskspec.exact.planning.certified import enclosure
+from taskspec.exact.planning.certified.enclosure import Enclosure
+from taskspec.exact.scoring.returns import Results
 from tests.oracle.compare.cases import Case
 from tests.oracle.reference.merging import read
 from tests.oracle.reference.model import Model

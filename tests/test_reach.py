@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from taskspec import source
-from taskspec.spec.build import build
+from taskspec.task.build import build
 
 TEXT = """\
 taskspec: 1

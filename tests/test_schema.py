@@ -15,8 +15,8 @@ from taskspec import registry, source
 from taskspec.cli.checking import check_file
 from taskspec.cli.targets import File
 from taskspec.diagnostics import SpecError
-from taskspec.spec.build import build
-from taskspec.spec.schema import Spec, check_shape, json_schema
+from taskspec.task.build import build
+from taskspec.task.schema import Spec, check_shape, json_schema
 
 ROOT = Path(__file__).parent.parent
 SPECS = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/*.yaml")])

@@ -21,8 +21,8 @@ from taskspec import draws
 from taskspec.backends.interpreter import Interpreter
 from taskspec.envs.conformance import Agreement
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 from tests.seeding_page import CODE, RESET, STEP, words
 
 U = "UniformInt(0, 1048575)"

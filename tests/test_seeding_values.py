@@ -16,8 +16,8 @@ import pytest
 
 from taskspec.backends.interpreter import Interpreter
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 from tests.seeding_page import CODE, CONSTANT, STEP, words
 
 SEED = 2**40 + 7

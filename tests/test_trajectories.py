@@ -20,8 +20,8 @@ from taskspec.backends.interpreter import Interpreter
 from taskspec.diagnostics import SpecError
 from taskspec.making import register_shipped
 from taskspec.registry import entries, task_ids
-from taskspec.spec.spaces import pack, unpack
-from taskspec.spec.task import FINITE_SPACES, Task
+from taskspec.task.spaces import pack, unpack
+from taskspec.task.task import FINITE_SPACES, Task
 
 SPECS = Path(__file__).parent / "specs"
 LOCAL = [(str(e.path), e.variant) for e in entries(SPECS)]

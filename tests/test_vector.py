@@ -16,7 +16,7 @@ from taskspec.envs import ActionError, NotRunningError
 from taskspec.envs.conformance import Agreement, check_environment
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.scan import scan
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 SPECS = Path(__file__).parent / "specs"
 MODES = ("NextStep", "SameStep", "Disabled")
@@ -49,7 +49,7 @@ def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes
 
 @pytest.mark.parametrize("task", TASKS, ids=name_of)
 def test_numpy_walks_them_in_several_blocks(task: tuple[str, str | None], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("taskspec.backends.numpy.BLOCK", 9)
+    monkeypatch.setattr("taskspec.backends.numpy.engine.BLOCK", 9)
     for mode in MODES:
         Agreement(load(task), "numpy", 20, mode).run(15)
 

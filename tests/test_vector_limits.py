@@ -11,8 +11,8 @@ from taskspec import load
 from taskspec.diagnostics import SpecError
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import read
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 SPEC = """
 taskspec: 1

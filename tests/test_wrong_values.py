@@ -21,8 +21,8 @@ import taskspec
 from taskspec.diagnostics import CODES, Diagnostic, SpecError, render
 from taskspec.exact import check
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.schema import json_schema
+from taskspec.task.build import build
+from taskspec.task.schema import json_schema
 
 Path = tuple[str | int, ...]
 CORE: dict[str, Any] = {

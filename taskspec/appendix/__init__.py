@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from taskspec.appendix.facts import Facts as Facts
 from taskspec.appendix.facts import gather as gather
-from taskspec.appendix.figures import OVERLAYS as OVERLAYS
-from taskspec.appendix.figures import Overlay as Overlay
-from taskspec.appendix.figures import figure as figure
-from taskspec.appendix.figures import overlay as overlay
-from taskspec.appendix.figures import render_frame as render_frame
-from taskspec.appendix.figures import scene as scene
-from taskspec.appendix.figures import undrawn as undrawn
 from taskspec.appendix.page import Page as Page
 from taskspec.appendix.page import page as page
 from taskspec.appendix.write import FORMATS as FORMATS
 from taskspec.appendix.write import write as write
+from taskspec.figures import OVERLAYS as OVERLAYS
+from taskspec.figures import Overlay as Overlay
+from taskspec.figures import figure as figure
+from taskspec.figures import overlay as overlay
+from taskspec.figures import render_frame as render_frame
+from taskspec.figures import scene as scene
+from taskspec.figures import undrawn as undrawn
 
 __all__ = [
     "FORMATS", "OVERLAYS", "Facts", "Overlay", "Page", "figure", "gather", "overlay", "page", "render_frame", "scene",

@@ -10,7 +10,7 @@ from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
 from taskspec.printers.names import expression
 from taskspec.printers.text import text
-from taskspec.spec.task import Claim
+from taskspec.task.task import Claim
 
 _RESULTS = {
     "optimal_return": "optimal return", "random_return": "random return", "worst_return": "worst return",

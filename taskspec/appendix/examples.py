@@ -11,7 +11,7 @@ from taskspec.appendix.writing import Writing
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Role
 from taskspec.printers import tree as m
-from taskspec.spec.task import Example, Followed
+from taskspec.task.task import Example, Followed
 
 
 @dataclass(frozen=True, slots=True)

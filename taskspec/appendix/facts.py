@@ -9,9 +9,9 @@ from fractions import Fraction
 from taskspec.exact import Results as Analysis
 from taskspec.exact import Return, verdicts, wrong_examples
 from taskspec.exact import Verdict as Decision
-from taskspec.exact.statuses import CLAIMS
+from taskspec.exact.scoring.statuses import CLAIMS
 from taskspec.registry import load
-from taskspec.spec.task import Task, TaskLike
+from taskspec.task.task import Task, TaskLike
 
 
 @dataclass(frozen=True, slots=True)

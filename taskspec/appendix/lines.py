@@ -15,9 +15,9 @@ from taskspec.printers import tree as m
 from taskspec.printers.names import expression
 from taskspec.printers.notation import Writer
 from taskspec.printers.text import text
-from taskspec.spec.names import signature
-from taskspec.spec.schema import Component as DeclaredComponent
-from taskspec.spec.task import Component, Soft
+from taskspec.task.names import signature
+from taskspec.task.schema import Component as DeclaredComponent
+from taskspec.task.task import Component, Soft
 
 _SPACES = {
     "dict": "as a dictionary of its components", "one_hot": "as one-hot vectors",

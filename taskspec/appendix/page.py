@@ -18,7 +18,7 @@ from taskspec.appendix.prose import Block, Cite, Inlines, blocks, inlines
 from taskspec.appendix.sections import Line, Section
 from taskspec.appendix.writing import Writing
 from taskspec.registry import load
-from taskspec.spec.task import Task, TaskLike
+from taskspec.task.task import Task, TaskLike
 from taskspec.visible import visible
 
 

@@ -13,7 +13,7 @@ from taskspec.appendix.examples import Table
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import Cite, Formula, Inline, Inlines, Mark, Text, inlines
 from taskspec.appendix.writing import Writing
-from taskspec.exact.statuses import NUMBERS
+from taskspec.exact.scoring.statuses import NUMBERS
 from taskspec.printers import tree as m
 
 

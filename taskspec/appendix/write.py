@@ -13,13 +13,13 @@ from typing import Any
 from taskspec.appendix import render
 from taskspec.appendix.bibliography import Reference, beside
 from taskspec.appendix.facts import Facts
-from taskspec.appendix.figures import scene, svg
 from taskspec.appendix.page import Page, page
 from taskspec.appendix.render.suite import Suite
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.figures import scene, svg
 from taskspec.files import write_text
 from taskspec.registry import load
-from taskspec.spec.task import Task, TaskLike
+from taskspec.task.task import Task, TaskLike
 
 _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
     "latex": lambda suite, links: render.document(suite),

@@ -16,11 +16,11 @@ from taskspec.printers.names import expression, of_task
 from taskspec.printers.notation import Notation, condition, mathematics
 from taskspec.printers.pieces import prime
 from taskspec.printers.substitute import substitute
-from taskspec.spec.names import signature
-from taskspec.spec.schema import Component as DeclaredComponent
-from taskspec.spec.schema import Parameter as DeclaredParameter
-from taskspec.spec.schema import Spec
-from taskspec.spec.task import Task
+from taskspec.task.names import signature
+from taskspec.task.schema import Component as DeclaredComponent
+from taskspec.task.schema import Parameter as DeclaredParameter
+from taskspec.task.schema import Spec
+from taskspec.task.task import Task
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from taskspec.lang.types import Kind
-from taskspec.spec.spaces import Layout
-from taskspec.spec.task import Component, Task
+from taskspec.task.spaces import Layout
+from taskspec.task.task import Component, Task
 
 Array = np.ndarray[Any, Any]
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.backends.buffers import Buffers
-from taskspec.backends.hoist import Hoisted
+from taskspec.backends.lowering.hoist import Hoisted
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout
 from taskspec.lang import batch

@@ -9,7 +9,7 @@ from taskspec import draws
 from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 Flat = tuple[Any, ...]
 

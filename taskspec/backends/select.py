@@ -8,10 +8,10 @@ from typing import Any
 
 from taskspec.backends.vector import BACKENDS, Engine, Options
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 _ENGINES = {
-    "numpy": ("taskspec.backends.numpy", "NumpyEngine"),
+    "numpy": ("taskspec.backends.numpy.engine", "NumpyEngine"),
     "numba": ("taskspec.backends.numba", "NumbaEngine"),
     "jax": ("taskspec.backends.jax", "JaxEngine"),
 }
@@ -41,7 +41,7 @@ def choose(task: Task, backend: str) -> str:
 
 
 def _suits_numba(task: Task) -> bool:
-    suits: bool = import_module("taskspec.backends.kernel").suits(task)
+    suits: bool = import_module("taskspec.backends.numba.kernel").suits(task)
     return suits
 
 

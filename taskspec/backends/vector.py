@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 from taskspec.backends.buffers import Array, Buffers
-from taskspec.spec.spaces import Layout
+from taskspec.task.spaces import Layout
 
 Mode = Literal["next_step", "same_step", "disabled"]
 """When an environment whose episode has ended is reset: by the next step, by the same step, by the caller only."""

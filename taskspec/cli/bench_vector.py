@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from taskspec.cli.bench_print import Progress
     from taskspec.envs.measure import Contestant, Memory, Rate, Start
     from taskspec.envs.measure.race import Drive
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 LANES = (1, 64, 1024, 4096)
 REPEATS = 3

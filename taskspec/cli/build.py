@@ -15,7 +15,7 @@ from taskspec.files import write_text
 
 if TYPE_CHECKING:
     from taskspec.cli.checking import Report
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 DOCS = {
     "html": "the documentation as a site: open index.html",
@@ -120,7 +120,7 @@ def _docs(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
 
 
 def _schema(folder: Path) -> tuple[Path, str]:
-    from taskspec.spec.schema import json_schema
+    from taskspec.task.schema import json_schema
 
     return _json(folder / "schema.json", json_schema()), "JSON Schema of specs, for editors"
 
@@ -136,7 +136,7 @@ def _index(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
 
 def _sources(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
     """The generated module of every task, in a folder for each suite."""
-    from taskspec.backends.program import compile_scalar
+    from taskspec.backends.scalar.program import compile_scalar
 
     for task in tasks:
         path = folder / "source" / (task.suite or "tasks") / f"{task.name}.py"

@@ -16,7 +16,7 @@ from taskspec.diagnostics import Diagnostic, SpecError
 
 if TYPE_CHECKING:
     from taskspec.exact import Accepted
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 Examine = Callable[["Task"], Finding]
 

@@ -14,7 +14,7 @@ from taskspec.cli.options import Json, Parameters, Targets, TaskArgument, Varian
 
 if TYPE_CHECKING:
     from taskspec.appendix import Facts
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 FORMATS = ("html", "latex", "markdown", "svg", "pdf")
 Format = Annotated[
@@ -73,7 +73,7 @@ def docs(
     from taskspec.cli.check import plural
     from taskspec.cli.console import write_json
     from taskspec.cli.targets import near
-    from taskspec.exact.accept import set_aside
+    from taskspec.exact.lint.accept import set_aside
 
     tasks = tasks_of(targets or [])
     wanted = _named("--format", format or ["html"], FORMATS)

@@ -13,7 +13,7 @@ from taskspec.diagnostics import Diagnostic, SpecError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 WIDE = 110
 """From this width on, a row has room for everything."""

@@ -18,9 +18,9 @@ from taskspec.cli.records import domain_words, show_value, space_words
 from taskspec.cli.targets import near
 from taskspec.cli.terminal import Text
 from taskspec.printers import text as written
-from taskspec.spec.schema import Erratum, Source
-from taskspec.spec.spaces import action_layout, observation_layout
-from taskspec.spec.task import Component, Followed, Parameter, Soft, Task
+from taskspec.task.schema import Erratum, Source
+from taskspec.task.spaces import action_layout, observation_layout
+from taskspec.task.task import Component, Followed, Parameter, Soft, Task
 from taskspec.visible import visible
 
 _MATH = re.compile(r"\$([^$\n]+)\$")
@@ -263,7 +263,7 @@ def _sources(sources: Sequence[Source]) -> RenderableType | None:
 
 
 def _foot(task: Task) -> Text:
-    from taskspec.spec.merge import variant_names
+    from taskspec.task.merge import variant_names
 
     others = [name for name in variant_names(task.document.data) if name != task.name]
     lines = [f"{near(Path(task.document.origin.name))}  {task.content_hash[:12]}"]

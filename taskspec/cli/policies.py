@@ -17,9 +17,9 @@ from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Kind
-from taskspec.spec.spaces import Layout as ValueLayout
-from taskspec.spec.spaces import action_layout, pack
-from taskspec.spec.task import Component, Task
+from taskspec.task.spaces import Layout as ValueLayout
+from taskspec.task.spaces import action_layout, pack
+from taskspec.task.task import Component, Task
 
 if TYPE_CHECKING:
     from taskspec.envs import Environment

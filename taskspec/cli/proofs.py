@@ -9,8 +9,8 @@ from taskspec.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
     from taskspec.exact import Accepted, Verdict
-    from taskspec.exact.points import Method
-    from taskspec.spec.task import Task
+    from taskspec.exact.simulation.points import Method
+    from taskspec.task.task import Task
 
 
 @dataclass(frozen=True, slots=True)

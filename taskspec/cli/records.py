@@ -8,8 +8,8 @@ from typing import Any
 
 from taskspec.cli.console import number
 from taskspec.lang.types import Domain, Kind
-from taskspec.spec.spaces import Layout, action_layout, observation_layout
-from taskspec.spec.task import Component, Parameter, Soft, Task
+from taskspec.task.spaces import Layout, action_layout, observation_layout
+from taskspec.task.task import Component, Parameter, Soft, Task
 
 _SETS = {Kind.BOOL: "𝔹", Kind.INT: "ℤ", Kind.REAL: "ℝ"}
 _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")

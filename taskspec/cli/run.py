@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from taskspec.cli.rollouts import Episode, Summary, Watch
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 EPISODES, MAX_STEPS = 100, 10_000
 BAR_AFTER = 0.3

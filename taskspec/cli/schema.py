@@ -28,7 +28,7 @@ def schema(output: Output = None) -> None:
         [green]# yaml-language-server: $schema=taskspec.schema.json[/]
     """
     from taskspec.cli.console import to_json
-    from taskspec.spec.schema import json_schema
+    from taskspec.task.schema import json_schema
 
     text = to_json(json_schema())
     if output is None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from taskspec.exact import Return, Score, Scores
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 Episodes = Annotated[int, typer.Option("--episodes", "-n", min=2, help="For what has to be simulated.")]
 Seed = Annotated[
@@ -179,7 +179,7 @@ def _score_table(found: Scores) -> Table:
 def _return(value: Return | None) -> tuple[str, str]:
     """A return, and how sure it is."""
     from taskspec.cli.console import measured
-    from taskspec.exact.statuses import NUMBERS
+    from taskspec.exact.scoring.statuses import NUMBERS
 
     if value is None:
         return "unknown", ""

@@ -10,7 +10,7 @@ from taskspec.cli.console import say
 from taskspec.cli.options import Json, Parameters, TaskArgument, Variant
 
 if TYPE_CHECKING:
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 
 def show(
@@ -36,7 +36,7 @@ def show(
 
 
 def _print_source(task: Task, json: bool) -> None:
-    from taskspec.backends.program import compile_scalar
+    from taskspec.backends.scalar.program import compile_scalar
     from taskspec.cli.console import colored, console, write_json
 
     code = compile_scalar(task).source

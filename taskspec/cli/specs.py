@@ -10,14 +10,14 @@ from taskspec.cli.targets import File
 from taskspec.source import Document, read_file
 
 if TYPE_CHECKING:
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 
 @lru_cache(maxsize=256)
 def _document(path: str) -> Document:
     """The document of a file whose shape is right."""
     from taskspec.diagnostics import raise_if_errors
-    from taskspec.spec.schema import check_shape
+    from taskspec.task.schema import check_shape
 
     document = read_file(path)
     raise_if_errors(check_shape(document))
@@ -32,7 +32,7 @@ def variants_of(file: File) -> list[str | None]:
     Raises:
         SpecError: when the file cannot be read, or has not the shape of a spec.
     """
-    from taskspec.spec.merge import merge, variant_names
+    from taskspec.task.merge import merge, variant_names
 
     if file.variants is not None:
         return list(file.variants)
@@ -55,6 +55,6 @@ def task_in(file: File, variant: str | None, parameters: Mapping[str, Any] | Non
     Raises:
         SpecError: with every mistake found.
     """
-    from taskspec.spec.build import build
+    from taskspec.task.build import build
 
     return build(_document(str(file.path)), variant, parameters or {}, file.suite)

@@ -12,7 +12,7 @@ from taskspec.cli.failures import misuse, refuse
 from taskspec.diagnostics import suggest
 
 if TYPE_CHECKING:
-    from taskspec.spec.task import Task
+    from taskspec.task.task import Task
 
 
 @dataclass(frozen=True, slots=True)

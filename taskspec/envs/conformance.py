@@ -21,8 +21,8 @@ from taskspec.envs.errors import NotRunningError
 from taskspec.envs.options import Autoreset
 from taskspec.envs.state import plain_state
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.spec.spaces import action_layout, observation_layout, pack, unpack
-from taskspec.spec.task import Task
+from taskspec.task.spaces import action_layout, observation_layout, pack, unpack
+from taskspec.task.task import Task
 
 TOLERANCE = {"numpy": 1e-12, "numba": 1e-12, "jax": 2e-4}
 """Of reals, relative to 1 + |x|: libm against NumPy or polynomials; on JAX, float32 and fused products."""

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import gymnasium
 
 from taskspec import draws
-from taskspec.backends.program import Clock, Failures, Lane, Scalar, compile_scalar
+from taskspec.backends.scalar.program import Clock, Failures, Lane, Scalar, compile_scalar
 from taskspec.draws.sample import sampler
 from taskspec.envs import picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
@@ -24,7 +24,7 @@ from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.registry import load
-from taskspec.spec.task import Ending, TaskLike
+from taskspec.task.task import Ending, TaskLike
 
 Reset = Callable[..., tuple[Any, dict[str, Any]]]
 

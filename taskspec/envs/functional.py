@@ -9,7 +9,7 @@ from gymnasium.experimental.functional import FuncEnv
 
 from taskspec.backends.jax import Functional, State
 from taskspec.envs.spaces import space
-from taskspec.spec.task import TaskLike
+from taskspec.task.task import TaskLike
 
 
 class FuncState(NamedTuple):

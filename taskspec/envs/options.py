@@ -8,7 +8,7 @@ from typing import Any, Literal, NoReturn, TypeAlias, get_args
 
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.limits import count, how_to_raise, limits
-from taskspec.spec.task import Ending, Task
+from taskspec.task.task import Ending, Task
 
 ENDINGS = get_args(Ending)
 RenderMode: TypeAlias = Literal["ansi", "rgb_array", "human"]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 from taskspec.visible import visible
 
 

@@ -21,7 +21,7 @@ from taskspec.envs.options import positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.extras import need
 from taskspec.registry import load
-from taskspec.spec.task import TaskLike
+from taskspec.task.task import TaskLike
 
 need("stable_baselines3", "sb3")
 from stable_baselines3.common.vec_env import VecEnv  # noqa: E402  # after the message about its absence

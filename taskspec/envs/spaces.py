@@ -9,8 +9,8 @@ import numpy as np
 from gymnasium import spaces
 
 from taskspec.lang.types import Kind
-from taskspec.spec.spaces import Layout, single
-from taskspec.spec.task import Component
+from taskspec.task.spaces import Layout, single
+from taskspec.task.task import Component
 
 
 def space(layout: Layout) -> gymnasium.Space[Any]:

@@ -10,8 +10,8 @@ import numpy as np
 from taskspec.diagnostics import suggest
 from taskspec.envs.errors import StateError
 from taskspec.lang.types import Domain, Kind
-from taskspec.spec.spaces import single
-from taskspec.spec.task import Component, Task
+from taskspec.task.spaces import single
+from taskspec.task.task import Component, Task
 
 _DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 

@@ -27,7 +27,7 @@ from taskspec.envs.options import ENDINGS, Autoreset, RenderMode, invalid, lanes
 from taskspec.envs.spaces import space
 from taskspec.envs.state import plain_state
 from taskspec.registry import load
-from taskspec.spec.task import Ending, TaskLike
+from taskspec.task.task import Ending, TaskLike
 
 if not hasattr(gymnasium.vector, "AutoresetMode"):
     raise SpecError(

@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec.envs import picture
 from taskspec.extras import need
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 Frame = np.ndarray[Any, np.dtype[np.uint8]]
 
@@ -29,9 +29,9 @@ def require() -> None:
 
 def frame(task: Task, state: dict[str, Any], time: int) -> Frame:
     """A state as pixels: (height, width, 3), uint8."""
-    figures = importlib.import_module("taskspec.appendix.figures")
-    drawn: Frame = figures.render_frame(task, state, picture.heading(task, time))
-    return drawn
+    from taskspec.figures import render_frame  # what draws is not imported until something is drawn
+
+    return render_frame(task, state, picture.heading(task, time))
 
 
 class Window:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from taskspec.exact.accept import Accepted as Accepted
-from taskspec.exact.claims import Verdict as Verdict
-from taskspec.exact.claims import verdicts as verdicts
-from taskspec.exact.examples import wrong_examples as wrong_examples
-from taskspec.exact.extract import extract as extract
+from taskspec.exact.checks.soundness import Soundness as Soundness
+from taskspec.exact.checks.soundness import check_ranges as check_ranges
+from taskspec.exact.checks.soundness import examine as examine
+from taskspec.exact.checks.soundness import soundness as soundness
+from taskspec.exact.claims.claims import Verdict as Verdict
+from taskspec.exact.claims.claims import verdicts as verdicts
+from taskspec.exact.claims.examples import wrong_examples as wrong_examples
 from taskspec.exact.lint import sense as sense
-from taskspec.exact.model import Model as Model
-from taskspec.exact.policies import Expert as Expert
+from taskspec.exact.lint.accept import Accepted as Accepted
+from taskspec.exact.model.extract import extract as extract
+from taskspec.exact.model.model import Model as Model
 from taskspec.exact.report import Report as Report
 from taskspec.exact.report import Score as Score
 from taskspec.exact.report import Scores as Scores
@@ -17,10 +20,7 @@ from taskspec.exact.report import StaleScores as StaleScores
 from taskspec.exact.report import check as check
 from taskspec.exact.report import score as score
 from taskspec.exact.report import scores as scores
-from taskspec.exact.returns import Results as Results
-from taskspec.exact.returns import Return as Return
-from taskspec.exact.returns import normalised as normalised
-from taskspec.exact.soundness import Soundness as Soundness
-from taskspec.exact.soundness import check_ranges as check_ranges
-from taskspec.exact.soundness import examine as examine
-from taskspec.exact.soundness import soundness as soundness
+from taskspec.exact.scoring.policies import Expert as Expert
+from taskspec.exact.scoring.returns import Results as Results
+from taskspec.exact.scoring.returns import Return as Return
+from taskspec.exact.scoring.returns import normalised as normalised

@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
-from taskspec.exact.accept import Accepted, idle, set_aside
-from taskspec.exact.claims import Verdict, verdicts
-from taskspec.exact.examples import wrong_examples
-from taskspec.exact.failure import is_installed, misused
-from taskspec.exact.faith import unfaithful
+from taskspec.exact.abstraction.faith import unfaithful
+from taskspec.exact.checks.soundness import check_ranges, examine
+from taskspec.exact.claims.claims import Verdict, verdicts
+from taskspec.exact.claims.examples import wrong_examples
 from taskspec.exact.lint import sense
-from taskspec.exact.points import Method
-from taskspec.exact.returns import EPISODES, Results, Return, normalised
-from taskspec.exact.saved import read
-from taskspec.exact.soundness import check_ranges, examine
+from taskspec.exact.lint.accept import Accepted, idle, set_aside
+from taskspec.exact.model.failure import is_installed, misused
+from taskspec.exact.scoring.returns import EPISODES, Results, Return, normalised
+from taskspec.exact.scoring.saved import read
+from taskspec.exact.simulation.points import Method
 from taskspec.files import write_text
 from taskspec.registry import load
-from taskspec.spec.task import Task, TaskLike
+from taskspec.task.task import Task, TaskLike
 
 if TYPE_CHECKING:
-    from taskspec.exact.policies import Asking
+    from taskspec.exact.scoring.policies import Asking
 
 Array = np.ndarray[Any, Any]
 MODERATE = 4_000_000
@@ -252,7 +252,7 @@ def score(
         SpecError: E706 for actions outside the action space, E712 where an exact model is needed and there is none, E713 for what
             is no policy.
     """
-    from taskspec.exact.policies import policy_value
+    from taskspec.exact.scoring.policies import policy_value
 
     if (policy is None) == (returns is None):
         misused("`score` takes a policy, or `returns=` of episodes")

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.exact.examples import wrong_examples
+from taskspec.exact.checks.soundness import cases, check_ranges
+from taskspec.exact.claims.examples import wrong_examples
 from taskspec.exact.report import check
-from taskspec.exact.soundness import cases, check_ranges
 from taskspec.mutation.mutants import Mutant
 from taskspec.mutation.same import same_task
 from taskspec.source import Document
-from taskspec.spec.build import build
-from taskspec.spec.merge import merge, variant_names
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.merge import merge, variant_names
+from taskspec.task.task import Task
 
 Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent", "slow"]
 CLASSES: Mapping[Class, str] = {

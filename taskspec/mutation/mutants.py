@@ -16,7 +16,7 @@ from typing import Any
 from taskspec.diagnostics import Span
 from taskspec.mutation.expressions import Change, Names, changes, off_by_one
 from taskspec.source import Document, Path, read_text
-from taskspec.spec.merge import FIELDED
+from taskspec.task.merge import FIELDED
 
 EXPRESSIONS = ("definitions", "noise", "initial", "dynamics", "constants", "observation", "expert")
 """Sections that map names to expressions."""

@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import SpecError
-from taskspec.exact.abstraction import abstraction
-from taskspec.exact.certified.rational import Chances
-from taskspec.exact.certified.readings import Inexact, Reader
-from taskspec.exact.outcomes import branches, count
-from taskspec.exact.reach import visits
-from taskspec.exact.space import Reads
-from taskspec.exact.transitions import TIME, Steps
+from taskspec.exact.abstraction.abstraction import abstraction
+from taskspec.exact.model.outcomes import branches, count
+from taskspec.exact.model.reach import visits
+from taskspec.exact.model.space import Reads
+from taskspec.exact.model.transitions import TIME, Steps
+from taskspec.exact.planning.certified.rational import Chances
+from taskspec.exact.planning.certified.readings import Inexact, Reader
 from taskspec.lang.batch import evaluate
 from taskspec.lang.dists import BASES
 from taskspec.lang.ir import Node, draws, reads
 from taskspec.lang.normal import NormalForms
-from taskspec.spec.task import Component, Task
+from taskspec.task.task import Component, Task
 
 Array = np.ndarray[Any, Any]
 MOST = 5_000_000

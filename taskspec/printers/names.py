@@ -10,8 +10,8 @@ from taskspec.lang.parse import literal, parse
 from taskspec.printers import tree as m
 from taskspec.printers.notation import Notation
 from taskspec.printers.symbols import label, symbol
-from taskspec.spec.names import signature
-from taskspec.spec.task import Component, Task
+from taskspec.task.names import signature
+from taskspec.task.task import Component, Task
 
 
 def of_task(task: Task) -> Notation:

@@ -9,7 +9,7 @@ import pytest
 
 from taskspec import exact, source
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.spec.build import build
+from taskspec.task.build import build
 
 FOLDER = Path(__file__).parent
 FILES = sorted(FOLDER.glob("*.yaml"))

@@ -20,7 +20,7 @@ import numpy as np
 from taskspec.lang.ir import Node, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT_MAX, Kind
-from taskspec.spec.widths import widest
+from taskspec.task.widths import widest
 from tests.fuzz import forms
 from tests.fuzz.expressions import Expressions, outside, points
 from tests.fuzz.forms import Form, Key, Points

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends import scalars
-from taskspec.backends.arrayform import ArrayForm, Scratch, arrays
-from taskspec.backends.kernel import EVERYTHING, KernelLane
-from taskspec.backends.lane import Lane
-from taskspec.backends.lanevalues import Value
-from taskspec.backends.numpy import _NAMESPACE as NUMPY
+from taskspec.backends.emit.arrayform import ArrayForm, Scratch, arrays
+from taskspec.backends.emit.lane import Lane
+from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
+from taskspec.backends.numpy.engine import _NAMESPACE as NUMPY
+from taskspec.backends.scalar import scalars
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.evaluate import evaluate

@@ -22,16 +22,16 @@ from typing import Any
 import numpy as np
 
 from taskspec.backends.interpreter import Interpreter
-from taskspec.backends.kernel import suits
+from taskspec.backends.numba.kernel import suits
 from taskspec.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement
-from taskspec.exact.extract import extract
-from taskspec.exact.soundness import examine
+from taskspec.exact.checks.soundness import examine
+from taskspec.exact.model.extract import extract
 from taskspec.lang.types import Kind
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.invariants import broken
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.invariants import broken
+from taskspec.task.task import Task
 from tests.fuzz.kernels import Kernel
 
 STEPS = 12

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends import kernelloop
-from taskspec.backends.kernelmemory import Program
 from taskspec.backends.numba import compile as numba_compile
+from taskspec.backends.numba import kernelloop
+from taskspec.backends.numba.kernelmemory import Program
 from taskspec.draws.layout import words_of
 from taskspec.lang.types import INT_MAX, Kind
-from taskspec.spec.spaces import action_layout, observation_layout
-from taskspec.spec.task import Task
+from taskspec.task.spaces import action_layout, observation_layout
+from taskspec.task.task import Task
 
 Array = Any
 DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}

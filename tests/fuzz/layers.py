@@ -29,10 +29,10 @@ from taskspec.cli.targets import File
 from taskspec.diagnostics import CODES, Diagnostic, SpecError, TaskspecError, render
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import Document, read_file
-from taskspec.spec.build import build
-from taskspec.spec.merge import variant_names
-from taskspec.spec.schema import check_shape
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.merge import variant_names
+from taskspec.task.schema import check_shape
+from taskspec.task.task import Task
 
 FOLDER = next((p for p in (Path("/dev/shm"),) if os.access(p, os.W_OK)), Path(tempfile.gettempdir()))
 SHARES = {"step": 0.5, "check": 0.07, "pages": 0.05}

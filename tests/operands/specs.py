@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from taskspec.diagnostics import SpecError
 from taskspec.source import read
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 from tests.operands.forms import KINDS, POINTS, SINGLE
 
 DECLARED = {"b": "bool", "i": "int, low: -7, high: 1000", "r": "real"}

@@ -15,8 +15,8 @@ from unittest import mock
 
 from taskspec.diagnostics import SpecError
 from taskspec.exact import verdicts
-from taskspec.exact.certified import rational
-from taskspec.exact.returns import Results
+from taskspec.exact.planning.certified import rational
+from taskspec.exact.scoring.returns import Results
 from tests.oracle.compare import exact
 from tests.oracle.compare.cases import Difference
 from tests.oracle.worker import Hang, patience, peak_memory, say

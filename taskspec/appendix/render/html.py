@@ -11,7 +11,6 @@ from typing import Any, assert_never
 from markupsafe import Markup
 
 from taskspec.appendix.bibliography import Reference
-from taskspec.appendix.figures import Scene, svg
 from taskspec.appendix.page import Page
 from taskspec.appendix.prose import (
     Block,
@@ -32,6 +31,7 @@ from taskspec.appendix.render.environment import html_environment
 from taskspec.appendix.render.suite import Suite
 from taskspec.appendix.sections import Line, Section
 from taskspec.extras import need
+from taskspec.figures import Scene, svg
 from taskspec.printers import tree as m
 from taskspec.printers.mathml import mathml
 from taskspec.printers.plain import plain

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import assert_never
 from urllib.parse import quote
 
-from taskspec.appendix.figures import tikz, tikz_colors
 from taskspec.appendix.page import Page
 from taskspec.appendix.prose import (
     Block,
@@ -26,6 +25,7 @@ from taskspec.appendix.prose import (
 from taskspec.appendix.render.environment import text_environment
 from taskspec.appendix.render.suite import Suite
 from taskspec.appendix.sections import Line, Section
+from taskspec.figures import tikz, tikz_colors
 from taskspec.printers import tree as m
 from taskspec.printers.latex import escape, latex
 

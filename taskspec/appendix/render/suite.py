@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from taskspec.appendix.bibliography import Reference
-from taskspec.appendix.figures import Scene
 from taskspec.appendix.page import Page
+from taskspec.figures import Scene
 
 
 @dataclass(frozen=True)

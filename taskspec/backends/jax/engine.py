@@ -14,8 +14,8 @@ from taskspec.backends.buffers import Array, Buffers
 from taskspec.backends.jax.pack import observed
 from taskspec.backends.jax.program import JaxProgram, State, compile_jax
 from taskspec.backends.vector import Mode, NotRunningError, Options
-from taskspec.spec.spaces import Layout
-from taskspec.spec.task import Task
+from taskspec.task.spaces import Layout
+from taskspec.task.task import Task
 
 
 class JaxEngine:

@@ -16,7 +16,7 @@ from taskspec.backends.jax.gymnax import Gymnax
 from taskspec.backends.jax.pack import acted, observed
 from taskspec.backends.jax.program import JaxProgram, Result, State, compile_jax
 from taskspec.registry import load
-from taskspec.spec.task import TaskLike
+from taskspec.task.task import TaskLike
 
 Array = Any
 

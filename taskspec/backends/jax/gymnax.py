@@ -11,8 +11,8 @@ import numpy as np
 from taskspec.backends.jax.program import JaxProgram, State
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.lang.types import INT_MAX
-from taskspec.spec.spaces import FLOAT_MAX, Layout, single
-from taskspec.spec.task import Component, Task
+from taskspec.task.spaces import FLOAT_MAX, Layout, single
+from taskspec.task.task import Component, Task
 
 Array = Any
 

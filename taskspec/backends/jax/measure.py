@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from taskspec.backends.jax.functional import Functional
-from taskspec.spec.spaces import Layout
-from taskspec.spec.task import Task
+from taskspec.task.spaces import Layout
+from taskspec.task.task import Task
 
 STEPS = 128
 ACTIONS = 16

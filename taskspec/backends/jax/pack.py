@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 
 from taskspec.lang.types import Kind
-from taskspec.spec.spaces import Layout
+from taskspec.task.spaces import Layout
 
 Array = Any
 

@@ -12,10 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends.arrayform import ArrayForm, arrays
-from taskspec.backends.hoist import compared, word_names
+from taskspec.backends.emit.arrayform import ArrayForm, arrays
 from taskspec.backends.jax import library
-from taskspec.backends.tabulate import folded
+from taskspec.backends.lowering.hoist import compared, word_names
+from taskspec.backends.lowering.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.draws.layout import Layout as WordLayout
 from taskspec.draws.layout import poisson_bound
@@ -23,10 +23,10 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.ranges import INF, Range
 from taskspec.lang.types import INT_MAX, Kind
-from taskspec.spec.reach import over, reach
-from taskspec.spec.spaces import Layout, action_layout, observation_layout
-from taskspec.spec.task import Component, Task
-from taskspec.spec.widths import widest
+from taskspec.task.reach import over, reach
+from taskspec.task.spaces import Layout, action_layout, observation_layout
+from taskspec.task.task import Component, Task
+from taskspec.task.widths import widest
 
 Array = Any
 LONG = 1 << 30

@@ -6,7 +6,7 @@ from typing import Any
 
 from taskspec.cli.manual.markdown import code, table
 from taskspec.scan import REQUIRED
-from taskspec.spec.schema import json_schema
+from taskspec.task.schema import json_schema
 
 FIRST, LAST = ("taskspec", "name"), ("variants",)
 NEEDED = "needed"

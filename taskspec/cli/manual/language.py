@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from taskspec import limits
-from taskspec.appendix.figures import KINDS
 from taskspec.cli.manual import probes
 from taskspec.cli.manual.keys import keys, sections
 from taskspec.cli.manual.markdown import code, table
-from taskspec.exact import statuses, vocabulary
+from taskspec.exact.claims import vocabulary
+from taskspec.exact.scoring import statuses
+from taskspec.figures import KINDS
 from taskspec.lang import dists
 from taskspec.lang.operators import FUNCTIONS, INFIX
 

@@ -13,8 +13,8 @@ from taskspec.lang.parse import parse
 from taskspec.lang.scope import Scope
 from taskspec.lang.syntax import Text
 from taskspec.source import read_text
-from taskspec.spec.build import build
-from taskspec.spec.task import Task
+from taskspec.task.build import build
+from taskspec.task.task import Task
 
 # -- values -------------------------------------------------------------------------------------------------------
 
@@ -82,7 +82,7 @@ def fits(section: str, template: str, expression: str) -> bool:
 def spaces(changes: dict[str, Any]) -> tuple[str, str]:
     """The observation space and the action space of the probe with some sections replaced."""
     from taskspec.envs.spaces import space
-    from taskspec.spec.spaces import action_layout, observation_layout
+    from taskspec.task.spaces import action_layout, observation_layout
 
     found = task(changes)
     return str(space(observation_layout(found))), str(space(action_layout(found)))

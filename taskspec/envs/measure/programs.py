@@ -12,7 +12,7 @@ import numpy as np
 from taskspec.backends.vector import Backend
 from taskspec.envs.env import Environment
 from taskspec.envs.measure.race import Clock, Contestant, Drive
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 PROGRAMS = {
     "scalar": "one Gymnasium environment",

@@ -17,7 +17,7 @@ from typing import Any, cast
 from taskspec.backends.vector import Backend
 from taskspec.diagnostics import TaskspecError
 from taskspec.envs.measure.programs import label
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 LANES = 1024
 """Lanes of the environment that a new process steps."""

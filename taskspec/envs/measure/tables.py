@@ -10,7 +10,7 @@ from typing import Any
 from taskspec.envs.measure import peers
 from taskspec.envs.measure.programs import installed, label, ours
 from taskspec.envs.measure.race import Contestant
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 Load = Callable[..., Task]
 """`taskspec.load`."""

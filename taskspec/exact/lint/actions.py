@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.inert import differs
 from taskspec.exact.lint.case import SAME, Case
-from taskspec.exact.returns import Return
-from taskspec.exact.rollout import sampled_actions
+from taskspec.exact.model.inert import differs
+from taskspec.exact.scoring.returns import Return
+from taskspec.exact.simulation.rollout import sampled_actions
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Role, reads
-from taskspec.spec.task import Soft, Task
+from taskspec.task.task import Soft, Task
 
 
 def inert(case: Case, collector: Collector) -> None:

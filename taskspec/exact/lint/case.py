@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Span
-from taskspec.exact.model import Model
-from taskspec.exact.returns import Results
-from taskspec.spec.merge import Merged, merge
-from taskspec.spec.task import Task
+from taskspec.exact.model.model import Model
+from taskspec.exact.scoring.returns import Results
+from taskspec.task.merge import Merged, merge
+from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]
 SAME = 1e-9

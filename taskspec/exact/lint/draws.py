@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.diagnostics import Collector
+from taskspec.exact.checks.places import Section, distributions
 from taskspec.exact.lint.case import Case
 from taskspec.exact.lint.names import followed
-from taskspec.exact.places import Section, distributions
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.ir import Const, Draw, Node, draws
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation", "expert")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from taskspec.diagnostics import Collector
 from taskspec.exact.lint.case import Case
-from taskspec.spec.merge import merge
+from taskspec.task.merge import merge
 
 
 def idle_errata(case: Case, collector: Collector) -> None:

@@ -11,12 +11,12 @@ from taskspec.diagnostics import Collector
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import Layout
 from taskspec.exact.lint.case import Case
-from taskspec.exact.rollout import visited
-from taskspec.exact.space import Reads, shown, words
+from taskspec.exact.model.space import Reads, shown, words
+from taskspec.exact.simulation.rollout import visited
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Apply, Node, Role, children, reads, walk
 from taskspec.lang.subscripts import Moved
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]
 POINTS = 100_000

@@ -8,7 +8,7 @@ from typing import Any
 
 from taskspec.diagnostics import Collector
 from taskspec.exact.lint.case import Case
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 NAMED = ("parameters", "constants", "definitions", "noise")
 ROOTS = (

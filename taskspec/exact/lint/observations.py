@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector, Span
-from taskspec.exact import solve
 from taskspec.exact.lint.case import Case
 from taskspec.exact.lint.names import mentioned
-from taskspec.exact.model import Model
-from taskspec.exact.space import plain, words
+from taskspec.exact.model.model import Model
+from taskspec.exact.model.space import plain, words
+from taskspec.exact.planning import solve
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Apply, Const, Node, Role, draws, reads
-from taskspec.spec.task import Component
+from taskspec.task.task import Component
 
 Array = np.ndarray[Any, Any]
 

@@ -11,7 +11,7 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import Kind
-from taskspec.spec.task import Component, Task
+from taskspec.task.task import Component, Task
 
 
 def whole(case: Case, collector: Collector) -> None:

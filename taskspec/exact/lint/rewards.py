@@ -6,7 +6,7 @@ import numpy as np
 
 from taskspec.diagnostics import Collector
 from taskspec.exact.lint.case import SAME, Case
-from taskspec.exact.space import words
+from taskspec.exact.model.space import words
 
 LONGER = 1000
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.exact.checks.soundness import cases
 from taskspec.exact.lint.abstractions import endless
 from taskspec.exact.lint.actions import expert, inert
 from taskspec.exact.lint.case import Case
@@ -19,11 +20,10 @@ from taskspec.exact.lint.slices import past_the_end, uneven
 from taskspec.exact.lint.states import unreachable
 from taskspec.exact.lint.twins import twins
 from taskspec.exact.lint.unread import unread
-from taskspec.exact.returns import Results
-from taskspec.exact.soundness import cases
+from taskspec.exact.scoring.returns import Results
 from taskspec.registry import load
-from taskspec.spec.build import build
-from taskspec.spec.task import Task, TaskLike
+from taskspec.task.build import build
+from taskspec.task.task import Task, TaskLike
 
 Lint = Callable[[Case, Collector], None]
 

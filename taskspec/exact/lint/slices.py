@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.diagnostics import Collector
+from taskspec.exact.checks.places import Section
 from taskspec.exact.lint.case import Case
-from taskspec.exact.places import Section
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const
 from taskspec.lang.scope import Value
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 Cut = tuple[s.Subscript, s.Slice]
 MOST = 1000

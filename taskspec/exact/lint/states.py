@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector, SpecError
-from taskspec.exact.extract import extract
 from taskspec.exact.lint.case import SMALL, Case
-from taskspec.exact.model import Model
-from taskspec.exact.space import plain, words
+from taskspec.exact.model.extract import extract
+from taskspec.exact.model.model import Model
+from taskspec.exact.model.space import plain, words
 from taskspec.lang.ir import Draw, Role, reads, walk
 from taskspec.lang.ranges import Interval
 from taskspec.lang.types import Kind
-from taskspec.spec.build import build
-from taskspec.spec.reach import reached
-from taskspec.spec.task import Component, Task
+from taskspec.task.build import build
+from taskspec.task.reach import reached
+from taskspec.task.task import Component, Task
 
 Array = np.ndarray[Any, Any]
 SLACK = 1e-6

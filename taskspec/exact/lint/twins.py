@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.inert import groups
 from taskspec.exact.lint.case import Case
-from taskspec.exact.model import Model
-from taskspec.exact.space import shown
+from taskspec.exact.model.inert import groups
+from taskspec.exact.model.model import Model
+from taskspec.exact.model.space import shown
 from taskspec.lang.ir import Node, Read, Role, rewrite, walk
-from taskspec.spec.task import Component, Task
+from taskspec.task.task import Component, Task
 
 FEW = 32
 """Values of an action up to which all pairs are compared."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from taskspec.diagnostics import Collector
 from taskspec.exact.lint.case import Case
 from taskspec.lang.ir import Node, Role, draws, reads, walk
-from taskspec.spec.task import Task
+from taskspec.task.task import Task
 
 
 def unread(case: Case, collector: Collector) -> None:

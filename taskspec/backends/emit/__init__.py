@@ -1,0 +1,1 @@
+"""Expressions as source, for one environment (lane form) or for many (array form)."""

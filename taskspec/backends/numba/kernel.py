@@ -1,0 +1,296 @@
+"""The lane form for compiled kernels: an expression for every element, selects instead of branches, narrow integers.
+
+Subclasses the emitter of the scalar program; what differs is the target: all values are named scalars, both sides of a
+condition are worked out, and small tables are chains of selects, so that a loop over lanes turns into vector code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.emit.lane import Lane
+from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.source import literal
+from taskspec.draws import poisson_table, poisson_terms, thresholds
+from taskspec.draws.layout import poisson_bound
+from taskspec.lang.arrays import network
+from taskspec.lang.ir import Apply, Const, Draw, Node, plain, walk
+from taskspec.lang.operators import Operator
+from taskspec.lang.operators.structure import strided
+from taskspec.lang.types import INT_MAX, Kind
+from taskspec.task.task import Task
+
+EVERYTHING = 10**9
+CHAIN = 24
+"""Tables up to this many rows are chains of selects; larger ones are looked up in memory."""
+ELEMENTS = 600
+"""Tasks with more elements in all their values compile for more than five seconds or so, and are left to NumPy."""
+WIDE = 64
+"""Largest vector that is permuted, ordered or indexed at run time."""
+
+
+def suits(task: Task) -> bool:
+    """Whether a kernel of the task compiles in reasonable time."""
+    roots = (*task.reset_roots, *task.step_roots)
+    nodes = [n for n in walk(roots) if not isinstance(n, Const)]
+    quadratic = ("argsort", "swap", "put", "index", "argmin", "argmax")
+    wide = [n for n in nodes if isinstance(n, Apply) and n.op in quadratic and not isinstance(n.args[0], Const)]
+    wide_draws = [n for n in nodes if isinstance(n, Draw) and n.base == "permutation"]
+    largest = max([n.args[0].type.size for n in wide] + [n.type.shape[-1] for n in wide_draws], default=0)
+    looped = sum(n.type.size - 1 for n in nodes if isinstance(n, Draw) and n.base in ("normal", "exponential"))
+    return sum(n.type.size for n in nodes) - looped <= ELEMENTS and largest <= WIDE
+
+
+class KernelLane(Lane):
+    """Emits statements whose values are all named scalars; `words` names words, `reals` what is made of them beforehand."""
+
+    reals: dict[int, Sequence[str]]
+
+    def is_narrow(self, node: Node) -> bool:
+        """Whether every element is an int that fits 32 bits."""
+        low, high = self.certain(node)
+        return node.type.kind is Kind.INT and low >= -INT_MAX and high <= INT_MAX
+
+    def _const(self, node: Const) -> Value:
+        if node.type.size > 4096:
+            return Value()  # a table, which is looked up by the node itself
+        return Value([literal(plain(v)) for v in node.flat])
+
+    def _template(self, node: Apply, entry: Operator) -> str:
+        real, form = any(a.type.kind is Kind.REAL for a in node.args), entry.kernel
+        template = (form.real if real else form.whole) or form.template or entry.scalar.template
+        if node.op in ("floordiv", "mod") and not real:
+            template = self._whole_division(node, template)
+        return f"i32({template})" if self.is_narrow(node) and node.op != "to_int" else template
+
+    def _whole_division(self, node: Apply, template: str) -> str:
+        """Without signs, division is one instruction that vectorises; ints of 32 bits are quicker still."""
+        sign = "//" if node.op == "floordiv" else "%"
+        (a_low, a_high), (b_low, b_high) = map(self.certain, node.args)
+        if a_low >= 0 and b_low > 0 and a_high <= INT_MAX and b_high <= INT_MAX:
+            return f"(u32({{0}}) {sign} u32({{1}}))"
+        return template
+
+    def _fill(self, template: str, args: Sequence[str]) -> str:
+        """Every operation gets a name: what is shorter is folded by the compiler."""
+        return self.assign(template.format(*[self.assign(a) for a in args]))
+
+    # -- reductions -----------------------------------------------------------------------------------------------
+
+    def _reduction(self, node: Apply, entry: Operator) -> Value:
+        made = _REDUCE[node.op](self, node, [self.assign(a) for a in self.atoms(node.args[0])])
+        return Value(made)
+
+    def _fold(self, node: Apply, atoms: Sequence[str], join: str, none: str) -> list[str]:
+        total = atoms[0] if atoms else none
+        for atom in atoms[1:]:
+            text = f"({total} {join} {atom})"
+            total = self.assign(f"i32({text})" if self.is_narrow(node) else text)
+        return [total]
+
+    def _best(self, node: Apply, atoms: Sequence[str], sign: str, place: bool) -> list[str]:
+        """The best element or its place: a later one must be better, or the first that is a number."""
+        real = node.args[0].type.kind is Kind.REAL
+        best, at = atoms[0], "0"
+        for k, atom in enumerate(atoms[1:], 1):
+            better = f"({atom} {sign} {best})"
+            if real:
+                better = f"({better} | (({best} != {best}) & ({atom} == {atom})))"
+            won = self.assign(better)
+            at = self.assign(f"select({won}, {k}, {at})") if place else at
+            best = self.assign(f"select({won}, {atom}, {best})")
+        return [f"i32({at})" if place else best]
+
+    def _order(self, atoms: Sequence[str], real: bool) -> list[str]:
+        """The places that sort: the rank of every element, then which element has each rank."""
+        n = len(atoms)
+        ranks = ["0"] * n
+        for i in range(n):
+            for j in range(i + 1, n):
+                later = f"({atoms[j]} < {atoms[i]})"
+                if real:  # nan comes last
+                    later = f"({later} | (({atoms[i]} != {atoms[i]}) & ({atoms[j]} == {atoms[j]})))"
+                moved = self.assign(f"i32({later})")
+                ranks[i] = self.assign(f"i32({ranks[i]} + {moved})")
+                ranks[j] = self.assign(f"i32({ranks[j]} + (1 - {moved}))")
+        return [self._pick([str(i) for i in range(n)], [f"({r} == {k})" for r in ranks]) for k in range(n)]
+
+    def _pick(self, values: Sequence[str], conditions: Sequence[str]) -> str:
+        """The value whose condition holds; one of them does."""
+        picked = values[0]
+        for value, condition in zip(values[1:], conditions[1:], strict=True):
+            picked = self.assign(f"select({condition}, {value}, {picked})")
+        return picked
+
+    def _network(self, node: Apply, atoms: Sequence[str]) -> list[str]:
+        real = node.type.kind is Kind.REAL
+        rows = [self.assign(f"({a} + 0.0)") for a in atoms] if real else list(atoms)  # no -0.0
+        for i, j in network(len(rows)):
+            a, b = rows[i], rows[j]
+            kept = self.assign(f"(({a} <= {b}) | ({b} != {b}))" if real else f"({a} <= {b})")
+            rows[i], rows[j] = self.assign(f"select({kept}, {a}, {b})"), self.assign(f"select({kept}, {b}, {a})")
+        return rows
+
+    # -- structure ------------------------------------------------------------------------------------------------
+
+    def _structure(self, node: Apply) -> Value:
+        special = _STRUCTURE.get(node.op)
+        return special(self, node) if special is not None else super()._structure(node)
+
+    def _index(self, node: Apply) -> Value:
+        x, i = node.args
+        row, rows = strided(x.type.shape), x.type.shape[0]
+        out: list[str] = []
+        for index in self.atoms(i):
+            at = self.assign(index)
+            out += [self._element_at(x, at, column, row, rows) for column in range(row)]
+        return Value(out)
+
+    def _element_at(self, x: Node, at: str, column: int, row: int, rows: int) -> str:
+        if isinstance(x, Const):
+            cells = [plain(v) for v in x.flat[column::row]]
+            if rows > CHAIN:
+                return self.assign(f"{self.table(cells, x.type.kind)}[u64({at})]")
+            return self._chain([literal(v) for v in cells], at)
+        return self._chain([self.assign(a) for a in self.atoms(x)[column::row]], at)
+
+    def _chain(self, cells: Sequence[str], at: str) -> str:
+        """The cell at a place, as selects; the commonest constant needs none."""
+        common = max(set(cells), key=lambda c: (cells.count(c), c == cells[-1]))
+        picked = common
+        for k, cell in enumerate(cells):
+            if cell != common:
+                picked = self.assign(f"select({at} == {k}, {cell}, {picked})")
+        return picked
+
+    def table(self, cells: Sequence[Any], kind: Kind) -> str:
+        """The name of a constant array."""
+        dtype: Any = {Kind.BOOL: np.bool_, Kind.REAL: np.float64}.get(kind)
+        if dtype is None:
+            dtype = np.int32 if all(abs(v) <= INT_MAX for v in cells) else np.int64
+        return self._array(np.array(cells, dtype))
+
+    def _array(self, array: Any) -> str:
+        for name, known in self.constants.items():
+            if known.dtype == array.dtype and known.tobytes() == array.tobytes():  # 0.0 is not -0.0
+                return name
+        name = f"T{len(self.constants)}"
+        self.constants[name] = array
+        return name
+
+    def _put(self, node: Apply) -> Value:
+        x, i, value = node.args
+        at, row = self.assign(self.scalar(i)), strided(x.type.shape)
+        new = [self.assign(a) for a in self.atoms(value)]
+        old = [self.assign(a) for a in self.atoms(x)]
+        return Value([self.assign(f"select({at} == {k // row}, {new[k % row]}, {a})") for k, a in enumerate(old)])
+
+    def _swap(self, node: Apply) -> Value:
+        x, i, j = node.args
+        row = strided(x.type.shape)
+        a, b = self.assign(self.scalar(i)), self.assign(self.scalar(j))
+        old = [self.assign(v) for v in self.atoms(x)]
+        at_a = [self._chain(old[c::row], a) for c in range(row)]
+        at_b = [self._chain(old[c::row], b) for c in range(row)]
+        made = []
+        for k, v in enumerate(old):
+            kept = self.assign(f"select({b} == {k // row}, {at_a[k % row]}, {v})")
+            made.append(self.assign(f"select({a} == {k // row}, {at_b[k % row]}, {kept})"))
+        return Value(made)
+
+    # -- draws ----------------------------------------------------------------------------------------------------
+
+    def _draw(self, node: Draw) -> Value:
+        if node.base in ("normal", "exponential"):
+            return Value([f"f64({r})" for r in self.reals[node.site][: node.type.size]])
+        words = self.words[node.site]
+        return Value([self.assign(a) for a in _DRAW[node.base](self, node, words)])
+
+    def _arguments(self, node: Draw) -> list[str]:
+        atoms = [self.assign(a) for a in self.atoms(node.args[0])]
+        return atoms * node.type.size if len(atoms) == 1 else atoms
+
+    def _groups(self, node: Draw, words: Sequence[str]) -> list[str]:
+        step = len(words) // node.type.size
+        return [f"({', '.join(words[k : k + step])},)" for k in range(0, len(words), step)]
+
+    def _categorical(self, node: Draw, words: Sequence[str]) -> list[str]:
+        p = node.args[0]
+        if isinstance(p, Const):
+            table = self._array(np.array(thresholds(p.flat), np.int64))
+            return [f"i32(search({table}, i64({w})))" for w in words]
+        weights = f"({', '.join(self.atoms(p))},)"
+        return [f"i32(weighted({w}, {weights}))" for w in words]
+
+    def _poisson(self, node: Draw, words: Sequence[str]) -> list[str]:
+        rate, bound = node.args[0], poisson_bound(node)
+        if bound is not None:
+            arguments = f"{bound!r}, {poisson_terms(bound)}"
+            groups = zip(self._groups(node, words), self._arguments(node), strict=True)
+            return [f"i32(poisson({g}, {r}, {arguments}))" for g, r in groups]
+        assert isinstance(rate, Const)
+        rates = rate.flat * len(words) if len(rate.flat) == 1 else rate.flat
+        tables = [poisson_table(float(r)) for r in rates]
+        named = [(first, self._array(np.array(limits, np.int64))) for first, limits in tables]
+        return [f"i32({first} + search({t}, i64({w})))" for (first, t), w in zip(named, words, strict=True)]
+
+    def _dirichlet(self, node: Draw, words: Sequence[str]) -> list[str]:
+        values = []
+        for group, alpha in zip(self._groups(node, words), self._arguments(node), strict=True):
+            value, shrink = self.name(), self.name()
+            self.lines.append(f"{value}, {shrink} = gamma_parts({group}, {alpha})")
+            values.append((value, shrink))
+        largest = self._largest([value for value, _ in values])
+        logs = [self.assign(f"log_share({value}, {largest}, {shrink})") for value, shrink in values]
+        most = self._largest(logs)
+        parts = [self.assign(f"exp32({x} - {most})") for x in logs]
+        total = parts[0]
+        for part in parts[1:]:
+            total = self.assign(f"({total} + {part})")
+        return [f"share({part}, {total})" for part in parts]
+
+    def _largest(self, atoms: Sequence[str]) -> str:
+        found = atoms[0]
+        for atom in atoms[1:]:
+            found = self.assign(f"select({atom} > {found}, {atom}, {found})")
+        return found
+
+    def _permutation(self, node: Draw, words: Sequence[str]) -> list[str]:
+        n = node.type.shape[-1]
+        return [a for k in range(0, len(words), n) for a in self._order(words[k : k + n], real=False)]
+
+
+Reduce = Callable[[KernelLane, Apply, list[str]], list[str]]
+_REDUCE: dict[str, Reduce] = {
+    "sum": lambda k, node, a: k._fold(node, a, "+", "0"),
+    "prod": lambda k, node, a: k._fold(node, a, "*", "1"),
+    "count": lambda k, node, a: k._fold(node, [f"i32({x})" for x in a], "+", "0"),
+    "any": lambda k, node, a: k._fold(node, a, "|", "False"),
+    "all": lambda k, node, a: k._fold(node, a, "&", "True"),
+    "min": lambda k, node, a: k._best(node, a, "<", place=False),
+    "max": lambda k, node, a: k._best(node, a, ">", place=False),
+    "argmin": lambda k, node, a: k._best(node, a, "<", place=True),
+    "argmax": lambda k, node, a: k._best(node, a, ">", place=True),
+    "sort": lambda k, node, a: k._network(node, a),
+    "argsort": lambda k, node, a: k._order(a, node.args[0].type.kind is Kind.REAL),
+    "cumsum": lambda k, node, a: k._running(a),
+}
+_STRUCTURE: dict[str, Callable[[KernelLane, Apply], Value]] = {
+    "index": KernelLane._index,
+    "put": KernelLane._put,
+    "swap": KernelLane._swap,
+}
+_DRAW: dict[str, Callable[[KernelLane, Draw, Sequence[str]], list[str]]] = {
+    "uniform": lambda k, node, words: [f"uniform({w})" for w in words],
+    "index": lambda k, node, words: [f"i32(index({w}, {n}))" for w, n in zip(words, k._arguments(node), strict=True)],
+    "bernoulli": lambda k, node, words: [
+        f"bernoulli({w}, {p})" for w, p in zip(words, k._arguments(node), strict=True)
+    ],
+    "categorical": KernelLane._categorical,
+    "poisson": KernelLane._poisson,
+    "dirichlet": KernelLane._dirichlet,
+    "permutation": KernelLane._permutation,
+}

@@ -1,0 +1,262 @@
+"""The loops over lanes of a Numba program, as source: `check`, `advance` (the step of n lanes), `begin` (first states)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.source import literal, without_unused
+from taskspec.backends.lowering.hoist import word_names
+from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
+from taskspec.backends.numba.kernelmemory import Program, Row
+from taskspec.backends.numpy.arraystep import never
+from taskspec.draws.layout import Layout as WordLayout
+from taskspec.draws.layout import words_of
+from taskspec.lang.ir import Const, Draw, Node, Role
+from taskspec.lang.types import INT_MAX, Kind, Type
+
+SHOWN = 8
+"""Draws of this many elements or more that are observed as they are go to the observations in one piece."""
+Shown = dict[int, tuple[int, int]]
+"""What is shown in one piece: row of the observations -> number of the first word, and how many."""
+
+
+@dataclass
+class Loop:
+    """The body of a loop over lanes: statements, the rows that they name, and what is shown in one piece."""
+
+    program: Program
+    lane: KernelLane
+    values: list[Value]
+    shown: Shown = field(default_factory=dict)  # row of observations -> first word, size
+
+
+def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting: bool) -> Loop:
+    """Emit roots; lane `j` is read, and random numbers of place `at`."""
+    names: dict[tuple[Role, str], Value] = {(Role.TIME, "t"): Value(["t"])}
+    for c, rows in zip(p.task.state, p.states, strict=True):
+        names[Role.STATE, c.name] = Value([f"x_{r.name}" for r in rows])
+    for i, c in enumerate(p.task.action if acting else ()):
+        names[Role.ACTION, c.name] = Value([f"a_{i}_{k}" for k in range(c.type.size)])
+    numbers = {d.site: [f"w{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    for draw in words.draws:
+        for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
+            names[Role.VARIABLE, name] = Value([f"i64({number})"])
+    lane = KernelLane(names, numbers, p.task.builder.certain, constants=p.constants, unrolled=EVERYTHING)
+    lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    shown = _shown(p, roots, words)
+    hidden = {len(roots) - len(p.observation.components) + i for i in shown}
+    kept = [_NOTHING if i in hidden else root for i, root in enumerate(roots)]
+    values = lane.emit(kept)
+    return Loop(p, lane, values, dict(shown.values()))
+
+
+_NOTHING: Node = Const(0, Type(Kind.INT))
+
+
+def _shown(p: Program, roots: Sequence[Node], words: WordLayout) -> dict[int, tuple[int, tuple[int, int]]]:
+    """Observed components that are long draws as they come: number of the component -> row, (first word, size)."""
+    if p.observation.form != "box":
+        return {}
+    found, row = {}, 0
+    components = p.observation.components
+    for i, (c, node) in enumerate(zip(components, roots[len(roots) - len(components) :], strict=True)):
+        if isinstance(node, Draw) and node.base in ("normal", "exponential") and c.type.size >= SHOWN:
+            found[i] = (row, (words.first[node.site], c.type.size))
+        row += c.type.size
+    return found
+
+
+def _observed(loop: Loop) -> dict[str, str]:
+    """What is stored in each row of the observations, by name without its prefix."""
+    p, layout = loop.program, loop.program.observation
+    values = loop.values[len(loop.values) - len(layout.components) :]
+    if layout.form == "one_hot":
+        return _one_hot(loop, values)
+    out, row = {}, 0
+    for i, (c, value) in enumerate(zip(layout.components, values, strict=True)):
+        if layout.form == "box" and row in loop.shown:
+            row += c.type.size
+            continue
+        for k, atom in enumerate(value.atoms or ()):
+            name = f"{i}_{k}" if layout.form == "dict" else f"0_{row + k}"
+            low = int(c.low[k]) if layout.form == "multi_discrete" else 0
+            real = p.seen[0].kind == "f32s" if layout.form != "dict" else not (c.is_finite and c.type.is_scalar)
+            shifted = f"({atom} - {low})" if low else atom
+            out[name] = loop.lane.assign(f"f32({shifted})" if real else f"i64({shifted})")
+        row += c.type.size
+    return out
+
+
+def _one_hot(loop: Loop, values: Sequence[Value]) -> dict[str, str]:
+    out, row = {}, 0
+    for c, value in zip(loop.program.observation.components, values, strict=True):
+        for atom, count, low in zip(value.atoms or (), c.counts, c.low, strict=True):
+            held = loop.lane.assign(f"i64({atom})")
+            for k in range(count):
+                out[f"0_{row + k}"] = loop.lane.assign(f"f32({held} == {int(low) + k})")
+            row += count
+    return out
+
+
+def _stores(p: Program, loop: Loop) -> dict[Row, str]:
+    """The next value of every row of the state that changes."""
+    stored: dict[Row, str] = {}
+    for rows, value, c in zip(p.states, loop.values, p.task.state, strict=False):
+        for row, atom in zip(rows, value.atoms or (), strict=True):
+            if atom != f"x_{row.name}":
+                stored[row] = loop.lane.assign(f"f64({atom})" if c.type.kind is Kind.REAL else atom)
+    return stored
+
+
+# -- functions of a kernel ----------------------------------------------------------------------------------------
+
+
+def indent(lines: Sequence[str], by: int = 1) -> list[str]:
+    return [f"{'    ' * by}{line}" if line else "" for line in lines]
+
+
+def action_rows(p: Program) -> list[tuple[str, str]]:
+    """For every element of an action: its name, and where it stands in the lanes-first array of actions."""
+    names = [f"a_{i}_{k}" for i, c in enumerate(p.task.action) for k in range(c.type.size)]
+    width = len(names)
+    return [(name, "j" if width == 1 else f"j * {width} + {k}") for k, name in enumerate(names)]
+
+
+def check(p: Program) -> list[str]:
+    """The number of actions that are not in the action space."""
+    lines = ["bad = 0", "for j in range(n):"]
+    places = action_rows(p)
+    if p.action.form == "box":
+        limits = [(literal(a), literal(b)) for a, b in p.action.limits]
+    else:
+        low = [0] * len(places) if p.action.form == "multi_discrete" else list(p.action.starts)
+        limits = [(str(a), str(a + c - 1)) for a, c in zip(low, p.action.counts, strict=True)]
+    for (name, place), (a, b) in zip(places, limits, strict=True):
+        lines.append(f"    {name} = actions[{place}]")
+        good = f"({name} >= {a}) & ({name} <= {b})"
+        lines.append(f"    bad += i64(({good}) == False)")
+    return ["@inner", "def check(n, actions):", *indent([*lines, "return bad"])]
+
+
+def _read_actions(p: Program) -> list[str]:
+    lines, places = [], iter(action_rows(p))
+    for c in p.task.action:
+        for k in range(c.type.size):
+            name, place = next(places)
+            start = int(c.low[k]) if p.action.form == "multi_discrete" else 0
+            raw = f"actions[{place}] + {start}" if start else f"actions[{place}]"
+            raw = f"np.rint({raw})" if p.action.form == "box" and c.type.kind is not Kind.REAL else raw
+            cast = {Kind.BOOL: "({} != 0)", Kind.INT: "i32({})", Kind.REAL: "f64({})"}[c.type.kind]
+            lines.append(f"{name} = {cast.format(raw)}")
+    return lines
+
+
+def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str], list[Row]]:
+    """Statements that read the rows which the body names, and these rows."""
+    lines, rows = [], []
+    used = set(re.findall(r"\b[A-Za-z_]\w*", body))
+    for state, c in zip(p.states, p.task.state, strict=True):
+        for k, row in enumerate(state):
+            if f"x_{row.name}" in used:
+                narrow = c.type.kind is Kind.INT and c.low[k] > -(2**31) and c.high[k] < 2**31
+                cast = "i32({})" if narrow else "({} != 0)" if c.type.kind is Kind.BOOL else "{}"
+                lines.append(f"x_{row.name} = " + cast.format(f"{row.name}[j]"))
+                rows.append(row)
+    for k in range(words.count + 1):
+        for prefix, array, kind in (("w", "words", "u32s"), ("r", "reals", "f32s")):
+            if f"{prefix}{k}" in used:
+                lines.append(f"{prefix}{k} = {prefix}_{k}[{at}]")
+                rows.append(Row(f"{prefix}_{k}", array, k, kind))
+    return lines, rows
+
+
+def advance(p: Program) -> tuple[list[str], list[Row], Shown]:
+    loop = _loop(p, p.step, p.step_words, "j", acting=True)
+    n = len(p.task.state)
+    state, seen = _stores(p, loop), _observed(loop)
+    reward = loop.lane.assign(f"f64({(loop.values[n].atoms or ['0'])[0]})")
+    terminal = (loop.values[n + 1].atoms or ["False"])[0]
+    ending, end = _ending(p, terminal)
+    results, stores, out_rows = _results(p, loop, state, seen, end)
+    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal])
+    body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]
+    loads, in_rows = _loads(p, p.step_words, "\n".join(body), "j")
+    rows = list(dict.fromkeys([*in_rows, *out_rows]))
+    arguments = ["n", "actions", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
+    text = [
+        "@apart",
+        f"def advance({', '.join([*arguments, *(r.name for r in rows)])}):",
+        *indent(["count = 0", "for j in range(n):"]),
+        *indent([f"t = {_time(p)}", *_read_actions(p), *loads, *body], 2),
+        *indent(["    count += i64(e)", "return count"]),
+    ]
+    return text, rows, loop.shown
+
+
+def _time(p: Program) -> str:
+    """The time as 32 bits hold it; without a horizon it stops at the largest."""
+    return "i32(time[j])" if p.task.horizon is not None else f"i32(min(time[j], {INT_MAX}))"
+
+
+def _ending(p: Program, terminal: str) -> tuple[list[str], str]:
+    """Statements that count the step and work out the flags; `e` says whether the episode has ended."""
+    late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
+    lines = [f"late = {late}", f"e = late | {terminal}" if not never(p.task.terminal) else "e = late"]
+    lines += ["steps[j] = u32(steps[j] + u32(1))", f"terminated[j] = {terminal}"]
+    return [*lines, "truncated[j] = late", "ended[j] = e"], "e"
+
+
+def _results(
+    p: Program, loop: Loop, state: dict[Row, str], seen: dict[str, str], end: str
+) -> tuple[list[str], list[str], list[Row]]:
+    """Statements that store the next state and what is seen of it; or the first state, where the episode has ended."""
+    rows = {r.name.removeprefix("seen"): r for r in p.seen}
+    finals = {r.name.removeprefix("final"): r for r in p.final}
+    used = [*state, *(rows[name] for name in seen)]
+    if not p.inline_reset:
+        stores = [f"{row.name}[j] = {value}" for row, value in state.items()]
+        stores += [f"{rows[name].name}[j] = {value}" for name, value in seen.items()]
+        return ["time[j] = i64(t + 1)"], stores, used
+    start = _loop(p, p.start, p.reset_words, "j", acting=False)
+    assert not start.lane.lines or p.start
+    first_state, first_seen = _stores(p, start), _observed(start)
+    constant = without_unused(start.lane.lines, [*first_state.values(), *first_seen.values()])
+    renamed = [_renamed(line) for line in constant]
+    again = ["time[j] = i64(select(e, 0, t + 1))", "episodes[j] = u32(episodes[j] + u32(e))"]
+    stores = [f"{row.name}[j] = select(e, {_renamed(first_state[row])}, {value})" for row, value in state.items()]
+    for row in first_state:
+        if row not in state:
+            stores.append(f"{row.name}[j] = select(e, {_renamed(first_state[row])}, x_{row.name})")
+            used.append(row)
+    for name, value in seen.items():
+        stores.append(f"{finals[name].name}[j] = {value}")
+        stores.append(f"{rows[name].name}[j] = select(e, {_renamed(first_seen[name])}, {value})")
+        used.append(finals[name])
+    return [*renamed, *again], stores, used
+
+
+def _renamed(text: str) -> str:
+    """Names of a loop's values, apart from those of another."""
+    return re.sub(r"\bv(\d+)\b", r"again\1", text)
+
+
+def begin(p: Program) -> tuple[list[str], list[Row], Shown]:
+    loop = _loop(p, p.start, p.reset_words, "i", acting=False)
+    state, seen = _stores(p, loop), _observed(loop)
+    rows = {r.name.removeprefix("seen"): r for r in p.seen}
+    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values()])
+    body = [*lines, *(f"{row.name}[j] = {value}" for row, value in state.items())]
+    body += [f"{rows[name].name}[j] = {value}" for name, value in seen.items()]
+    body += ["time[j] = 0", "episodes[j] = u32(episodes[j] + u32(1))"]
+    loads, in_rows = _loads(p, p.reset_words, "\n".join(body), "i")
+    used = list(dict.fromkeys([*in_rows, *state, *(rows[name] for name in seen)]))
+    text = [
+        "@inner",
+        f"def begin({', '.join(['m', 'lanes', 'time', 'episodes', *(r.name for r in used)])}):",
+        *indent(["for i in range(m):"]),
+        *indent(["j = u64(lanes[i])", *loads, *body], 2),
+    ]
+    return text, used, loop.shown

@@ -1,0 +1,114 @@
+"""What a Numba program keeps in memory, and where: a vector of addresses, rows of elements, blocks of lanes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from taskspec.backends.lowering.hoist import compared
+from taskspec.backends.vector import Mode
+from taskspec.lang.types import Kind
+from taskspec.task.spaces import Layout
+from taskspec.task.task import Component, Task
+
+SCRATCH = 1 << 16
+"""Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
+BLOCK = 1024
+CHECKED_STEP, STEP, CHECK, RESET = range(4)
+"""What `kernel` is to do: check the actions and step; step, without the interpreter's lock; check the actions; reset."""
+GAP = 16
+"""Numbers between the rows of an array, see `Buffers.of`."""
+WHAT = 3
+"""The number of the field that says so."""
+BAD = -1
+"""What `kernel` gives where an action is not in the action space; nothing has changed then."""
+_ARRAYS = {Kind.BOOL: "flags", Kind.INT: "i64s", Kind.REAL: "f64s"}
+
+
+@dataclass
+class Memory:
+    """Where every array is: its number in the vector of addresses, in the order of `Engine.addresses`."""
+
+    fields: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        # Numbers: the range of lanes, how far apart rows are, what is to be done.
+        self.fields = ["start", "stop", "every", "what"]
+        self.fields += ["k0", "k1", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
+        self.fields += ["chosen", "lanes", "words", "reals"]
+
+    def at(self, name: str) -> str:
+        if name not in self.fields:
+            self.fields.append(name)
+        return f"m[{self.fields.index(name)}]"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One element of all lanes: a row of an array in memory."""
+
+    name: str
+    array: str  # the array's name in `Memory`
+    row: int
+    kind: str  # the library's function that gives n numbers of it
+
+    def source(self, memory: Memory, first: str = "first", every: str = "every") -> str:
+        # Numba compiles a function once more for every literal that it is given, and not for what i64() returns.
+        offset = first if self.row == 0 else f"i64({self.row}) * {every} + {first}"
+        return f"{self.kind}({memory.at(self.array)}, {offset})"
+
+
+@dataclass
+class Program:
+    """A task's kernel while it is being written."""
+
+    task: Task
+    observation: Layout
+    action: Layout
+    mode: Mode
+    actions: str  # "i", "f" or "d": int64, float32 or float64
+    memory: Memory = field(default_factory=Memory)
+    constants: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        b = self.task.builder
+        self.step_words = self.task.step_words
+        self.step = compared(b, self.task.step_roots)
+        self.reset_words = self.task.reset_words
+        self.start = compared(b, self.task.reset_roots)
+        most = max(self.step_words.count, self.reset_words.count, 1)
+        self.block = max(64, min(BLOCK, SCRATCH // (8 * most) // 64 * 64))
+        self.rows, self.width = most + 2, self.block + GAP
+        self.states = self._component_rows("s", self.task.state)
+        self.seen, self.final = _seen_rows("seen", self.observation), _seen_rows("final", self.observation)
+        for i in range(len(self.task.state)):
+            self.memory.at(f"s{i}")
+        parts = len(self.observation.components) if self.observation.form == "dict" else 1
+        for i in range(parts):
+            self.memory.at(f"seen{i}")
+            self.memory.at(f"final{i}")
+
+    @staticmethod
+    def _component_rows(prefix: str, components: Sequence[Component]) -> list[list[Row]]:
+        return [
+            [Row(f"{prefix}{i}_{k}", f"{prefix}{i}", k, _ARRAYS[c.type.kind]) for k in range(c.type.size)]
+            for i, c in enumerate(components)
+        ]
+
+    @property
+    def inline_reset(self) -> bool:
+        """Whether lanes that end start again within the loop: where that is known and takes no draws."""
+        return self.mode == "same_step" and not self.reset_words.count
+
+
+def _seen_rows(prefix: str, layout: Layout) -> list[Row]:
+    """The rows of the arrays that hold observations."""
+    if layout.form == "dict":
+        rows = []
+        for i, c in enumerate(layout.components):
+            kind = "i64s" if c.is_finite and c.type.is_scalar else "f32s"
+            rows += [Row(f"{prefix}{i}_{k}", f"{prefix}{i}", k, kind) for k in range(c.type.size)]
+        return rows
+    kind = "i64s" if layout.form in ("discrete", "multi_discrete") else "f32s"
+    return [Row(f"{prefix}0_{k}", f"{prefix}0", k, kind) for k in range(max(1, layout.size))]

@@ -1,0 +1,1 @@
+"""The NumPy program: generated array code that steps many environments."""

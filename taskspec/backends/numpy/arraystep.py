@@ -1,0 +1,231 @@
+"""The generated module of a NumPy program: one step of n lanes over arrays that stay where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.buffers import Array, Values
+from taskspec.backends.emit.arrayform import ArrayForm, Scratch, Sink, scalar
+from taskspec.backends.lowering.hoist import Hoisted
+from taskspec.draws.layout import poisson_bound
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
+from taskspec.lang.types import Kind
+from taskspec.task.spaces import Layout
+from taskspec.task.task import Component, Task
+
+
+@dataclass(frozen=True)
+class Again:
+    """The values with which every episode begins, (*shape, 1): of the state, and of the raw arrays of observations."""
+
+    state: tuple[Array, ...]
+    seen: tuple[Array, ...]
+
+
+def observed(seen: Values) -> list[Array]:
+    """The arrays that the generated code writes observations into, in order: rows, or parts of a dict."""
+    layout = seen.layout
+    if layout.form in ("dict", "discrete", "one_hot"):
+        return list(seen.parts)
+    rows, out, offset = seen.flat(), [], 0
+    for c in layout.components:
+        span = rows[offset : offset + c.type.size]
+        out.append(span[0] if c.type.is_scalar else span.reshape(*c.type.shape, -1))
+        offset += c.type.size
+    return out
+
+
+def generate(
+    task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: Layout, again: Again | None
+) -> tuple[str, dict[str, Any]]:
+    """Source of the module, and the constants it refers to, as nodes; with `again`, lanes that end begin anew."""
+    states, actions = _names("s", task.state), _names("a", task.action)
+    outputs = [f"o{i}" for i in range(1 if observation.form == "one_hot" else len(observation.components))]
+    form = _form(task, states, actions, hoisted)
+    form.sinks = _sinks(task, observation, roots, states, outputs)
+    values = form.emit(roots)
+    n = len(task.state)
+    shown = again is not None and _shows_state(task, observation, roots, again)
+    lines = [  # results may show the state, so they are copied before it moves on
+        *form.lines,
+        *([] if shown else _observation(form, observation, outputs, values[n + 2 :])),
+        *_copy("reward", values[n]),
+        *([] if never(roots[n + 1]) else _copy("terminated", values[n + 1])),
+        *_state(form, task, states, roots[:n], values[:n]),
+        *_ending(task, roots[n + 1]),
+        *(_begin(states, again, shown) if again is not None else []),
+        *([f"copyto(seen0, {states[0]})"] if shown else []),
+        "return count",
+    ]
+    arguments = ["n", *states, "t", *outputs, "reward", "terminated", "truncated", "ended"]
+    arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(Values.empty(observation, 1).parts))]
+    taken = [*actions, *hoisted.names, *hoisted.word_numbers]
+    assert form.scratch is not None
+    quiet = ['@np.errstate(all="ignore")'] if _may_warn(roots, observation) else []
+    body = [*form.scratch.declarations, "", *quiet, f"def step({', '.join(taken)}):"]
+    body += [*_indent(lines), "", "return step"]
+    head = repr(f"{task.id}: n environments, array code. Generated; the spec is {task.document.origin.name}.")
+    return "\n".join([head, "", "", f"def lanes({', '.join(arguments)}):", *_indent(body), ""]), form.constants
+
+
+def _may_warn(roots: Sequence[Node], observation: Layout) -> bool:
+    """Whether NumPy might complain, of an overflow or of nan: not where everything is whole numbers and look-ups."""
+    reals = [n for n in walk(roots) if isinstance(n, Apply) and n.type.kind is Kind.REAL]
+    small = all(abs(v) < 2**31 for c in observation.components for v in (*c.low, *c.high))
+    return not small or any(n.op not in ("index", "to_real", "where", "element") for n in reals)
+
+
+def _names(prefix: str, components: Sequence[Component]) -> list[str]:
+    return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
+
+
+def _indent(lines: Sequence[str]) -> list[str]:
+    return [f"    {line}" if line else "" for line in lines]
+
+
+def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Hoisted) -> ArrayForm:
+    names = {(Role.TIME, "t"): "t"}
+    names |= {(Role.STATE, c.name): s for c, s in zip(task.state, states, strict=True)}
+    names |= {(Role.ACTION, c.name): a for c, a in zip(task.action, actions, strict=True)}
+    names |= {(Role.VARIABLE, v): v for v in (*hoisted.names, *hoisted.word_numbers)}
+    return ArrayForm(
+        names,
+        lambda draw, args: _drawn(draw, args, hoisted.words[draw.site]),
+        scratch=Scratch(),
+    )
+
+
+# -- draws whose distribution depends on the state ----------------------------------------------------------------
+
+
+def _drawn(draw: Draw, args: Sequence[str], words: Sequence[str]) -> str:
+    """A draw from its words, which the step is given one by one as int64 (lanes,)."""
+    size = draw.type.size
+    stacked = f"np.stack(({', '.join(words)},)).astype(np.uint32)"
+    spread = args[0] if draw.args[0].type.shape else f"np.asarray({args[0]})[None]"
+    flat = f"rt.rows({spread})"
+    match draw.base:
+        case "bernoulli":
+            text = f"bernoullis({stacked}, {flat})"
+        case "index":
+            text = f"indices({stacked}, {flat}).astype(np.int64)"
+        case "categorical":
+            text = f"weighted_categoricals({stacked}, {args[0]}[:, None]).astype(np.int64)"
+        case "poisson":
+            grouped = f"{stacked}.reshape({size}, {len(words) // size}, -1).swapaxes(0, 1)"
+            text = f"poissons({grouped}, {flat}, {poisson_bound(draw)!r}).astype(np.int64)"
+        case _:
+            text = f"dirichlets({stacked}, {flat}).astype(np.float64)"
+    return f"{text}.reshape({''.join(f'{k}, ' for k in draw.type.shape)}-1)"
+
+
+# -- what a step leaves behind ------------------------------------------------------------------------------------
+
+
+def _sinks(
+    task: Task, layout: Layout, roots: Sequence[Node], states: Sequence[str], outputs: Sequence[str]
+) -> dict[int, Sink]:
+    """Results that may be written where they belong, without a copy. Of several for one value the first is."""
+    n = len(task.state)
+    found: dict[int, Sink] = {}
+    for c, name, root in zip(task.state, states, roots, strict=False):
+        held = frozenset(id(r) for r in walk(roots) if isinstance(r, Read) and (r.role, r.name) == (Role.STATE, c.name))
+        found.setdefault(id(root), Sink(name, held))
+    if roots[n].type.kind is Kind.REAL:
+        found.setdefault(id(roots[n]), Sink("reward"))
+    if layout.form == "discrete" and not layout.components[0].low[0] and roots[n + 2].type.kind is Kind.INT:
+        found.setdefault(id(roots[n + 2]), Sink(outputs[0]))
+    return found
+
+
+def _copy(target: str, value: str) -> list[str]:
+    return [] if value == target else [f"copyto({target}, {value})"]
+
+
+def _observation(form: ArrayForm, layout: Layout, outputs: Sequence[str], values: Sequence[str]) -> list[str]:
+    if layout.form == "one_hot":
+        return _one_hot(form, layout, values)
+    lines = []
+    for c, out, value in zip(layout.components, outputs, values, strict=True):
+        low = [int(v) for v in c.low] if layout.form == "multi_discrete" else [0]
+        if not any(low):
+            lines += _copy(out, value)
+        elif c.type.is_scalar:
+            lines.append(f"subtract({value}, {scalar(low[0])}, {out})")
+        else:
+            lines.append(f"subtract({value}, np.array({low}).reshape({(*c.type.shape, 1)}), {out})")
+    return lines
+
+
+def _one_hot(form: ArrayForm, layout: Layout, values: Sequence[str]) -> list[str]:
+    lines, offset = [], 0
+    for c, value in zip(layout.components, values, strict=True):
+        elements = [value] if c.type.is_scalar else [f"rt.rows({value})[{k}]" for k in range(c.type.size)]
+        for element, count, low in zip(elements, c.counts, c.low, strict=True):
+            places = form.constant(np.arange(int(low), int(low) + count)[:, None])
+            lines.append(f"equal({element}, {places}, o0[{offset}:{offset + count}])")
+            offset += count
+    return lines
+
+
+def _state(
+    form: ArrayForm, task: Task, states: Sequence[str], roots: Sequence[Node], values: Sequence[str]
+) -> list[str]:
+    """The next state, written over the present one; what shows memory of another component is copied first."""
+    shown = {id(n) for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE}
+    copies, lines = [], []
+    for c, name, root, value in zip(task.state, states, roots, values, strict=True):
+        if isinstance(root, Read) and root.role is Role.STATE and root.name == c.name:
+            continue
+        source = value
+        if form.owner(root) in shown:
+            source = f"n_{name}"
+            copies.append(f"{source} = {value}.copy()")
+        lines += _copy(name, source)
+    return [*copies, *lines]
+
+
+def never(terminal: Node) -> bool:
+    """Whether no step terminates; `ended` and `truncated` are one array then."""
+    return isinstance(terminal, Const) and not plain(terminal.value)
+
+
+def _ending(task: Task, terminal: Node) -> list[str]:
+    """The time, the other flags, and the number of episodes that ended."""
+    lines = ["add(t, ONE, t)"]
+    if task.horizon is not None:
+        lines.append("greater_equal(t, HORIZON, truncated)")
+    if not never(terminal):
+        lines.append("logical_or(terminated, truncated, ended)")
+    return [*lines, "count = int(count_nonzero(ended))"]
+
+
+def _shows_state(task: Task, layout: Layout, roots: Sequence[Node], again: Again) -> bool:
+    """Whether what is observed is the first state component as it is, so that it can be copied after all else."""
+    n = len(task.state)
+    if not n or layout.form != "discrete" or layout.components[0].low[0] or roots[0] is not roots[n + 2]:
+        return False
+    return task.state[0].type.kind is Kind.INT and bool((again.state[0] == again.seen[0]).all())
+
+
+def _begin(states: Sequence[str], again: Again, shown: bool) -> list[str]:
+    """What `_Block._finish` does, where all episodes begin alike: most of its time would go to calls."""
+    if shown:
+        lines = [f"copyto(final0, {states[0]})", *_put(states, again.state)]
+    else:
+        seen = [f"seen{i}" for i in range(len(again.seen))]
+        lines = [f"copyto(final{i}, {name})" for i, name in enumerate(seen)]
+        lines += _put([*states, *seen], [*again.state, *again.seen])
+    return ["if count:", *_indent([*lines, "putmask(t, ended, ZERO)"])]
+
+
+def _put(names: Sequence[str], values: Sequence[Array]) -> list[str]:
+    """Statements that write the first values, (*shape, 1), where episodes have ended; `putmask` is the quicker one."""
+    return [
+        f"putmask({name}, ended, FIRST[{k}])" if value.ndim == 1 else f"copyto({name}, FIRST[{k}], where=ended)"
+        for k, (name, value) in enumerate(zip(names, values, strict=True))
+    ]

@@ -1,0 +1,275 @@
+"""The NumPy program: generated array code that steps many environments, features first and lanes last.
+
+`compile_numpy` gives the generated module of a task, `NumpyEngine` runs it over blocks of lanes that fit a cache.
+"""
+
+from __future__ import annotations
+
+import linecache
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.actions import reader
+from taskspec.backends.ahead import Ahead, Ready, evaluated
+from taskspec.backends.buffers import Array, Buffers, Values
+from taskspec.backends.emit.arrayform import UFUNCS, arrays
+from taskspec.backends.lowering.hoist import Hoisted, hoist
+from taskspec.backends.lowering.tabulate import tabulate
+from taskspec.backends.numpy.arraystep import Again, generate, never, observed
+from taskspec.backends.numpy.runtimes import RUNTIME
+from taskspec.backends.vector import Mode, NotRunningError, Options
+from taskspec.draws import finite, variates
+from taskspec.draws.layout import Layout as WordLayout
+from taskspec.lang import batch
+from taskspec.lang.ir import Node
+from taskspec.lang.ir import draws as draws_below
+from taskspec.task.spaces import Layout, action_layout, observation_layout
+from taskspec.task.task import Task
+
+BLOCK = 16_384
+"""Lanes stepped together, at most: 128 KiB for each array of 8-byte numbers."""
+
+
+@dataclass(frozen=True)
+class Module:
+    """The generated step of a task, and what its phases are made of.
+
+    `bind(n, *arrays)` gives the step function of n lanes over their arrays; see `source`. Where `begins` is set it also begins
+    the episodes that follow those which have ended. Where `never_terminates` is set, no step terminates, and `truncated` and
+    `ended` are to be one array.
+    """
+
+    task: Task
+    source: str
+    bind: Callable[..., Callable[..., int]]
+    observation: Layout
+    action: Layout
+    hoisted: Hoisted
+    start: tuple[Node, ...]
+    begins: bool
+    never_terminates: bool
+
+
+@lru_cache(maxsize=64)
+def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
+    """Generate and compile the array form of a task."""
+    b, observation = task.builder, observation_layout(task)
+    roots = task.step_roots
+    hoisted = hoist(b, roots, task.step_words)
+    table = tabulate(b, hoisted.roots)
+    start = task.reset_roots
+    again = _again(start, len(task.state), observation) if mode == "same_step" else None
+    source, constants = generate(task, table, hoisted, observation, again)
+    namespace = {**_NAMESPACE, "HORIZON": np.array(task.horizon or 0), **arrays(constants, batch.array)}
+    if again is not None:
+        namespace["FIRST"] = (*again.state, *again.seen)
+    file = f"<taskspec {task.id} {task.content_hash[:12]} numpy {mode}>"
+    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    bind, begins, never_terminates = namespace["lanes"], again is not None, never(table[len(task.state) + 1])
+    return Module(task, source, bind, observation, action_layout(task), hoisted, start, begins, never_terminates)
+
+
+def _again(start: tuple[Node, ...], states: int, observation: Layout) -> Again | None:
+    """How episodes begin, if all do alike."""
+    if draws_below(start):
+        return None
+    values = evaluated(start, WordLayout.dealt(()), np.zeros((0, 1), np.uint32))
+    seen = Values.empty(observation, 1)
+    write(seen, values[states:], np.arange(1))
+    return Again(tuple(values[:states]), seen.parts)
+
+
+_NAMESPACE: dict[str, Any] = {
+    **{name: getattr(np, name) for name in (*UFUNCS.values(), "copyto", "count_nonzero", "greater_equal", "putmask")},
+    "ONE": np.array(1),
+    "ZERO": np.array(0),
+    "np": np,
+    "xp": np,
+    "rt": RUNTIME,
+    "nan": np.nan,
+    "inf": np.inf,
+    "dirichlets": variates.dirichlets,
+    "bernoullis": variates.bernoullis,
+    "indices": finite.indices,
+    "poissons": finite.poissons,
+    "weighted_categoricals": finite.weighted_categoricals,
+}
+
+
+class NumpyEngine:
+    """Many environments of a task, stepped by NumPy (see `taskspec.backends.vector.Engine`)."""
+
+    def __init__(self, task: Task, lanes: int, options: Options) -> None:
+        module = compile_numpy(task, options.mode)
+        self.observation, self.action, self.source = module.observation, module.action, module.source
+        self.buffers = Buffers.of(task, module.observation, lanes)
+        if module.never_terminates:
+            self.buffers.ended = self.buffers.truncated
+        self._read = reader(task, module.action, lanes)
+        self._mode = options.mode
+        size = max(1, -(-lanes // -(-lanes // BLOCK))) if lanes else 1
+        places = [slice(i, min(i + size, lanes)) for i in range(0, lanes, size)]
+        self._blocks = [_Block(module, self.buffers.part(p), p, options) for p in places]
+
+    def seed(self, seeds: Array, lanes: Array | None = None) -> None:
+        buffers, chosen = self.buffers, slice(None) if lanes is None else lanes
+        for block in self._blocks:
+            block.settle()
+        buffers.seeds[chosen] = seeds
+        buffers.steps[chosen] = 0
+        buffers.episodes[chosen] = 0
+        for block, mine in self._parts(lanes):
+            block.forget(mine)
+
+    def reset(self, lanes: Array | None = None) -> None:
+        for block, mine in self._parts(lanes):
+            block.reset(np.arange(block.lanes) if mine is None else mine)
+
+    def step(self, actions: Any) -> int:
+        parts = self._read(actions)
+        if len(self._blocks) == 1:
+            (block,) = self._blocks
+            if not block.ready:
+                raise NotRunningError
+            return block.step(parts)
+        if not all(block.ready for block in self._blocks):
+            raise NotRunningError
+        return sum(block.step([p[..., block.place] for p in parts]) for block in self._blocks)
+
+    def place(self, values: tuple[Array, ...], lanes: Array) -> None:
+        for held, new in zip(self.buffers.state, values, strict=True):
+            held[..., lanes] = new
+
+    def _parts(self, lanes: Array | None) -> list[tuple[_Block, Array | None]]:
+        """The blocks concerned, each with indices of its own (None: all of them)."""
+        if lanes is None:
+            return [(block, None) for block in self._blocks]
+        inside = [(b, lanes[(lanes >= b.place.start) & (lanes < b.place.stop)] - b.place.start) for b in self._blocks]
+        return [(block, mine) for block, mine in inside if len(mine)]
+
+
+class _Block:
+    """A range of lanes with scratch arrays of its own."""
+
+    def __init__(self, module: Module, buffers: Buffers, place: slice, options: Options) -> None:
+        self.lanes, self.place = buffers.lanes, place
+        self._buffers, self._module = buffers, module
+        self._ahead, self._start = Ahead(module.hoisted, buffers), Ready(module.start, module.task.reset_words, buffers)
+        self._state_size = len(module.task.state)
+        rows = observed(buffers.seen)
+        self._step = module.bind(
+            self.lanes,
+            *buffers.state,
+            buffers.time,
+            *rows,
+            buffers.reward,
+            buffers.terminated,
+            buffers.truncated,
+            buffers.ended,
+            *buffers.seen.parts,
+            *buffers.final.parts,
+        )
+        self._mode = options.mode
+        self._begun = False
+        self._over = 0  # lanes whose episodes have ended and that were not reset since
+
+    @property
+    def ready(self) -> bool:
+        """Whether a step may be taken."""
+        return self._begun and (self._mode != "disabled" or not self._over)
+
+    def settle(self) -> None:
+        """Bring the counts of steps up to date."""
+        self._ahead.settle()
+
+    def forget(self, lanes: Array | None) -> None:
+        """Some lanes were seeded anew."""
+        self._ahead.restart(everywhere=lanes is None)
+        self._start.forget(slice(None) if lanes is None else lanes)
+
+    def reset(self, lanes: Array) -> None:
+        """Begin an episode in some lanes."""
+        b = self._buffers
+        self._begin(lanes)
+        b.running[lanes] = True
+        b.terminated[lanes] = b.truncated[lanes] = b.ended[lanes] = False
+        self._over = 0 if self._mode == "same_step" else int(np.count_nonzero(b.ended))
+        self._begun = self._begun or bool(b.running.all())
+
+    def _begin(self, lanes: Array) -> None:
+        b = self._buffers
+        values = self._start.take(lanes)
+        for held, new in zip(b.state, values, strict=False):
+            held[..., lanes] = new
+        write(b.seen, values[self._state_size :], lanes)
+        b.time[lanes] = 0
+        b.episodes[lanes] += _ONE
+
+    def step(self, actions: Sequence[Array]) -> int:
+        b, over = self._buffers, self._over
+        late = b.ended.nonzero()[0] if over else None
+        if late is not None:
+            self._ahead.part_ways()
+            b.time[late] = 0  # what the step makes of these lanes is dropped; but it may look things up by the time
+        ended = self._over = self._step(*actions, *self._ahead.take())
+        if self._mode == "same_step":
+            if ended and not self._module.begins:
+                self._finish()
+            self._over = 0
+            return ended
+        return ended if late is None else self._skip(late)
+
+    def _finish(self) -> None:
+        """Keep the last observations of the episodes that have ended, and begin the next ones."""
+        b = self._buffers
+        for final, seen in zip(b.final.parts, b.seen.parts, strict=True):
+            np.copyto(final, seen)
+        self._begin(b.ended.nonzero()[0])
+
+    def _skip(self, late: Array) -> int:
+        """Lanes whose episodes ended in the step before begin the next one now, and take no step."""
+        b = self._buffers
+        self._ahead.settle()
+        b.steps[late] -= _ONE
+        b.reward[late] = 0.0
+        self.reset(late)
+        return self._over
+
+
+_ONE = np.array(1, np.uint32)
+
+
+def write(values: Values, flats: Sequence[Array], lanes: Array) -> None:
+    """Write components of observations, (*shape, k) each, as the values of some lanes; in float32 large ones are infinite."""
+    with np.errstate(over="ignore"):
+        _write(values, flats, lanes)
+
+
+def _write(values: Values, flats: Sequence[Array], lanes: Array) -> None:
+    layout = values.layout
+    if layout.form == "dict":
+        for part, flat in zip(values.parts, flats, strict=True):
+            part[..., lanes] = flat
+        return
+    if layout.form == "discrete":
+        values.parts[0][lanes] = flats[0]
+        return
+    rows, offset = values.flat(), 0
+    for c, flat in zip(layout.components, flats, strict=True):
+        elements = flat.reshape(c.type.size, -1)
+        if layout.form == "box":
+            rows[offset : offset + c.type.size, lanes] = elements
+            offset += c.type.size
+            continue
+        for element, count, low in zip(elements, c.counts, c.low, strict=True):
+            if layout.form == "one_hot":
+                rows[offset : offset + count, lanes] = element == np.arange(int(low), int(low) + count)[:, None]
+                offset += count
+            else:
+                rows[offset, lanes] = element - int(low)
+                offset += 1

@@ -1,0 +1,1 @@
+"""The scalar program: generated Python that resets and steps one environment."""

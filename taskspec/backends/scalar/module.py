@@ -1,0 +1,255 @@
+"""The generated module of a scalar program: closures over the state of one environment, with `reset` and `step`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.backends.emit.lane import Lane
+from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.source import without_unused
+from taskspec.backends.lowering.invariant import Invariants, frozen_components
+from taskspec.backends.lowering.phase import Phase
+from taskspec.backends.scalar.emit_action import names_of, read_action
+from taskspec.backends.scalar.emit_observation import observe
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.types import Type
+from taskspec.task.spaces import Layout
+from taskspec.task.task import Task
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a module is generated from."""
+
+    task: Task
+    invariants: Invariants
+    cold: frozenset[str]
+    reset: Phase
+    step: Phase
+    observation: Layout
+    action: Layout
+
+
+def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
+    """Source of the module, and the constants it refers to."""
+    task, constants = parts.task, dict[str, Any]()
+    states = names_of("s", task.state)
+    # `repr`, because ids and file names are somebody's text: nothing in them may end the literal.
+    head = [repr(f"{task.id}: one environment, straight-line. Generated; the spec is {task.document.origin.name}.")]
+    restored = _restored(parts, states, constants)
+    step = _step(parts, states, restored, constants)
+    reset = _reset(parts, states, [*step, *restored], constants)
+    kept = [*states, *_kept(parts)]
+    lines = [f"{', '.join(kept)} = {', '.join('None' for _ in kept)}", "alive = False"]
+    lines += [
+        "t = 0  # steps of this episode",
+        "past = 0  # steps of the episodes before it",
+        "episodes = 0",
+        "",
+    ]
+    lines += [
+        *reset,
+        "",
+        *step,
+        "",
+        *_access(parts, states, restored),
+        "",
+        "return reset, step, get, put",
+    ]
+    return "\n".join(
+        [
+            *head,
+            "",
+            "",
+            "def lane(next_first, next_draws, bad_action, not_running):",
+            *_indent(lines),
+            "",
+        ]
+    ), constants
+
+
+def _kept(parts: Parts) -> list[str]:
+    """Variables that hold what stays the same for an episode."""
+    return [*parts.invariants.names, *(["kept"] if parts.invariants.observation else [])]
+
+
+def _indent(lines: Sequence[str]) -> list[str]:
+    return [f"    {line}" if line else "" for line in lines]
+
+
+def _held(name: str, type_: Type) -> Value:
+    """How a value is held in a variable: a number, or one flat sequence."""
+    return Value([name]) if type_.is_scalar else Value(packed=name)
+
+
+def _lane(
+    parts: Parts,
+    phase: Phase | None,
+    states: Sequence[str],
+    actions: Sequence[Value],
+    constants: dict[str, Any],
+) -> Lane:
+    """An emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
+    task, names = parts.task, {(Role.TIME, "t"): Value(["t"])}
+    for c, name in zip(task.state, states, strict=True):
+        names[Role.STATE, c.name] = _held(name, c.type)
+    for c, value in zip(task.action, actions, strict=False):
+        names[Role.ACTION, c.name] = value
+    for node, name in zip(parts.invariants.nodes, parts.invariants.names, strict=True):
+        names[Role.VARIABLE, name] = _held(name, node.type)
+    for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True) if phase else ():
+        names[Role.VARIABLE, name] = _held(name, node.type)
+    return Lane(names, phase.words if phase else {}, task.builder.certain, constants=constants)
+
+
+def _unpack(phase: Phase, call: str) -> list[str]:
+    """The statement that takes the next item of the phase's stream."""
+    return [f"{', '.join(phase.names)} = {call}()"] if phase.names else []
+
+
+# -- reset and step -----------------------------------------------------------------------------------------------
+
+
+def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
+    """The function `reset`; `others` are the statements that compute with what it keeps."""
+    task, phase = parts.task, parts.reset
+    lane = _lane(parts, phase, states, (), constants)
+    values = lane.emit((*phase.roots, *phase.observation))
+    types = [*(c.type for c in task.state), *(n.type for n in parts.invariants.nodes)]
+    stored = [_stored(lane, n, v) for n, v in zip(phase.roots, types, strict=True)]
+    for i, c in enumerate(task.state):
+        stored[i] = "None" if c.name in parts.cold else stored[i]
+    observation, statements = observe(lane, parts.observation, phase, values[len(phase.roots) :])
+    inner = without_unused([*lane.lines, *statements], [*stored, observation])
+    targets = [*states, *parts.invariants.names]
+    body = [*_unpack(phase, "next_first"), *_unwrapped(phase, inner, zip(targets, stored, strict=True), others), *inner]
+    body += [f"{', '.join(targets)} = {', '.join(stored)}"]
+    if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
+        body += [f"kept = {observation}"]
+        observation = "kept.copy()"
+    body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {{}}"]
+    targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
+    return ["def reset():", *_indent([f"nonlocal {', '.join(targets)}", *body])]
+
+
+def _unwrapped(phase: Phase, body: Iterable[str], kept: Iterable[tuple[str, str]], others: Iterable[str]) -> list[str]:
+    """Arrays turned into lists of Python numbers, where the body computes with their elements, or `others` with what is kept.
+
+    `kept` are variables and what they become. Numbers of NumPy's own would be slow, and do not do what Python's do: 1 // 0.
+    """
+    read = _names_in(others)
+    used = _names_in([*body, *(source for name, source in kept if name in read)])
+    return [f"{h} = {h}.tolist()" for h in phase.wide if h in used]
+
+
+def _names_in(lines: Iterable[str]) -> set[str]:
+    return set(_NAMES.findall("\n".join(lines)))
+
+
+def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants: dict[str, Any]) -> list[str]:
+    """The function `step`: it works everything out, and fixes what it returns, before the state moves on.
+
+    `others` are the statements besides its own that compute with the state.
+    """
+    task, phase = parts.task, parts.step
+    reading, actions = read_action(task, parts.action)
+    lane = _lane(parts, phase, states, actions, constants)
+    values = lane.emit((*phase.roots, *phase.observation))
+    n, frozen = len(task.state), frozen_components(task)
+    changed = [i for i in range(n) if task.state[i].name not in frozen]
+    stored = {i: _stored(lane, phase.roots[i], task.state[i].type) for i in changed}
+    own = {"True", "False", "nan", "inf", *phase.names, *_kept(parts)}
+    reward, terminal = (_fixed(lane, lane.scalar(root), own) for root in phase.roots[n : n + 2])
+    observation, statements = _seen(lane, parts, terminal, values[n + 2 :], own)
+    end, flags = _ending(task, terminal)
+    inner = without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal])
+    kept = [(states[i], source) for i, source in stored.items()]
+    body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
+    if changed:
+        body.append(f"{', '.join(name for name, _ in kept)} = {', '.join(source for _, source in kept)}")
+    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {{}}"]
+    nonlocals = [*(states[i] for i in changed), "t", "alive"]
+    running = ["if not alive:", "    raise not_running()"]
+    return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
+
+
+def _fixed(lane: Lane, source: str, own: Container[str]) -> str:
+    """A result as a number, or as a name that keeps its value when the state moves on.
+
+    Such are the names that the emitter makes, and those in `own`; anything else gets a name of its own now.
+    """
+    names = _NAMES.findall(source)
+    if not names or (_ATOM.fullmatch(source) and (names[0] in own or _MADE.fullmatch(names[0]))):
+        return source
+    return lane.named(source)
+
+
+_NAMES, _MADE, _ATOM = re.compile(r"\b[A-Za-z_]\w*"), re.compile(r"v\d+"), re.compile(r"\w+(\[\d+\])?")
+
+
+def _seen(
+    lane: Lane, parts: Parts, terminal: str, values: Sequence[Value], own: Container[str]
+) -> tuple[str, list[str]]:
+    """The observation of a step: the kept one where it stays the same, itself rather than a copy on what is always the last."""
+    if parts.invariants.observation:
+        return ("kept" if terminal == "True" else "kept.copy()"), []
+    observation, statements = observe(lane, parts.observation, parts.step, values)
+    if statements:
+        return observation, statements
+    return _fixed(lane, observation, own), []
+
+
+def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
+    """Statements that keep `alive`, and the two flags of the result."""
+    truncated = "False" if task.horizon is None else f"t >= {task.horizon}"
+    if terminal == "False" and truncated == "False":
+        return [], "False, False"
+    if terminal == "False":
+        return [
+            f"if {truncated}:",
+            "    alive = False",
+            "    end = True",
+            "else:",
+            "    end = False",
+        ], "False, end"
+    if terminal == "True":
+        return ["alive = False"], f"True, {truncated}"
+    if truncated == "False":
+        return [f"if {terminal}:", "    alive = False"], f"{terminal}, False"
+    return [f"end = {truncated}", f"if end or {terminal}:", "    alive = False"], f"{terminal}, end"
+
+
+def _stored(lane: Lane, node: Node, type_: Type) -> str:
+    """A value as it is kept: a number of its kind, or a flat sequence."""
+    return lane.scalar(node) if type_.is_scalar else lane.packed(node)
+
+
+def _restored(parts: Parts, states: Sequence[str], constants: dict[str, Any]) -> list[str]:
+    """Statements that work out again, from a state that was set, what stays the same for an episode."""
+    lane = _lane(parts, None, states, (), constants)
+    nodes = parts.task.next_observation if parts.invariants.observation else ()
+    lane.emit((*parts.invariants.nodes, *nodes))
+    fixed = [_stored(lane, n, n.type) for n in parts.invariants.nodes]
+    lines = [f"{name} = {source}" for name, source in zip(parts.invariants.names, fixed, strict=True)]
+    if nodes:
+        flat = [f"*{lane.packed(n)}" if n.type.shape else lane.scalar(n) for n in nodes]
+        lines.append(f"kept = singles(({', '.join(flat)},), {parts.observation.shape})")
+    return [*lane.lines, *lines]
+
+
+def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> list[str]:
+    """Functions that read the state and set it."""
+    everything = ", ".join(states) + "," * (len(states) == 1)
+    clock = "t, past, episodes, alive"
+    body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
+    body += [*restored, f"{clock} = clock"]
+    return [
+        "def get():",
+        f"    return ({everything}), ({clock})",
+        "",
+        "def put(values, clock):",
+        *_indent(body),
+    ]

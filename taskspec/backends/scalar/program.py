@@ -1,0 +1,147 @@
+"""The scalar program: generated Python that resets and steps one environment, in the lane form.
+
+Whatever depends on draws alone, not on the state, is computed by NumPy for blocks of coming steps and episodes;
+what is left for a step is straight-line Python on numbers. `compile_scalar` gives the functions, `Scalar.source` the text.
+"""
+
+from __future__ import annotations
+
+import linecache
+import operator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from taskspec import draws
+from taskspec.backends.lowering.invariant import Invariants, changing, cold_components
+from taskspec.backends.lowering.phase import Phase
+from taskspec.backends.scalar import scalars
+from taskspec.backends.scalar.module import Parts, generate
+from taskspec.draws.sample import sampler
+from taskspec.lang.evaluate import evaluate
+from taskspec.task.spaces import Layout, action_layout, observation_layout, pack, singles
+from taskspec.task.task import Task
+
+Failure = Callable[..., Exception]
+
+
+@dataclass(frozen=True)
+class Failures:
+    """What the generated code raises; the environment layer supplies Gymnasium's kinds of errors."""
+
+    action: Callable[[Any], Exception]
+    not_running: Callable[[], Exception]
+
+
+class Clock(NamedTuple):
+    """Where an environment stands: steps of this episode, steps of those before it, resets, and whether it is running."""
+
+    time: int = 0
+    past: int = 0
+    episodes: int = 0
+    alive: bool = False
+
+
+_ZERO = Clock()
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """A compiled task: `start` makes the functions of one environment.
+
+    `source` is the generated module; `observation` and `action` say how values are laid out.
+    """
+
+    task: Task
+    source: str
+    observation: Layout
+    action: Layout
+    reset_phase: Phase
+    step_phase: Phase
+    _namespace: dict[str, Any] = field(repr=False)
+
+    def start(self, seed: int, failures: Failures, clock: Clock = _ZERO) -> Lane:
+        """Functions of one environment, whose draws go on from where a clock stands."""
+        first = self.reset_phase.stream(seed, draws.RESET, clock.episodes)
+        later = self.step_phase.stream(seed, draws.STEP, clock.past + clock.time)
+        parts = self._namespace["lane"](first, later, failures.action, failures.not_running)
+        return Lane(*parts)
+
+    def replay(self, seed: int, clock: Clock) -> list[Any]:
+        """The component values that the last reset gave."""
+        layout = self.task.reset_words
+        words = draws.words(seed, draws.RESET, clock.episodes - 1, layout.count)
+        flats = evaluate(self.task.initial, {}, sampler(layout, words))
+        return [flat if c.type.shape else flat[0] for c, flat in zip(self.task.state, flats, strict=True)]
+
+    def pack(self, flats: Sequence[tuple[Any, ...]]) -> Any:
+        """Evaluated observation components, flat, as an observation."""
+        return pack(self.observation, flats)
+
+
+@dataclass(frozen=True)
+class Lane:
+    """One environment: `reset()`, `step(action)`, and its state (component values, clock) to get and put.
+
+    A value that `get` gives as None is that of the last reset (`Scalar.replay`); `put` needs all values.
+    """
+
+    reset: Callable[[], tuple[Any, dict[str, Any]]]
+    step: Callable[[Any], tuple[Any, float, bool, bool, dict[str, Any]]]
+    get: Callable[[], tuple[tuple[Any, ...], tuple[int, int, int, bool]]]
+    put: Callable[[Sequence[Any], tuple[int, int, int, bool]], None]
+
+
+@lru_cache(maxsize=64)
+def compile_scalar(task: Task) -> Scalar:
+    """Generate and compile the scalar program of a task."""
+    observation, action = observation_layout(task), action_layout(task)
+    invariants = Invariants.of(task, observation.form == "box" and bool(observation.shape))
+    roots = invariants.replaced(task, (*task.next, task.reward, task.terminal))
+    seen = () if invariants.observation else invariants.replaced(task, task.next_observation)
+    cold = cold_components(task, (*changing(task, roots), *seen))
+    initial = [task.builder.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
+    reset = Phase.of(task, (*initial, *invariants.at_reset), task.first_observation, observation, task.reset_words)
+    step = Phase.of(task, roots, seen, observation, task.step_words)
+    source, constants = generate(Parts(task, invariants, cold, reset, step, observation, action))
+    file = f"<taskspec {task.id} {task.content_hash[:12]}>"
+    namespace = {
+        **scalars.NAMESPACE,
+        **constants,
+        "np": np,
+        "index": operator.index,
+        "singles": singles,
+        **_ACTIONS,
+    }
+    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    return Scalar(task, source, observation, action, reset, step, namespace)
+
+
+def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
+    """An array-like action as an array of float64 of the given shape.
+
+    ValueError: it has another shape or is no array of numbers.
+    """
+    return _as_numbers(action, shape, "biuf").astype(np.float64)
+
+
+def _as_ints(action: Any, shape: tuple[int, ...]) -> Any:
+    """The same of ints; reals are refused, as `MultiDiscrete.contains` refuses them."""
+    return _as_numbers(action, shape, "iu").astype(np.int64)
+
+
+def _as_numbers(action: Any, shape: tuple[int, ...], kinds: str) -> Any:
+    array = np.asarray(action)
+    if array.shape != shape or array.dtype.kind not in kinds:
+        raise ValueError
+    return array
+
+
+_ACTIONS = {
+    "as_floats": _as_floats, "as_ints": _as_ints, "int64": np.dtype(np.int64), "float32": np.dtype(np.float32),
+    "float64": np.dtype(np.float64),
+}  # fmt: skip

@@ -1,0 +1,1 @@
+"""Tasks solved through a finite stand-in, and whether that is faithful."""

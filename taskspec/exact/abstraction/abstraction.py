@@ -1,0 +1,53 @@
+"""Tasks solved through a finite stand-in.
+
+An abstraction maps every state to one of a finite task with the same actions. It is faithful when
+rewards, ends and the distribution of the next mapped state depend on the mapped state alone; then
+values, and returns of policies of the mapped state, are those of the task itself. Whether it is,
+`faith` says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.checks.places import Section
+from taskspec.exact.simulation.rollout import reads_of
+from taskspec.lang.batch import evaluate
+from taskspec.lang.ir import Node
+from taskspec.task.build import build_abstract
+from taskspec.task.task import Task
+
+Array = np.ndarray[Any, Any]
+State = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Abstraction:
+    """A task, its finite stand-in, and the nodes that map a state to the stand-in's, in order of its components."""
+
+    task: Task
+    stand_in: Task
+    nodes: tuple[Node, ...]
+
+    def map(self, state: State) -> dict[str, Array]:
+        """The mapped state, (*shape, lanes)."""
+        lanes = next(iter(state.values())).shape[-1]
+        values = evaluate(self.nodes, reads_of(state, {}, 0))
+        names = (c.name for c in self.stand_in.state)
+        return {n: np.broadcast_to(v, (*v.shape[:-1], lanes)) for n, v in zip(names, values, strict=True)}
+
+
+def abstraction(task: Task) -> Abstraction | None:
+    """The abstraction that a task declares, or None."""
+    written = task.surface.sections.get("abstraction")
+    stand_in = build_abstract(task) if written else None
+    if stand_in is None or not isinstance(written, dict):
+        return None
+    section = Section(task, "abstraction")
+    nodes = [section.number(written[c.name]) if c.name in written else None for c in stand_in.state]
+    found = tuple(n for n in nodes if n is not None)
+    return Abstraction(task, stand_in, found) if len(found) == len(nodes) else None

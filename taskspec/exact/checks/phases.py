@@ -1,0 +1,246 @@
+"""What is checked, as data: the phases of a task (start, decision, step), each with its checks and its points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.checks.bounds import proved
+from taskspec.exact.checks.places import Section, Written, distributions
+from taskspec.exact.model.cost import Cost
+from taskspec.exact.model.outcomes import count
+from taskspec.exact.model.space import Space
+from taskspec.exact.simulation.points import Grid, Samples
+from taskspec.exact.simulation.rollout import visited
+from taskspec.lang import syntax as s
+from taskspec.lang.dists import DISTS
+from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
+from taskspec.lang.types import Kind
+from taskspec.task.reach import reach
+from taskspec.task.task import Component, Task
+
+Array = np.ndarray[Any, Any]
+Points = Grid | Samples
+MANY_TIMES = 1000
+MOST_OUTCOMES = 5000
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """One thing that must hold at every point: `node` has a value within `low` and `high`, and is a number.
+
+    `guards` are conditions; where one fails, nothing is asked. `subject` is what the value belongs
+    to; `section` and `entry` say where its expression is.
+    """
+
+    code: str
+    node: Node
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    section: str
+    entry: str | None = None
+    subject: Component | None = None
+    place: s.Expr | None = None
+    guards: tuple[Node, ...] = ()
+    what: str = ""
+
+    @property
+    def finite(self) -> bool:
+        """Whether an infinite value is wrong even where the range has no end."""
+        return self.node.type.kind is Kind.REAL
+
+    def wrong(self, value: Array) -> Array:
+        """Where a value (*shape, M) is not allowed: (M,)."""
+        shape = self.node.type.shape
+        axes = tuple(range(len(shape)))
+        low = np.array(self.low if shape else self.low[0]).reshape(*shape, 1)
+        high = np.array(self.high if shape else self.high[0]).reshape(*shape, 1)
+        if self.node.type.kind is not Kind.REAL:
+            return np.asarray(((value < low) | (value > high)).any(axis=axes))
+        slack = (1e-6 if self.code == "E401" else 1e-9) * (1 + np.abs(np.where(np.isfinite(value), value, 0)))
+        inside = (value >= low - slack) & (value <= high + slack) & np.isfinite(value)
+        return np.asarray((~inside).any(axis=axes))
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Checks that share their points and their draws."""
+
+    task: Task
+    name: str
+    checks: tuple[Check, ...]
+    points: Points
+    exact: bool
+
+    @cached_property
+    def roots(self) -> tuple[Node, ...]:
+        return tuple(n for c in self.checks for n in (*c.guards, c.node))
+
+    @cached_property
+    def draws(self) -> tuple[Draw, ...]:
+        return draws(self.roots)
+
+
+def phases(task: Task, limit: int) -> Iterator[Phase]:
+    """The phases of a task that have anything left to check once bounds have proved what they can."""
+    yield _phase(task, "start", _start_checks(task), limit)
+    yield _phase(task, "decision", _decision_checks(task), limit)
+    yield _phase(task, "step", _step_checks(task), limit)
+
+
+def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> Phase:
+    left = tuple(c for c in checks if not proved(c, task.builder))
+    roots = [n for c in left for n in (*c.guards, c.node)]
+    found = draws(roots)
+    outcomes = count(found, {})
+    read = reads(roots)
+    if name == "start":
+        return Phase(task, name, left, Samples((), None, None), outcomes <= limit and not read)
+    times = _times(task, name) if (Role.TIME, "t") in read else None
+    if task.is_finite and outcomes <= MOST_OUTCOMES:
+        actions = Space(task.action, Role.ACTION) if name == "step" else None
+        grid = Grid(Space(task.state, Role.STATE), actions, times)
+        if grid.size * outcomes <= min(limit, Cost(roots).affordable()):
+            return Phase(task, name, left, grid, True)
+    given = visited(task) if left else None
+    components = [(Role.STATE, c) for c in _reached(task)] + [(Role.ACTION, c) for c in task.action]
+    return Phase(task, name, left, Samples(tuple(components), _times(task, name), given), not left)
+
+
+def _reached(task: Task) -> Iterator[Component]:
+    """The components of the state, those without bounds limited to how far episodes get."""
+    reached = reach(task.state, task.initial, task.next, task.horizon)
+    for c in task.state:
+        low, high = reached[c.name]
+        yield replace(c, low=tuple(max(v, low) for v in c.low), high=tuple(min(v, high) for v in c.high))
+
+
+def _times(task: Task, name: str) -> range:
+    last = MANY_TIMES if task.horizon is None else task.horizon
+    return range(last + (name == "decision"))
+
+
+# -- checks ---------------------------------------------------------------------------------------
+
+
+def _start_checks(task: Task) -> list[Check]:
+    values = [
+        Check("E404", node, c.low, c.high, "initial", c.name, c)
+        for c, node in zip(task.state, task.raw_initial, strict=True)
+    ]
+    return values + _drawn(task, "initial", task.initial)
+
+
+def _decision_checks(task: Task) -> list[Check]:
+    checks = []
+    if not task.observation.is_state:
+        pairs = zip(task.observation.components, task.observation.nodes, strict=True)
+        checks += [Check("E405", n, c.low, c.high, "observation", c.name, c) for c, n in pairs]
+        checks += _drawn(task, "observation", task.observation.nodes)
+    if isinstance(task.expert, tuple):
+        experts = zip(task.action, task.expert, strict=True)
+        checks += [Check("E409", n, c.low, c.high, "expert", c.name, c) for c, n in experts]
+        checks += _drawn(task, "expert", task.expert)
+    return checks
+
+
+def _step_checks(task: Task) -> list[Check]:
+    pairs = zip(task.state, task.raw_next, strict=True)
+    checks = [Check("E403", n, c.low, c.high, "dynamics", c.name + "'", c) for c, n in pairs]
+    checks.append(Check("E406", task.reward, (-math.inf,), (math.inf,), "reward", what="the reward"))
+    for section in ("noise", "dynamics", "reward", "terminal"):
+        checks += _drawn(task, section, (*task.next, task.reward, task.terminal))
+    return checks
+
+
+def entries(task: Task, section: str) -> list[tuple[str | None, s.Expr]]:
+    """The expressions of a section with their names."""
+    found = task.surface.sections.get(section)
+    if found is None:
+        return []
+    pairs = list(found.items()) if isinstance(found, dict) else [(None, found)]
+    return [(name, expr) for name, expr in pairs if expr is not None]
+
+
+def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
+    """Parameters of the distributions that a section draws from."""
+    if not draws(roots):
+        return []
+    where = Section(task, section)
+    return [
+        check
+        for name, expr in entries(task, section)
+        for written in distributions(expr, where)
+        for check in _parameters(written, where, name)
+    ]
+
+
+_LEAST = 1e-300
+"""Least number above 0, as far as a check of ranges is concerned."""
+
+
+def _parameters(written: Written, where: Section, entry: str | None) -> Iterator[Check]:
+    match written.expr:
+        case s.Weights(pairs=pairs):
+            yield from _probabilities([p for _, p in pairs], written, where, entry)
+        case s.Call(function="Categorical", args=(s.Weights(pairs=pairs),)):
+            yield from _probabilities([p for _, p in pairs], written, where, entry)
+        case s.Call(function="Categorical", args=(p,)):
+            yield from _probabilities([p], written, where, entry)
+        case s.Call() as call if call.function in DISTS:
+            yield from _of_call(call, written, where, entry)
+
+
+def _probabilities(exprs: list[s.Expr], written: Written, where: Section, entry: str | None) -> Iterator[Check]:
+    """Each between 0 and 1, and all together 1."""
+    nodes = [where.number(e) for e in exprs]
+    if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
+        return
+    b = where.task.builder
+    found = [b.cast(n, Kind.REAL) for n in nodes if n is not None]
+    total = b.apply("sum", found[0] if found[0].type.shape else b.structure("vector", found))
+    for expr, node in zip(exprs, found, strict=True):
+        ends = (0.0,) * node.type.size, (1.0,) * node.type.size
+        yield _check("E402", node, *ends, written, where, entry, "a probability", expr)
+    what = "the sum of the probabilities"
+    yield _check("E401", total, (1.0,), (1.0,), written, where, entry, what, written.expr)
+
+
+def _of_call(call: s.Call, written: Written, where: Section, entry: str | None) -> Iterator[Check]:
+    arguments = {a.name: a for a in DISTS[call.function].arguments}
+    given = dict(zip(arguments, call.args, strict=False)) | dict(call.keywords)
+    for name, expr in given.items():
+        node = where.number(expr) if name in arguments and not isinstance(expr, s.SetOf | s.Comprehension) else None
+        if node is None or isinstance(node, Const) or draws([node]):
+            continue
+        argument = arguments[name]
+        ends = (argument.low + argument.open * _LEAST,) * node.type.size, (argument.high,) * node.type.size
+        code = "E402" if argument.is_probability else "E408"
+        yield _check(code, node, *ends, written, where, entry, f"'{name}' of {call.function}", expr)
+    if call.function in ("Uniform", "UniformInt") and {"low", "high"} <= given.keys():
+        yield from _ordered(given["low"], given["high"], call, written, where, entry)
+
+
+def _ordered(
+    low: s.Expr, high: s.Expr, call: s.Call, written: Written, where: Section, entry: str | None
+) -> Iterator[Check]:
+    bottom, top = where.number(low), where.number(high)
+    if bottom is None or top is None or draws([bottom, top]):
+        return
+    width = where.task.builder.apply("sub", top, bottom)
+    if not isinstance(width, Const):
+        ends = (0.0,) * width.type.size, (math.inf,) * width.type.size
+        what = f"'high' - 'low' of {call.function}"
+        yield _check("E408", width, *ends, written, where, entry, what, call)
+
+
+def _check(
+    code: str, node: Node, low: tuple[float, ...], high: tuple[float, ...],
+    written: Written, where: Section, entry: str | None, what: str, place: s.Expr,
+) -> Check:  # fmt: skip
+    return Check(code, node, low, high, where.name, entry, None, place, written.guards, what)

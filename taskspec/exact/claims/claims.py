@@ -1,0 +1,152 @@
+"""Claims: statements about exact results, evaluated over the surface syntax by an interpreter of their own.
+
+Numbers are exact where they are (`B**-L` is a fraction) and intervals where they come from
+simulation. Two numbers are equal within 1e-9 of their size, or within the claim's `tolerance`; an
+interval is equal to what it contains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exact.claims.evaluator import Evaluator, Terms, Truth
+from taskspec.exact.claims.refusals import Undecidable, Unfit
+from taskspec.exact.model.space import words
+from taskspec.exact.scoring.returns import EPISODES, Results
+from taskspec.exact.scoring.statuses import CLAIMS, OfClaim
+from taskspec.lang import syntax as s
+from taskspec.registry import load
+from taskspec.task.build import build
+from taskspec.task.task import Claim, Task, TaskLike
+
+CONFIDENCE = 0.999
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What became of a claim for one choice of parameters.
+
+    `proved` holds by the exact model; `tested` was not contradicted by `episodes` of simulation at
+    the stated confidence. The other statuses come with a diagnostic.
+    """
+
+    claim: Claim
+    parameters: Mapping[str, Any]
+    status: OfClaim
+    detail: str = ""
+    episodes: int = 0
+    diagnostic: Diagnostic | None = None
+
+    @property
+    def holds(self) -> bool:
+        return self.status in ("proved", "tested")
+
+
+def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict]:
+    """The verdict on every claim of a task, one for each case of its `for:`."""
+    task = load(task)
+    known: dict[str, Results | SpecError] = {}
+    if results is not None:
+        known[repr(sorted(task.values.items(), key=str))] = results
+    for claim in task.claims:
+        for case in claim.cases or ({},):
+            yield _verdict(task, claim, case, known)
+
+
+def _verdict(task: Task, claim: Claim, case: Mapping[str, Any], known: dict[str, Results | SpecError]) -> Verdict:
+    values = task.values | dict(case)
+    key = repr(sorted(values.items(), key=str))
+    if key not in known:
+        known[key] = _results(task, values)
+    results = known[key]
+    if isinstance(results, SpecError):
+        return _failed(
+            claim, case, "broken", f"the parameters of the claim: {results.diagnostics[0].message}", claim.expr
+        )
+    return decide(claim, results, case)
+
+
+def _results(task: Task, values: dict[str, Any]) -> Results | SpecError:
+    try:
+        other = build(task.document, task.variant, values, task.suite)
+    except SpecError as error:
+        return error
+    return Results(other.absorbing() if task.ending == "absorb" else other)
+
+
+def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None) -> Verdict:
+    """The verdict on a claim about the task of some results."""
+    case = case or {}
+    try:
+        truth, episodes = _looked_at(claim, results)
+    except Undecidable as error:
+        return _failed(claim, case, "undecided", str(error), error.place or claim.expr)
+    except Unfit as error:
+        return _failed(claim, case, "broken", str(error), error.place or claim.expr, hint=error.hint)
+    except SpecError as error:
+        return _failed(claim, case, "undecided", error.diagnostics[0].message, claim.expr)
+    return _settled(claim, case, truth, episodes)
+
+
+def _looked_at(claim: Claim, results: Results) -> tuple[Truth, int]:
+    """What becomes of a claim, and the episodes that it took.
+
+    A claim about a model is decided where it comes out the same by both readings of floats. One about episodes is
+    contradicted by intervals that hold for any distribution; where these leave it open it stands, unless normal
+    intervals speak against it.
+    """
+    episodes = int(claim.options.get("episodes") or EPISODES)
+    terms = Terms(confidence=CONFIDENCE, episodes=episodes)
+    evaluator = Evaluator(results, claim.options, terms)
+    truth = evaluator.truth(claim.expr)
+    if truth.holds is None and evaluator.simulated:
+        other = Evaluator(results, claim.options, replace(terms, soundly=False)).truth(claim.expr)
+        return replace(other, holds=None if other.holds is False else True), evaluator.simulated
+    if truth.holds and not evaluator.simulated and evaluator.rests_on:
+        why = f"of an abstraction that agreed with the task in {evaluator.rests_on:,} episodes"
+        truth, episodes = replace(truth, detail=f"{truth.detail}; {why}"), evaluator.rests_on
+    else:
+        episodes = evaluator.simulated
+    if truth.holds is not None and not evaluator.simulated and evaluator.ambiguous:
+        other = Evaluator(results, claim.options, replace(terms, as_written=True)).truth(claim.expr)
+        if other.holds is not truth.holds:
+            detail = f"it depends on how decimals are rounded to floats: {truth.detail}"
+            return Truth(None, detail, truth.place or other.place), 0
+    return truth, episodes
+
+
+def _settled(claim: Claim, case: Mapping[str, Any], truth: Truth, episodes: int) -> Verdict:
+    place = truth.place or claim.expr
+    if truth.holds:
+        return Verdict(claim, case, "tested" if episodes else "proved", truth.detail, episodes)
+    if truth.holds is None:
+        hint = "a `tolerance` says how closely it is meant" if _compares(claim.expr) and not episodes else None
+        message = f"this claim is neither proved nor contradicted: {truth.detail}"
+        return _failed(claim, case, "undecided", message, place, episodes, hint)
+    if not episodes:
+        return _failed(claim, case, "false", f"this claim does not hold: {truth.detail}", place)
+    how = f"{episodes:,} episodes contradict this claim at {CONFIDENCE:.1%} confidence: {truth.detail}"
+    return _failed(claim, case, "contradicted", how, place, episodes)
+
+
+def _compares(expr: s.Expr) -> bool:
+    return isinstance(expr, s.Compare) or (isinstance(expr, s.Logical) and any(map(_compares, expr.operands)))
+
+
+def _failed(
+    claim: Claim,
+    case: Mapping[str, Any],
+    status: OfClaim,
+    message: str,
+    place: s.Expr,
+    episodes: int = 0,
+    hint: str | None = None,
+) -> Verdict:
+    notes = (f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}",) if case else ()
+    code = CLAIMS[status].code
+    assert code is not None
+    diagnostic = Diagnostic(code, place.place.span, message, hint, notes)
+    return Verdict(claim, case, status, message, episodes, diagnostic)

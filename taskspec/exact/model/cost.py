@@ -1,0 +1,86 @@
+"""What an analysis will take, worked out before it is begun, at nominal rates: the same on every machine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from taskspec.draws.layout import words_of
+from taskspec.exact.model.failure import refuse
+from taskspec.lang.ir import Const, Draw, Node, walk
+from taskspec.limits import how_to_raise, limits
+
+RATE = 3e8
+"""Operations on single numbers that NumPy gets through in a second."""
+CALL = 1e-5
+"""Seconds that an operation of NumPy takes, however few numbers there are."""
+BYTES = 8
+WORD, SORTED = 5, 60
+"""How many operations a random word is worth, and one of a permutation, which is sorted."""
+
+
+class Cost:
+    """The cost of evaluating nodes at many points at once: their operations, and the numbers in one point's results.
+
+    `simulated`: draws are sampled, instead of being gone through.
+    """
+
+    def __init__(self, roots: Iterable[Node], simulated: bool = False) -> None:
+        nodes = [node for node in walk(roots) if not isinstance(node, Const)]
+        sizes = [node.type.size for node in nodes]
+        self.calls, self.numbers = max(1, len(sizes)), max(1, sum(sizes))
+        if simulated:
+            self.numbers += sum(_sampling(node) for node in nodes if isinstance(node, Draw))
+
+    def seconds(self, points: float, batches: float = 1) -> float:
+        """How long so many points take, in so many batches."""
+        return points * self.numbers / RATE + batches * self.calls * CALL
+
+    def affordable(self) -> int:
+        """How many points there may be in the time that an analysis has."""
+        return int(limits().seconds * RATE / self.numbers)
+
+    def batch(self, most: float) -> int:
+        """How many points, of at most so many, fit into memory at once."""
+        return max(1, int(min(most, limits().megabytes * 1e6 / (BYTES * self.numbers))))
+
+
+def _sampling(draw: Draw) -> int:
+    return words_of(draw) * (SORTED if draw.base == "permutation" else WORD)
+
+
+class Budget:
+    """The time of an analysis whose length only shows as it goes on.
+
+    `what` takes more than that time, says the message.
+    """
+
+    def __init__(self, what: str) -> None:
+        self.what, self.spent, self.most = what, 0.0, limits().seconds
+
+    def spend(self, cost: Cost, points: float) -> None:
+        """Begin a batch of so many points.
+
+        Raises:
+            SpecError: (E712) when the time is over.
+        """
+        self.spent += cost.seconds(points)
+        if self.spent > self.most:
+            message = f"{self.what} take more than {self.most} seconds, the limit"
+            refuse(message, how_to_raise("seconds", 10 * self.most))
+
+
+def duration(seconds: float) -> str:
+    """A time in words: `about 40 seconds`, `about 3 hours`."""
+    for size, unit in ((86_400, "days"), (3_600, "hours"), (60, "minutes")):
+        if seconds >= 2 * size:
+            return f"about {_rounded(seconds / size)} {unit}"
+    return f"about {_rounded(seconds)} seconds"
+
+
+def _rounded(number: float) -> str:
+    """Two digits are enough for an estimate."""
+    if not math.isfinite(number) or number >= 1e15:
+        return "endlessly many"
+    digits = max(0, len(str(int(number))) - 2)
+    return f"{round(number / 10**digits) * 10**digits:,}"

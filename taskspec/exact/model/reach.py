@@ -1,0 +1,71 @@
+"""Which states episodes visit: a search from the start, level by level, up to the horizon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.model.codes import distinct, union, without
+from taskspec.exact.model.failure import refuse
+from taskspec.exact.model.transitions import Steps
+
+Array = np.ndarray[Any, Any]
+CHUNK = 65_536
+OUTCOMES = 4_000_000
+"""How many outcomes of steps are held at once."""
+
+
+@dataclass(frozen=True)
+class Visits:
+    """Codes of states, sorted: those where an action is taken, and all that are entered."""
+
+    acting: Array
+    entered: Array
+
+
+def visits(steps: Steps, limit: int | None = None, hint: str | None = None) -> Visits:
+    """The states of all episodes, whatever the actions and draws. Steps out of the state space are passed over.
+
+    Raises:
+        SpecError: (E712) beyond `limit` states, with a hint at how to raise that.
+    """
+    horizon = steps.task.horizon
+    level = distinct(steps.starts()[0])
+    acting, entered = level[:0], level
+    t = 0
+    _check_few(entered, limit, hint)
+    while len(level) and (horizon is None or t < horizon):
+        acting = union([acting, level])
+        going, ended = _successors(steps, level, t)
+        entered = union([entered, going, ended])
+        _check_few(entered, limit, hint)
+        level = going if steps.uses_time else without(going, acting)
+        t += 1
+    return Visits(acting, entered)
+
+
+def _check_few(entered: Array, limit: int | None, hint: str | None) -> None:
+    if limit is not None and len(entered) > limit:
+        refuse(f"more than {limit:,} states can be reached", f"choose smaller parameters, or: {hint}" if hint else None)
+
+
+def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
+    """States entered from the given ones: those where the episode goes on, and those where it ends."""
+    going, ended = [states[:0]], [states[:0]]
+    per_chunk = max(1, int(min(CHUNK, OUTCOMES // max(1.0, steps.branching))) // steps.actions.size)
+    for low in range(0, len(states), per_chunk):
+        some = states[low : low + per_chunk]
+        for actions in _action_chunks(steps.actions.size):
+            here, there = np.tile(some, len(actions)), np.repeat(actions, len(some))
+            for found in steps.outcomes(here, there, t):
+                inside = np.ones(len(found.code), np.bool_) if found.outside is None else ~found.outside
+                terminal = np.broadcast_to(found.terminal, found.code.shape)
+                going.append(distinct(found.code[inside & ~terminal]))
+                ended.append(distinct(found.code[inside & terminal]))
+    return union(going), union(ended)
+
+
+def _action_chunks(size: int) -> list[Array]:
+    return [np.arange(low, min(size, low + CHUNK)) for low in range(0, size, CHUNK)]

@@ -1,0 +1,296 @@
+"""Backward induction in float64 with a bound on the error of every value, for models of any size.
+
+A value v with an error e stands for all numbers within e of v. Errors are carried state by state: those of the next
+values weighted by the probabilities, plus what rounding can add, by the usual bounds (Higham, Accuracy and Stability of
+Numerical Algorithms, 2002, chapter 3): a sum of n products errs by at most n units times the sum of their sizes. The
+bounds are computed in floats themselves, and inflated by more than that can lose.
+
+Deterministic tasks that pay whole numbers are free of rounding, and their errors are 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.model.model import Model, Step
+from taskspec.exact.model.outcomes import branches
+from taskspec.exact.model.transitions import Steps, acted
+from taskspec.exact.planning.certified.enclosure import EQUAL, Enclosure
+from taskspec.exact.planning.certified.slack import UNIT, Slack
+from taskspec.lang.ir import Node, draws
+
+Array = np.ndarray[Any, Any]
+UNKNOWN = 2
+FLOOR = 1e-300
+"""More than what products that are too small for a float can lose."""
+FAINT = 1e-20
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Numbers `value` and what they may be off by, `error`; arrays of one shape."""
+
+    value: Array
+    error: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """Probabilities of actions (A, S), and bounds of their errors (None: as good as exact).
+
+    `open` marks actions (A, S) of states in which it could not be told which of these are best.
+    """
+
+    table: Array
+    error: Array | None = None
+    open: Array | None = None
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One time's matrices with the constants of their bounds.
+
+    `c` bounds the rounding of a row relative to its size, and `lost` what is missing of it for values of size 1; with
+    `faint` probabilities even values that are not 0 may leave no trace in a product.
+    """
+
+    step: Step
+    reward: Array
+    reward_error: Array
+    c: float
+    inflate: float
+    lost: float
+    faint: bool
+
+
+class Bounded:
+    """Arithmetic on values (S,), action values (A, S) and policies (A, S) as floats with bounds."""
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.horizon = model, model.horizon or 0
+        steps = Steps(model.task)
+        builder = model.task.builder
+        self.slack = Slack.of(steps.draws, builder, steps.reward)
+        self.start_slack = Slack.of(draws(model.task.initial), builder)
+        self._parts: dict[int, _Part] = {}
+
+    @cached_property
+    def is_whole(self) -> bool:
+        """Whether nothing is ever rounded: one outcome for each action, whole rewards, and sums that floats hold."""
+        steps = self.model.steps
+        return (
+            self.model.discount == 1
+            and max(s.scale for s in steps) * max(1, self.horizon) < 2**53
+            and all(s.terms == 1 and _ones(s) for s in steps)
+            and all((np.mod(self._acting(s.reward), 1) == 0).all() for s in steps)
+        )
+
+    @property
+    def floor(self) -> float:
+        return 0.0 if self.is_whole else FLOOR
+
+    @property
+    def rounding(self) -> float:
+        """The relative error of discounting, and adding a reward."""
+        return 0.0 if self.is_whole else 4 * UNIT
+
+    def _acting(self, rows: Array) -> Array:
+        """What is paid (A*S,); 0 for what is no number, which only states that no episode acts in may have."""
+        known = np.isfinite(rows)
+        return rows if known.all() else np.where(known | np.tile(self.model.acting, self.model.n_actions), rows, 0.0)
+
+    def part(self, t: int) -> _Part:
+        step = self.model.step(t)
+        if id(step) not in self._parts:
+            self._parts[id(step)] = self._prepared(step)
+        return self._parts[id(step)]
+
+    def _prepared(self, step: Step) -> _Part:
+        reward, slack, n = self._acting(step.reward), self.slack, step.terms
+        if self.is_whole:
+            return _Part(step, reward, np.zeros_like(reward), 0.0, 1.0, 0.0, False)
+        c = (n + 2) * UNIT + slack.relative
+        size = np.abs(reward if step.spread is None else self._acting(step.spread))
+        error = (c + 8 * UNIT) * size + (slack.absolute * n * step.scale + slack.missing * slack.beyond)
+        faint = bool((step.going.data < FAINT).any())
+        return _Part(step, reward, error, c, 1 + (n + 16) * 8 * UNIT, slack.absolute * n + 2 * slack.missing, faint)
+
+    # -- values -------------------------------------------------------------------------------------------------------
+
+    def zero(self) -> Bound:
+        return Bound(np.zeros(self.model.n_states), np.zeros(self.model.n_states))
+
+    def backup(self, t: int, value: Bound, shift: Fraction = Fraction(0)) -> Bound:
+        """Action values at a time from the values at the next one; `shift` is added to every reward."""
+        part, more = self.part(t), float(shift)
+        q, error = self._through(part, part.step.going, value)
+        if self.model.discount != 1:
+            q, error = q * self.model.discount, error * self.model.discount
+        error += part.reward_error + (4 * UNIT if more else self.rounding) * (
+            np.abs(q) + np.abs(part.reward) + abs(more)
+        )
+        q += part.reward
+        if more:
+            q += more
+        return self._table(q, error * part.inflate)
+
+    def reached(self, t: int, value: Bound, states: Array) -> Bound:
+        """Probabilities (A, S) of being in `states` in the next step, or later by `value`, which is 1 there."""
+        part = self.part(t)
+        q, error = self._through(part, part.step.going, value)
+        if part.step.ending is not None:
+            ends = Bound(states.astype(np.float64), np.zeros(len(states)))
+            p, more = self._through(part, part.step.ending, ends)
+            q, error = q + p, error + more + self.rounding * (q + p)
+        return self._table(q, error * part.inflate)
+
+    def marked(self, value: Bound, states: Array) -> Bound:
+        """Values with 1 in `states`."""
+        return Bound(np.where(states, 1.0, value.value), np.where(states, 0.0, value.error))
+
+    def _through(self, part: _Part, matrix: Any, value: Bound) -> tuple[Array, Array]:
+        """Expected values (A*S,) after a step, and bounds of their errors."""
+        size = np.abs(value.value)
+        both = np.stack([value.value, value.error + part.c * size + self.floor * (size > 0)], axis=1)
+        found = matrix @ both
+        error = found[:, 1] + self.floor * (found[:, 1] > 0) + self.lost(part, value.value, value.error)
+        return found[:, 0].copy(), error
+
+    def lost(self, part: _Part, value: Array, error: Array) -> float:
+        """What is not relative to the size of a row: outcomes left out, and products of which nothing is left."""
+        if not (part.lost or part.faint):
+            return 0.0
+        most = float(np.max(np.abs(value) + error, initial=0.0))
+        return part.lost * most + (self.floor if most else 0.0)
+
+    def _table(self, q: Array, error: Array) -> Bound:
+        shape = (self.model.n_actions, self.model.n_states)
+        return Bound(q.reshape(shape), error.reshape(shape))
+
+    def top(self, q: Bound) -> Bound:
+        """The largest action value: off by no more than any that may be the largest."""
+        return Bound(q.value.max(axis=0), np.where(_possible(q), q.error, 0.0).max(axis=0))
+
+    def bottom(self, q: Bound) -> Bound:
+        found = self.top(Bound(-q.value, q.error))
+        return Bound(-found.value, found.error)
+
+    def follow(self, policy: Policy, q: Bound) -> Bound:
+        """The value of acting by a policy."""
+        p = policy.table
+        value, size = (p * q.value).sum(axis=0), (p * np.abs(q.value)).sum(axis=0)
+        rounding = np.where(p.max(axis=0) == 1, 0.0, (len(p) + 4) * UNIT)
+        error = (p * q.error).sum(axis=0) * (1 + (len(p) + 4) * 4 * UNIT) + rounding * size
+        if policy.error is not None:
+            error += (policy.error * (np.abs(q.value) + q.error)).sum(axis=0) * (1 + 1e-12)
+        if policy.open is not None:
+            value, error = _whichever(policy.open, q, value, error)
+        return Bound(value, error)
+
+    def at_start(self, value: Bound) -> Enclosure:
+        start = self.model.start
+        first = np.flatnonzero(start)
+        if len(first) == 1:
+            return Enclosure.around(float(value.value[first[0]]), float(value.error[first[0]]))
+        relative = self.start_slack.relative + (len(first) + 4) * UNIT
+        weights, values, errors = start[first], value.value[first], value.error[first]
+        lost = (self.start_slack.absolute + 2 * self.start_slack.missing) * len(first)
+        most = float(np.max(np.abs(values) + errors))
+        error = math.fsum(weights * (errors + relative * np.abs(values))) * (1 + 1e-12) + lost * most
+        return Enclosure.around(math.fsum(weights * values), error)
+
+    # -- policies -----------------------------------------------------------------------------------------------------
+
+    def uniform(self) -> Policy:
+        shape = (self.model.n_actions, self.model.n_states)
+        return Policy(np.full(shape, 1 / self.model.n_actions))
+
+    def greedy(self, q: Bound) -> Policy:
+        """All best actions alike; open where errors leave it undecided which these are."""
+        best = _possible(q)
+        count = best.sum(axis=0)
+        unsure = best & (count > 1) & (np.where(best, q.error, 0.0).max(axis=0) > 0)
+        return Policy(best / count, None, unsure if unsure.any() else None)
+
+    def boltzmann(self, q: Bound, beta: float) -> tuple[Policy, Bound]:
+        """Actions in proportion to exp(beta Q), and the soft value log sum exp(beta Q) / beta."""
+        top = q.value.max(axis=0)
+        depth = beta * (top - q.value)
+        weights = np.exp(-depth)
+        total = weights.sum(axis=0)
+        value = top + np.log(total) / beta
+        # Elementary functions err by less than 4 units, and exp(-x) by 2 x units more for the rounding of its argument.
+        worst, units = q.error.max(axis=0), (16 * len(q.value) + 32) * UNIT
+        error = worst + units * (1 / beta + np.abs(value))
+        exponent = beta * (q.error + worst)
+        apart = np.expm1(np.minimum(exponent, 30.0)) + units + 4 * UNIT * depth
+        table = weights / total
+        off = np.where(exponent > 30, 1.0, np.minimum(table * apart + 1e-300, 1.0))
+        return Policy(table, off), Bound(value, error)
+
+    def tabulated(self, nodes: Sequence[Node], t: int) -> Policy:
+        """A policy given by expressions, which may draw and read the time."""
+        model = self.model
+        table, given, drawn = np.zeros((model.n_actions, model.n_states)), model.reads(t), draws(nodes)
+        for branch in branches(drawn, given, model.n_states):
+            action, at = acted(model.actions, nodes, given, branch, model.n_states)
+            np.add.at(table, (action, at), np.broadcast_to(branch.weight, (len(at),)))
+        slack = Slack.of(drawn, model.task.builder)
+        error = table * (slack.relative + 8 * UNIT) + (slack.absolute + slack.missing)
+        return Policy(table, error if drawn else None)
+
+    def preference(self, policy: Policy, wanted: Array) -> Array:
+        """In each state (S,): 1 where the most frequent action is a wanted one, -1 where not, 0 where both are alike.
+
+        Frequencies that differ by at most 1e-9 of their size are alike. `UNKNOWN` where errors leave it undecided.
+        """
+        error = 0.0 if policy.error is None else policy.error
+        low, high = policy.table - error, policy.table + error
+        good, bad = _most(low, high, wanted), _most(low, high, ~wanted)
+        apart = 1 + float(EQUAL)
+        found = np.full(len(good[0]), UNKNOWN, np.int8)
+        found[(good[1] <= bad[0] * apart) & (bad[1] <= good[0] * apart)] = 0
+        found[good[0] > bad[1] * apart] = 1
+        found[bad[0] > good[1] * apart] = -1
+        if policy.open is not None:
+            some, every = (policy.open & wanted).any(axis=0), ~(policy.open & ~wanted).any(axis=0)
+            found = np.where(policy.open.any(axis=0), np.where(every, 1, np.where(some, UNKNOWN, -1)), found)
+        return found.astype(np.int8)
+
+    def table(self, policy: Policy) -> Array:
+        return policy.table
+
+
+def _ones(step: Step) -> bool:
+    parts = [step.going.data] + ([] if step.ending is None else [step.ending.data])
+    return all(np.isin(data, (0.0, 1.0)).all() for data in parts)
+
+
+def _possible(q: Bound) -> Array:
+    """Which actions (A, S) may be the best; the factor 2 makes up for rounding in the comparison."""
+    chosen = q.value.argmax(axis=0)
+    each = np.arange(q.value.shape[1])
+    return np.asarray(q.value >= q.value[chosen, each] - 2 * (q.error + q.error[chosen, each]))
+
+
+def _whichever(some: Array, q: Bound, value: Array, error: Array) -> tuple[Array, Array]:
+    """Values and errors that hold whichever of some actions are taken, in the states that have any."""
+    low = np.where(some, q.value - q.error, np.inf).min(axis=0)
+    high = np.where(some, q.value + q.error, -np.inf).max(axis=0)
+    unsure = some.any(axis=0)
+    low, high = np.where(unsure, low, 0.0), np.where(unsure, high, 0.0)
+    middle = (low + high) / 2
+    reach = (high - low) / 2 + 8 * UNIT * (np.abs(low) + np.abs(high))
+    return np.where(unsure, middle, value), np.where(unsure, reach, error)
+
+
+def _most(low: Array, high: Array, among: Array) -> tuple[Array, Array]:
+    """Bounds of the largest probability among some actions; below 0 where there are none."""
+    return np.where(among, low, -1.0).max(axis=0), np.where(among, high, -1.0).max(axis=0)

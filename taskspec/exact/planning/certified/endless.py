@@ -1,0 +1,255 @@
+"""Answers for models without a horizon: candidates by policy iteration, and bounds that are verified.
+
+Whatever finds a candidate, what is said rests on checks with outward rounding (as in optimistic value iteration, Hartmanns
+and Kaminski 2020): the value of a policy that is known to end (`chains`) bounds the best return from one side. From the
+other side, with a discount, the residual divided by one minus the discount does; without one, a function u >= T u + c
+with c > 0: whatever is done, the total of rewards plus c times the steps taken is at most u, so that episodes that never
+end are worth minus infinity. Where nothing is paid an episode may rest for ever at no cost; these end components count
+as places where it may stop, and u is constant on each, and not negative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.model.failure import refuse, scipy_sparse
+from taskspec.exact.model.model import Model
+from taskspec.exact.planning.certified.bounded import FLOOR, Bound, Bounded, Policy
+from taskspec.exact.planning.certified.chains import Chain
+from taskspec.exact.planning.certified.components import idle_components, leading_to
+from taskspec.exact.planning.certified.enclosure import Enclosure
+from taskspec.exact.planning.certified.search import REST, Search
+from taskspec.exact.planning.certified.slack import UNIT
+from taskspec.exact.planning.certified.solver import Rule
+
+Array = np.ndarray[Any, Any]
+ROUNDS = 200
+ENDLESS = "give the task a horizon, or a discount below 1"
+
+
+class Endless(Bounded):
+    """`Bounded` arithmetic with one time, and the answers for models without a horizon."""
+
+    def __init__(self, model: Model) -> None:
+        super().__init__(model)
+        self.acting, self.is_discounted = model.acting, model.discount < 1
+
+    @cached_property
+    def is_whole(self) -> bool:
+        return False  # sums have as many terms as it takes
+
+    @property
+    def numbers(self) -> Endless:
+        return self
+
+    # -- answers ------------------------------------------------------------------------------------------------------
+
+    def best(self) -> Enclosure:
+        return self.at_start(self.settled(1))
+
+    def worst(self) -> Enclosure:
+        found = self.settled(-1)
+        return self.at_start(Bound(-found.value, found.error))
+
+    def value(self, rule: Rule) -> Enclosure:
+        """The expected return of a policy."""
+        if rule.is_best:
+            return self.best()
+        policy, part, gamma = rule.settled(self), self.part(0), self.model.discount
+        matrix, gain = self._matrix(policy), self.follow(policy, self._table(part.reward, part.reward_error))
+        inside = self.acting
+        if not self.is_discounted:
+            inside = inside & self._may_end(policy, matrix)
+            paid = (gain.value != 0) | (gain.error != 0)
+            if (self.acting & ~inside & paid).any():
+                refuse("episodes may go on for ever, and are paid", ENDLESS)
+        chain = Chain(matrix * gamma, lambda x: self._image(policy, x, gamma), inside)
+        return self.at_start(self._signed(chain.enclosed(gain), part.reward))
+
+    def probability(self, rule: Rule, states: Array) -> Enclosure:
+        """How likely an episode is ever in one of the states (S,)."""
+        policy = rule.settled(self)
+        matrix, gain = (
+            self._matrix(policy),
+            self.follow(policy, self.reached(0, self.marked(self.zero(), states), states)),
+        )
+        directly: Array = np.asarray(gain.value + gain.error > 0)
+        inside = leading_to(matrix, directly) & ~states & self.acting
+        found = Chain(matrix, lambda x: self._image(policy, x, 1.0), inside).enclosed(gain)
+        return self.at_start(self.marked(found, states))
+
+    def policies(self, rule: Rule) -> Iterator[tuple[int, Policy]]:
+        yield 0, rule.settled(self)
+
+    def settled_best(self, shift: Fraction = Fraction(0)) -> Bound:
+        """Action values (A, S) of the best policy, for the reward plus a constant."""
+        return self.backup(0, self.settled(1, float(shift)), shift)
+
+    # -- policies -----------------------------------------------------------------------------------------------------
+
+    def _matrix(self, policy: Policy) -> Any:
+        """Probabilities of going on (S, S) under a policy, in floats."""
+        n, rows = self.model.n_states, policy.table.size
+        owner = np.tile(np.arange(n), self.model.n_actions)
+        choice = scipy_sparse().csr_array((policy.table.reshape(-1), (owner, np.arange(rows))), shape=(n, rows))
+        return (choice @ self.part(0).step.going).tocsr()
+
+    def _image(self, policy: Policy, x: Bound, gamma: float) -> Bound:
+        """What a value (S,) is worth one step before under a policy, rewards aside."""
+        found = self.follow(policy, self._expected(x))
+        value = gamma * found.value
+        return Bound(value, (gamma * found.error + 4 * UNIT * np.abs(value)) * (1 + 16 * UNIT))
+
+    def _expected(self, x: Bound) -> Bound:
+        part = self.part(0)
+        q, error = self._through(part, part.step.going, x)
+        return self._table(q, error * part.inflate)
+
+    def _ending(self) -> Array:
+        """The chance that a row (A*S,) ends the episode."""
+        ending, rows = self.part(0).step.ending, self.model.n_states * self.model.n_actions
+        return np.zeros(rows) if ending is None else np.asarray(ending @ np.ones(self.model.n_states))
+
+    def _may_end(self, policy: Policy, matrix: Any) -> Array:
+        """States (S,) from which a policy may end the episode."""
+        ends = (policy.table > 0) & (self._ending().reshape(policy.table.shape) > 0)
+        return leading_to(matrix, np.asarray(ends.any(axis=0)))
+
+    # -- the best policy ----------------------------------------------------------------------------------------------
+
+    def settled(self, sign: int, shift: float = 0.0) -> Bound:
+        """The largest values (S,) of the reward times `sign`, plus a constant.
+
+        Raises:
+            SpecError: (E712) where they cannot be enclosed.
+        """
+        search = self._search(sign * self.part(0).reward + shift, not self.is_discounted and not shift)
+
+        def backup(x: Bound) -> Bound:
+            return self._signed_backup(x, sign, shift)
+
+        if self.is_discounted:
+            return self._contracted(search.spread(search.found()[1]), lambda x: self.top(backup(x)))
+        low, high = self._from_below(search, sign, shift), self._from_above(search, backup)
+        middle = (low + high) / 2
+        reach = np.maximum(high - middle, middle - low) + 4 * UNIT * (np.abs(low) + np.abs(high))
+        found = Bound(middle, np.where(self.acting, np.maximum(reach, 0.0), 0.0))
+        return self._signed(found, sign * self.part(0).reward + shift)
+
+    def _signed_backup(self, x: Bound, sign: int, shift: float) -> Bound:
+        q = self.backup(0, Bound(sign * x.value, x.error), Fraction(shift))
+        return Bound(sign * q.value, q.error)
+
+    def _search(self, reward: Array, with_rests: bool) -> Search:
+        model = self.model
+        nowhere = np.full(model.n_states, -1), np.zeros(len(reward), np.bool_)
+        component, idle = idle_components(model.step(0), self.acting) if with_rests else nowhere
+        return Search.of(model, reward, self._ending(), component, idle)
+
+    def _contracted(self, value: Array, image: Callable[[Bound], Bound]) -> Bound:
+        """A fixed point of a discounted image, near a candidate (S,)."""
+        off = self._residual(value, image)
+        c = 1 - self.model.discount * (1 + self.part(0).c + self.slack.relative + 8 * UNIT)
+        if not c > 0:
+            refuse("the discount is too close to 1", "give the task a horizon")
+        return Bound(value, np.where(self.acting, off / c * (1 + 1e-12), 0.0))
+
+    def _residual(self, value: Array, image: Callable[[Bound], Bound]) -> float:
+        found = image(Bound(value, np.zeros_like(value)))
+        off = np.abs(found.value - value) + found.error + 2 * UNIT * (np.abs(found.value) + np.abs(value))
+        return float(np.max(off[self.acting], initial=0.0))
+
+    def _from_below(self, search: Search, sign: int, shift: float) -> Array:
+        """What a policy found by policy iteration returns at least, (S,)."""
+        choice, _ = search.found()
+        row = search.row[choice]
+        part, taken = self.part(0), row != REST
+
+        def picked(q: Bound) -> Bound:
+            value, error = q.value.reshape(-1)[row], q.error.reshape(-1)[row]
+            return Bound(np.where(taken, value, 0.0), np.where(taken, error, 0.0))
+
+        def image(x: Bound) -> Bound:
+            return picked(self._expected(Bound(search.spread(x.value), search.spread(x.error))))
+
+        more = 4 * UNIT * (np.abs(part.reward) + abs(shift)) if shift else 0.0
+        gain = picked(Bound(sign * part.reward + shift, part.reward_error + more))
+        chain = Chain(search.matrix[choice], image, np.ones(search.size, np.bool_))
+        found = chain.enclosed(gain)
+        return search.spread(np.nextafter(found.value - found.error, -np.inf))
+
+    def _from_above(self, search: Search, backup: Callable[[Bound], Bound]) -> Array:
+        """A function (S,) that no policy exceeds: the values for a reward raised by a little more than rounding can add."""
+        value = search.spread(search.found()[1])
+        rough = backup(Bound(value, np.zeros_like(value)))
+        least = float(np.max(np.where(self.acting, rough.error, 0.0))) + 4 * UNIT * float(np.max(np.abs(value)))
+        for factor in (4, 64, 4096):
+            u = search.spread(search.found(max(factor * least, FLOOR))[1])
+            if self._is_above(u, backup(Bound(u, np.zeros_like(u))), search):
+                return u
+        refuse("it cannot be shown that values settle", ENDLESS)
+
+    def _is_above(self, u: Array, q: Bound, search: Search) -> bool:
+        """Whether every action is worth less than u, which is not negative where an episode may rest."""
+        most = (q.value + q.error + 4 * UNIT * (np.abs(q.value) + np.abs(u))).reshape(-1)
+        margin = (np.tile(u, self.model.n_actions) - most)[search.row[search.row != REST]]
+        resting = np.isin(search.place, search.owner[search.row == REST])
+        return bool((margin > 0).all() and (u[resting] >= 0).all())
+
+    def _signed(self, value: Bound, reward: Array) -> Bound:
+        """Values with the bounds that the signs of the rewards give: what never pays is worth 0 at most."""
+        paid = reward[np.tile(self.acting, self.model.n_actions)]
+        low, high = value.value - value.error, value.value + value.error
+        if (paid >= 0).all():
+            low = np.maximum(low, 0.0)
+        if (paid <= 0).all():
+            high = np.minimum(high, 0.0)
+        high = np.maximum(low, high)
+        middle = (low + high) / 2
+        reach = np.maximum(high - middle, middle - low) * (1 + 4 * UNIT) + 4 * UNIT * np.abs(middle)
+        return Bound(middle, np.where(high > low, reach, 0.0))
+
+    # -- soft values --------------------------------------------------------------------------------------------------
+
+    def settled_soft(self, beta: float) -> Bound:
+        """Action values (A, S) of the causal maximum-entropy policy."""
+
+        def image(x: Bound) -> Bound:
+            return self.boltzmann(self.backup(0, x), beta)[1]
+
+        value = self._soft_candidate(beta)
+        if self.is_discounted:
+            return self.backup(0, self._contracted(value, image))
+        off = self._residual(value, image)
+        ratio, w = self._longest()
+        return self.backup(0, Bound(value, np.where(self.acting, off * ratio * w * (1 + 1e-12), 0.0)))
+
+    def _soft_candidate(self, beta: float) -> Array:
+        """By policy iteration: the policy of the values, and its return with its entropy."""
+        value, part = np.zeros(self.model.n_states), self.part(0)
+        reward = part.reward.reshape(self.model.n_actions, -1)
+        for _ in range(ROUNDS):
+            policy = self.boltzmann(self.backup(0, Bound(value, np.zeros_like(value))), beta)[0]
+            logs = np.log(np.maximum(policy.table, 1e-300))
+            gain = (policy.table * (reward - logs / beta)).sum(axis=0)
+            better = Chain(self.model.discount * self._matrix(policy), lambda x: x, self.acting).solved(gain)
+            gap, value = float(np.max(np.abs(better - value))), better
+            if gap <= 1e-15 * float(np.max(np.abs(value))) or not np.isfinite(gap):
+                break
+        return value
+
+    def _longest(self) -> tuple[float, Array]:
+        """1/c and w >= 0 with w - P w >= c > 0 for every action: no policy goes on for ever."""
+        search = self._search(np.ones(self.model.n_states * self.model.n_actions), False)
+        w = search.spread(np.maximum(search.found()[1], 0.0))
+        image = self._expected(Bound(w, np.zeros_like(w)))
+        off = w - image.value - image.error - 4 * UNIT * (w + np.abs(image.value))
+        c = float(np.min(off[:, self.acting], initial=np.inf))
+        if not (c > 0 and np.isfinite(w).all()):
+            refuse("it cannot be shown that episodes end", ENDLESS)
+        return 1 / c * (1 + 1e-12), w

@@ -1,0 +1,183 @@
+"""What is asked of a model, and the arithmetic that answers: rational where that is affordable, else bounded floats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from taskspec.exact.model.failure import is_installed
+from taskspec.exact.model.model import Model
+from taskspec.exact.planning.certified.bounded import Bounded
+from taskspec.exact.planning.certified.enclosure import Enclosure
+from taskspec.exact.planning.certified.rational import Rational
+from taskspec.exact.planning.certified.readings import Inexact, Reader
+
+Array = np.ndarray[Any, Any]
+LARGE, LONG = 500_000, 100_000_000
+"""Entries, and entries times steps, from which compiled sweeps pay."""
+
+
+class Numbers(Protocol):
+    """Arithmetic on values (S,), action values (A, S) and policies (A, S): `Rational` or `Bounded`."""
+
+    model: Model
+    horizon: int
+
+    def zero(self) -> Any: ...
+    def backup(self, t: int, value: Any) -> Any: ...
+    def reached(self, t: int, value: Any, states: Array) -> Any: ...
+    def marked(self, value: Any, states: Array) -> Any: ...
+    def top(self, q: Any) -> Any: ...
+    def bottom(self, q: Any) -> Any: ...
+    def follow(self, policy: Any, q: Any) -> Any: ...
+    def at_start(self, value: Any) -> Enclosure: ...
+    def preference(self, policy: Any, wanted: Array) -> Array: ...
+
+
+class Rule:
+    """A way to choose actions, worked out from the last time to the first (`exact.plans`).
+
+    `is_rational` says whether rational arithmetic has its policies; `back` gives the policy (A, S) at a time, and what
+    is needed at the time before, from what is known at the time after it.
+    """
+
+    is_rational: ClassVar[bool] = True
+
+    @property
+    def is_best(self) -> bool:
+        """Whether its return is the optimal one."""
+        return False
+
+    def start(self, numbers: Any) -> Any:
+        """What is known at the end."""
+        return None
+
+    def back(self, numbers: Any, t: int, inner: Any) -> tuple[Any, Any]:
+        raise NotImplementedError
+
+    def settled(self, numbers: Any) -> Any:
+        """The policy (A, S) without a horizon."""
+        raise NotImplementedError
+
+
+class Solver(Protocol):
+    """Answers about one model. All are enclosures of the truth."""
+
+    @property
+    def numbers(self) -> Any: ...
+    def best(self) -> Enclosure: ...
+    def worst(self) -> Enclosure: ...
+    def value(self, rule: Rule) -> Enclosure: ...
+    def probability(self, rule: Rule, states: Array) -> Enclosure: ...
+    def policies(self, rule: Rule) -> Iterator[tuple[int, Any]]: ...
+
+
+class Finite:
+    """Answers for models with a horizon, by backward induction."""
+
+    def __init__(self, numbers: Numbers) -> None:
+        self._numbers = numbers
+
+    @property
+    def numbers(self) -> Any:
+        return self._numbers
+
+    def best(self) -> Enclosure:
+        return self._best
+
+    @cached_property
+    def _best(self) -> Enclosure:
+        return self._numbers.at_start(extreme(self._numbers, True))
+
+    def worst(self) -> Enclosure:
+        return self._numbers.at_start(extreme(self._numbers, False))
+
+    def value(self, rule: Rule) -> Enclosure:
+        """The expected return of a policy."""
+        if rule.is_best:
+            return self.best()
+        n, value = self._numbers, self._numbers.zero()
+        for t, policy in self.policies(rule):
+            value = n.follow(policy, n.backup(t, value))
+        return n.at_start(value)
+
+    def probability(self, rule: Rule, states: Array) -> Enclosure:
+        """How likely an episode is ever in one of the states (S,), its last one included."""
+        n = self._numbers
+        value = n.marked(n.zero(), states)
+        for t, policy in self.policies(rule):
+            value = n.marked(n.follow(policy, n.reached(t, value, states)), states)
+        return n.at_start(value)
+
+    def policies(self, rule: Rule) -> Iterator[tuple[int, Any]]:
+        """A rule's policy at each time, the last one first; one is held at a time."""
+        inner = rule.start(self._numbers)
+        for t in range(self._numbers.horizon - 1, -1, -1):
+            policy, inner = rule.back(self._numbers, t, inner)
+            yield t, policy
+
+
+def extreme(numbers: Numbers, largest: bool) -> Any:
+    """The best (or worst) values (S,) at the first time."""
+    if isinstance(numbers, Bounded) and _is_long(numbers) and is_installed("numba"):
+        from taskspec.exact.planning.kernels_numba import extreme_values
+
+        return extreme_values(numbers, largest)
+    value = numbers.zero()
+    for t in range(numbers.horizon - 1, -1, -1):
+        q = numbers.backup(t, value)
+        value = numbers.top(q) if largest else numbers.bottom(q)
+    return value
+
+
+def _is_long(numbers: Bounded) -> bool:
+    """Whether compiled sweeps pay for their compilation."""
+    entries = numbers.model.entries
+    return entries >= LARGE or entries * numbers.horizon >= LONG
+
+
+class Solvers:
+    """The solvers of one model, made when they are needed: one for each reading of floats, and one in floats."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._known: dict[bool | None, Solver] = {}
+        self.ambiguous = False
+        """Whether some answer depended on the reading."""
+
+    def of(self, rule: Rule | None = None, as_written: bool = False) -> Solver:
+        """The most exact solver for questions about a rule (None: about all policies)."""
+        if rule is not None and not rule.is_rational:
+            return self._bounded()
+        if as_written not in self._known:
+            self._known[as_written] = self._made(as_written)
+        return self._known[as_written]
+
+    def _made(self, as_written: bool) -> Solver:
+        if self.model.horizon is None:
+            return self._bounded()
+        if as_written and not self.ambiguous and False in self._known:
+            return self._known[False]
+        reader = Reader(as_written)
+        try:
+            found: Solver = Finite(Rational(self.model, reader))
+        except Inexact:
+            return self._bounded()
+        self.ambiguous |= reader.ambiguous
+        return found
+
+    def _bounded(self) -> Solver:
+        if None not in self._known:
+            self._known[None] = _in_floats(self.model)
+        return self._known[None]
+
+
+def _in_floats(model: Model) -> Solver:
+    if model.horizon is not None:
+        return Finite(Bounded(model))
+    from taskspec.exact.planning.certified.endless import Endless
+
+    return Endless(model)

@@ -1,0 +1,156 @@
+"""Backward induction compiled by Numba: a sweep over states, actions and outcomes in one pass, without temporaries.
+
+States are swept in blocks. A block whose successors all lie in blocks that did not change in the
+last sweep keeps its values: in tasks where steps are local, values spread from the rewards like a
+wave, and only what the wave has reached is computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from taskspec.exact.model.model import Model, Step
+from taskspec.exact.planning.certified.bounded import Bound, Bounded
+
+Array = np.ndarray[Any, Any]
+BLOCK = 1024
+MOST_OUTCOMES = 64
+
+
+def extreme_values(numbers: Bounded, largest: bool) -> Bound:
+    """The best (or worst) values (S,) at the first time of a model with a horizon, and bounds of their errors."""
+    model, sign = numbers.model, 1.0 if largest else -1.0
+    value, spare = np.zeros((model.n_states, 2)), np.empty((model.n_states, 2))
+    before: Step | None = None
+    c = max(numbers.part(t).c for t in range(len(model.steps)))
+    changed = active = np.ones(0, np.bool_)
+    for t in range(numbers.horizon - 1, -1, -1):
+        part = numbers.part(t)
+        if part.step is not before:
+            kernel, arrays, blocks = _prepared(model, part.step)
+            changed = np.ones(len(blocks), np.bool_)
+        lost = numbers.lost(part, value[:, 0], value[:, 1])
+        constants = (model.discount, sign, c, part.inflate, numbers.rounding, lost, numbers.floor)
+        active = _active(blocks, changed | (lost > 0))
+        changed = kernel(arrays, part.reward, part.reward_error, active, changed, value, spare, constants)
+        value, spare, before = spare, value, part.step
+    return Bound(value[:, 0].copy(), value[:, 1].copy())
+
+
+def _prepared(model: Model, step: Step) -> tuple[Any, tuple[Array, ...], Array]:
+    going, slots = step.going, step.slots
+    blocks = _successors(going.indptr, going.indices, model.n_states, model.n_actions)
+    if slots is not None and slots.size <= MOST_OUTCOMES:
+        columns = going.indices.reshape(model.n_actions, model.n_states, -1)
+        return _slots(*slots.shape), (columns, slots), blocks
+    return _rows, (going.indptr, going.indices, going.data), blocks
+
+
+@njit(cache=True)
+def _successors(indptr: Array, columns: Array, states: int, actions: int) -> Array:
+    """For each block the first and the last block that its steps lead to, (blocks, 2)."""
+    count = (states + BLOCK - 1) // BLOCK
+    found = np.empty((count, 2), np.int64)
+    for b in range(count):
+        low, high = states, 0
+        for a in range(actions):
+            first = a * states + b * BLOCK
+            last = a * states + min(states, (b + 1) * BLOCK)
+            for k in range(indptr[first], indptr[last]):
+                low = min(low, columns[k])
+                high = max(high, columns[k])
+        found[b, 0] = low // BLOCK
+        found[b, 1] = high // BLOCK
+    return found
+
+
+@njit(cache=True)
+def _active(blocks: Array, changed: Array) -> Array:
+    """Which blocks lead to one that changed."""
+    before = np.zeros(len(changed) + 1, np.int64)
+    before[1:] = np.cumsum(changed)
+    found = np.empty(len(blocks), np.bool_)
+    for b in range(len(blocks)):
+        found[b] = before[min(blocks[b, 1] + 1, len(changed))] > before[min(blocks[b, 0], len(changed))]
+    return found
+
+
+@njit(cache=True, fastmath={"contract"})
+def _rows(
+    arrays: tuple[Array, ...], reward: Array, reward_error: Array, active: Array, changed: Array, value: Array,
+    out: Array, constants: tuple[float, ...],
+) -> Array:  # fmt: skip
+    """One step back: writes `out`, and gives which blocks differ from `value`.
+
+    Beside a value is kept its error, and on top what the rounding of a row adds for it. The error of the best action is
+    at most the largest of all. `changed` are the blocks in which `value` differs from what `out` still holds.
+    """
+    indptr, columns, weights = arrays
+    discount, sign, c, inflate, rounding, lost, floor = constants
+    states = len(out)
+    actions = len(reward) // states
+    after = np.zeros(len(active), np.bool_)
+    for b in range(len(active)):
+        first, last = b * BLOCK, min(states, (b + 1) * BLOCK)
+        if not active[b]:
+            if changed[b]:
+                out[first:last] = value[first:last]
+            continue
+        for s in range(first, last):
+            best, worst = -np.inf, 0.0
+            for a in range(actions):
+                row = a * states + s
+                ahead, error = 0.0, 0.0
+                for k in range(indptr[row], indptr[row + 1]):
+                    ahead += weights[k] * value[columns[k], 0]
+                    error += weights[k] * value[columns[k], 1]
+                q = reward[row] + discount * ahead
+                off = reward_error[row] + rounding * (abs(q) + abs(reward[row])) + discount * (error + lost)
+                best, worst = max(best, sign * q), max(worst, off + (floor if error > 0 else 0.0))
+            out[s, 0] = sign * best
+            out[s, 1] = worst * inflate + c * abs(best) + (floor if best != 0 else 0.0)
+            after[b] |= out[s, 0] != value[s, 0] or out[s, 1] != value[s, 1]
+    return after
+
+
+@cache
+def _slots(actions: int, outcomes: int) -> Callable[..., Array]:
+    """`_rows` for fixed numbers of actions and outcomes: loops of known length are unrolled, twice as fast."""
+
+    @njit(cache=True, fastmath={"contract"})
+    def kernel(
+        arrays: tuple[Array, ...], reward: Array, reward_error: Array, active: Array, changed: Array, value: Array,
+        out: Array, constants: tuple[float, ...],
+    ) -> Array:  # fmt: skip
+        columns, weights = arrays
+        discount, sign, c, inflate, rounding, lost, floor = constants
+        states = len(out)
+        after = np.zeros(len(active), np.bool_)
+        for b in range(len(active)):
+            first, last = b * BLOCK, min(states, (b + 1) * BLOCK)
+            if not active[b]:
+                if changed[b]:
+                    out[first:last] = value[first:last]
+                continue
+            for s in range(first, last):
+                best, worst = -np.inf, 0.0
+                for a in range(actions):
+                    row = a * states + s
+                    ahead, error = 0.0, 0.0
+                    for k in range(outcomes):
+                        ahead += weights[a, k] * value[columns[a, s, k], 0]
+                        error += weights[a, k] * value[columns[a, s, k], 1]
+                    q = reward[row] + discount * ahead
+                    off = reward_error[row] + rounding * (abs(q) + abs(reward[row])) + discount * (error + lost)
+                    best, worst = max(best, sign * q), max(worst, off + (floor if error > 0 else 0.0))
+                out[s, 0] = sign * best
+                out[s, 1] = worst * inflate + c * abs(best) + (floor if best != 0 else 0.0)
+                after[b] |= out[s, 0] != value[s, 0] or out[s, 1] != value[s, 1]
+        return after
+
+    return kernel

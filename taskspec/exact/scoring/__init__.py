@@ -1,0 +1,1 @@
+"""Expected returns of policies: exact, or estimated; and how sure a result is."""

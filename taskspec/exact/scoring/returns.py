@@ -1,0 +1,297 @@
+"""Expected returns: exact where the task has an exact model, otherwise estimated from episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from statistics import NormalDist
+from typing import Any, NoReturn
+
+import numpy as np
+
+from taskspec.diagnostics import SpecError
+from taskspec.exact.abstraction.abstraction import Abstraction, abstraction
+from taskspec.exact.abstraction.faith import Faith, examined
+from taskspec.exact.model.cost import Budget, Cost
+from taskspec.exact.model.extract import extract
+from taskspec.exact.model.failure import refuse
+from taskspec.exact.model.model import Model
+from taskspec.exact.planning.certified.enclosure import Enclosure, NoNumber, rounded
+from taskspec.exact.planning.certified.solver import Rule, Solvers
+from taskspec.exact.planning.plans import Greedy, Plan, Uniform, rule_of, tables
+from taskspec.exact.scoring.statuses import OfNumber
+from taskspec.exact.simulation.confidence import CUT, mean_interval, return_range
+from taskspec.exact.simulation.rollout import Choose, Rollout, at_random, by_expert
+from taskspec.lang.ir import Const
+from taskspec.registry import load
+from taskspec.task.task import Task, TaskLike
+
+Array = np.ndarray[Any, Any]
+EPISODES = 1000
+LONGEST = 20_000
+UNENDING = 2_000
+"""Steps after which not one episode of many has ended: then none is expected to."""
+WORDS = 4_000_000
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Return:
+    """An expected return.
+
+    `error` is the standard error of an estimate from `episodes`; both are 0 when it was computed from a model, and the
+    truth then lies within `bound` of the value. `tested` counts the episodes on which the abstraction was tested that
+    it rests on; 0 where there is none, or it is proved.
+    """
+
+    value: float
+    error: float = 0.0
+    episodes: int = 0
+    bound: float = field(default=0.0, repr=False)
+    tested: int = field(default=0, repr=False)
+
+    @property
+    def status(self) -> OfNumber:
+        return "estimated" if self.episodes else "tested" if self.tested else "exact"
+
+    @property
+    def exact(self) -> bool:
+        """Whether it was computed, from the task's own model or from one that is proved to be as good."""
+        return self.status == "exact"
+
+    def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
+        """A confidence interval (normal approximation); what is known for certain when exact."""
+        width = self.bound + NormalDist().inv_cdf(0.5 + confidence / 2) * self.error
+        return self.value - width, self.value + width
+
+    @classmethod
+    def estimated(cls, returns: Sequence[float] | Array) -> Return:
+        """From the returns of episodes (N,)."""
+        found = np.asarray(returns, dtype=np.float64)
+        error = float(found.std(ddof=1) / math.sqrt(len(found))) if len(found) > 1 else math.inf
+        return cls(float(found.mean()), error, len(found))
+
+
+class Results:
+    """Everything that is known about a task's returns, worked out when asked for.
+
+    `model` is that of the task or of its abstraction, or None; `why_not` then says why.
+    """
+
+    def __init__(self, task: TaskLike, episodes: int = EPISODES, seed: int = 0, limit: int | None = None) -> None:
+        self.task, self.episodes, self.seed, self.limit = load(task), episodes, seed, limit
+        self.unsettled: str | None = None
+        self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
+        self._samples: dict[tuple[str, int], Return | None] = {}
+
+    @cached_property
+    def abstraction(self) -> Abstraction | None:
+        return abstraction(self.task)
+
+    @cached_property
+    def faith(self) -> Faith | None:
+        """What is known of the abstraction; None where there is none."""
+        return None if self.abstraction is None else examined(self.abstraction)
+
+    def tested(self, which: str = "") -> int:
+        """The episodes that what comes from the model rests on: 0 where it is the task's own, or proved to be as good."""
+        if self.faith is None:
+            return 0
+        return max(self.faith.episodes, self.faith.expert_episodes) if which == "expert" else self.faith.episodes
+
+    @cached_property
+    def _extracted(self) -> Model | SpecError:
+        found = self.abstraction
+        try:
+            return extract(self.task if found is None else found.stand_in, limit=self.limit)
+        except SpecError as error:
+            if any(d.code == "E705" for d in error.diagnostics):
+                raise
+            return error
+
+    @property
+    def model(self) -> Model | None:
+        return self._extracted if isinstance(self._extracted, Model) else None
+
+    @property
+    def why_not(self) -> str | None:
+        """Why there is no exact model, or why some value on it does not exist, in words; None when all is well."""
+        found = self._extracted
+        if isinstance(found, Model):
+            return self.unsettled
+        return " and ".join(filter(None, (found.diagnostics[0].message, self.unsettled)))
+
+    @cached_property
+    def solvers(self) -> Solvers:
+        assert self.model is not None
+        return Solvers(self.model)
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether some result depends on how floats are read."""
+        return self.model is not None and self.solvers.ambiguous
+
+    @cached_property
+    def expert_rule(self) -> Rule | None:
+        return None if self.model is None else rule_of(self.model)
+
+    # -- returns ----------------------------------------------------------------------------------
+
+    @cached_property
+    def optimal(self) -> Return | None:
+        return self._return("optimal")
+
+    @cached_property
+    def worst(self) -> Return | None:
+        return self._return("worst")
+
+    @cached_property
+    def random(self) -> Return | None:
+        """Of uniformly random actions; None where the action has no finite range."""
+        return self._return("random")
+
+    @cached_property
+    def expert(self) -> Return | None:
+        """Of the spec's expert; None where there is none, or it cannot be worked out."""
+        return self._return("expert")
+
+    def _return(self, which: str) -> Return | None:
+        found = self.enclosure(which)
+        if found is None:
+            return self.sample(which)
+        return Return(found.value, bound=found.error, tested=self.tested(which))
+
+    def enclosure(self, which: str, as_written: bool = False) -> Enclosure | None:
+        """The optimal, worst, random or expert return; None without a model, or where it is not known to be finite."""
+        key = (which, as_written)
+        if key not in self._enclosures:
+            try:
+                found = self._enclosed(which, as_written)
+            except (SpecError, NoNumber) as error:
+                self.unsettled = error.diagnostics[0].message if isinstance(error, SpecError) else str(error)
+                found = None
+            self._enclosures[key] = found
+        return self._enclosures[key]
+
+    def _enclosed(self, which: str, as_written: bool) -> Enclosure | None:
+        if self.model is None:
+            return None
+        if self.faith is not None and self.faith.problem is not None:
+            refuse("the abstraction is not faithful")
+        rule: Rule | None = {"random": Uniform(), "expert": self.expert_rule, "optimal": Greedy()}.get(which)
+        if rule is None and which == "expert":
+            return None
+        solver = self.solvers.of(rule, as_written)
+        found = solver.worst() if rule is None else solver.value(rule)
+        if math.isinf(rounded(found.low)) or math.isinf(rounded(found.high)):
+            refuse("it has no finite value that floats could hold")
+        return found
+
+    def sample(self, which: str, episodes: int | None = None) -> Return | None:
+        """The random or expert return from episodes; None where these do not end, and for other returns."""
+        key = (which, episodes or self.episodes)
+        if key not in self._samples:
+            choose = self._chooser(which)
+            self._samples[key] = None if choose is None else self._estimated(choose, episodes)
+        return self._samples[key]
+
+    def _chooser(self, which: str) -> Choose | None:
+        if which == "expert":
+            return by_expert(self.task) if isinstance(self.task.expert, tuple) else None
+        ends = [v for c in self.task.action for v in (*c.low, *c.high)]
+        return at_random(self.task) if which == "random" and all(map(math.isfinite, ends)) else None
+
+    def interval(self, sample: Return, confidence: float, soundly: bool) -> Enclosure:
+        """Where the expectation behind a sample lies; `soundly`: whatever the distribution of the returns."""
+        if not soundly:
+            low, high = sample.interval(confidence)
+            return Enclosure.exactly(low).hull(Enclosure.exactly(high))
+        return mean_interval(sample.value, sample.error, sample.episodes, *return_range(self.task), confidence)
+
+    def _estimated(self, choose: Choose, episodes: int | None) -> Return | None:
+        """A return from episodes; None where these do not end."""
+        try:
+            return self.simulated(choose, episodes)
+        except SpecError as error:
+            self.unsettled = error.diagnostics[0].message
+            return None
+
+    @cached_property
+    def expert_plan(self) -> Plan | None:
+        """The expert as probabilities of actions in the model; None where there is none."""
+        try:
+            rule = self.expert_rule
+            return None if self.model is None or rule is None else tables(self.model, rule)
+        except SpecError as error:
+            self.unsettled = error.diagnostics[0].message
+            return None
+
+    def simulated(self, choose: Choose, episodes: int | None = None) -> Return:
+        """The return of a policy estimated from episodes."""
+        return Return.estimated(simulate(self.task, choose, episodes or self.episodes, self.seed))
+
+
+def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0) -> Array:
+    """Returns (N,) of episodes, discounted as the task says. Episode i is that of seed + i in the environment.
+
+    Raises:
+        SpecError: (E712) when episodes without a horizon do not end.
+    """
+    endless = isinstance(task.terminal, Const) and not task.terminal.value
+    if endless and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
+        _refuse_endless(task, LONGEST)
+    parts = []
+    expert = task.expert if isinstance(task.expert, tuple) else ()
+    start = Cost(task.initial, simulated=True)
+    step = Cost((*task.next, task.reward, task.terminal, *expert), simulated=True)
+    lanes = step.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))
+    budget = Budget(f"{episodes:,} episodes")
+    for first in range(0, episodes, lanes):
+        some = min(lanes, episodes - first)
+        budget.spend(start, some)
+        parts.append(_simulate(task, choose, some, seed + first, partial(budget.spend, step, some)))
+    return np.concatenate(parts)
+
+
+def _simulate(task: Task, choose: Choose, lanes: int, seed: int, spend: Callable[[], None]) -> Array:
+    rollout, rng = Rollout(task, lanes, seed), np.random.default_rng(seed)
+    state, total, running = rollout.start(), np.zeros(lanes), np.ones(lanes, np.bool_)
+    factor, t, unending = 1.0, 0, task.horizon is None and task.discount == 1
+    while running.any() and (task.horizon is None or t < task.horizon):
+        spend()
+        moved = rollout.step(state, choose(state, t, rng), t)
+        total += np.where(running, factor * moved.reward, 0.0)
+        running = running & ~moved.terminal
+        state = {n: np.where(running, moved.state[n], state[n]) for n in state}
+        factor, t = factor * task.discount, t + 1
+        if factor < CUT:
+            break
+        if running.any() and t >= (UNENDING if unending and running.all() else LONGEST):
+            _refuse_endless(task, t)
+    return total
+
+
+def _refuse_endless(task: Task, steps: int) -> NoReturn:
+    hint = "give the task a horizon, or a discount below 1" if task.horizon is None else "choose a smaller horizon"
+    refuse(f"episodes are still running after {steps:,} steps", hint)
+
+
+Normalise = Callable[[float], float]
+
+
+def normalised(value: float, random: float, expert: float, floor: float | None = -1.0) -> float:
+    """A score on which random actions are at 0 and the expert at 1.
+
+    Args:
+        floor: scores below it are reported as it; the paper truncates EarlyTermNeg, whose worst
+            policies score below -3, at -1.
+
+    Returns:
+        nan where the expert is no better than random.
+    """
+    if expert == random:
+        return math.nan
+    score = (value - random) / (expert - random)
+    return score if floor is None else max(floor, score)

@@ -1,0 +1,103 @@
+"""Figures of a task, drawn from the task itself: graphs, grids, curves, bars; as SVG, TikZ, PNG, PDF or pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.figures import raster
+from taskspec.figures.bars import bars
+from taskspec.figures.curve import curve
+from taskspec.figures.graph import graph
+from taskspec.figures.grid import grid
+from taskspec.figures.overlay import Overlay as Overlay
+from taskspec.figures.results import OVERLAYS as OVERLAYS
+from taskspec.figures.results import overlay as overlay
+from taskspec.figures.scene import Scene as Scene
+from taskspec.figures.svg import svg as svg
+from taskspec.figures.table import table
+from taskspec.figures.tikz import colors as tikz_colors
+from taskspec.figures.tikz import tikz as tikz
+from taskspec.files import write_text
+from taskspec.registry import load
+from taskspec.task.merge import merge
+from taskspec.task.task import Task, TaskLike
+
+__all__ = [
+    "KINDS", "OVERLAYS", "Overlay", "Scene", "figure", "overlay", "render_frame", "scene", "svg", "tikz", "tikz_colors",
+    "undrawn",
+]  # fmt: skip
+
+KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
+    "graph": graph, "grid": grid, "curve": curve, "bars": bars, "swaps": bars, "vector": bars,
+}  # fmt: skip
+
+NEEDED = {
+    "graph": "transition graphs are drawn of finite tasks with few states, whose arrows cross little",
+    "grid": "columns and rows are counted from 0, and a world that is drawn whole has at most 24 of each",
+    "curve": "a curve is drawn over a component of the state: `at: [x, y]`",
+}
+"""What a figure of some kind needs; the others show a vector."""
+HINT = (
+    f"{NEEDED['graph']}; `figure: {{kind: ...}}` in a spec asks for another figure: "
+    + ", ".join(k for k in KINDS if k != "graph")
+)  # fmt: skip
+
+
+def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
+    """W523 where the figure that a spec asks for cannot be drawn."""
+    task = load(task)
+    if task.figure is None or scene(task) is not None:
+        return ()
+    place = merge(task.document, task.variant).key_span(("figure",))
+    hint = NEEDED.get(task.figure.kind, "bars are drawn of a vector: `values: v`")
+    return (Diagnostic("W523", place, f"no figure of kind `{task.figure.kind}` can be drawn of this task", hint),)
+
+
+def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
+    """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can."""
+    task = load(task)
+    return KINDS["graph" if task.figure is None else task.figure.kind](task, over or Overlay())
+
+
+def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Path:
+    """Draw a task's figure to a file: `.svg`, `.tex` (TikZ), `.png` or `.pdf`; `overlays` are names of `OVERLAYS`.
+
+    Raises:
+        SpecError: when the task has no figure, the ending is another, or an extra is missing.
+    """
+    task, path = load(task), Path(path)
+    found = scene(task, overlay(task, overlays))
+    if found is None:
+        raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn", HINT),))
+    match path.suffix:
+        case ".svg":
+            write_text(path, svg(found) + "\n")
+        case ".tex" | ".tikz":
+            write_text(path, f"{tikz_colors()}\n{tikz(found)}\n")
+        case ".png" | ".pdf":
+            raster.save(found, path, path.suffix[1:])
+        case other:
+            message = f"'{other}' is not a format of figures"
+            raise SpecError((Diagnostic("E713", None, message, "use .svg, .tex, .png or .pdf"),))
+    return path
+
+
+def render_frame(
+    task: TaskLike, state: Mapping[str, Any], title: str = "", size: tuple[int, int] = (640, 480)
+) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    """One state as a picture (height, width, 3) of uint8; every task has one.
+
+    Args:
+        task: the task.
+        state: values by component; labels or their indices for choices.
+        title: a line of text above, such as the step.
+        size: width and height in pixels; frames of an episode are all alike in it.
+    """
+    task = load(task)
+    found = scene(task, Overlay(here=state)) or table(task, state)
+    return raster.pixels(found, size, title)

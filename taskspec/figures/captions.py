@@ -1,0 +1,118 @@
+"""What a transition graph says in words and colours: names of states and actions, chances, rewards and notes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from taskspec.exact.model.space import Space
+from taskspec.figures.elide import Arc
+from taskspec.figures.machine import Machine
+from taskspec.figures.marks import chance, decimal, number, signed
+from taskspec.figures.overlay import Overlay
+from taskspec.figures.scene import Role
+from taskspec.figures.values import at_states
+from taskspec.lang.ir import Role as Reading
+from taskspec.printers import tree as m
+from taskspec.printers.names import of_task
+from taskspec.printers.notation import Notation
+from taskspec.task.task import Component
+
+_HIGHLIGHT: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end", "first": "accent", "second": "second"}
+
+
+@dataclass(frozen=True)
+class Captions:
+    machine: Machine
+
+    @cached_property
+    def space(self) -> Space:
+        return Space(self.machine.task.state, Reading.STATE)
+
+    @cached_property
+    def labels(self) -> Mapping[int, m.Math]:
+        """States as mathematics, by code."""
+        return {code: self._combination(self.space, self.machine.task.state, code) for code in self.machine.states}
+
+    @cached_property
+    def actions(self) -> tuple[m.Math, ...]:
+        space = Space(self.machine.task.action, Reading.ACTION)
+        return tuple(self._combination(space, self.machine.task.action, code) for code in range(space.size))
+
+    @cached_property
+    def notation(self) -> Notation:
+        return of_task(self.machine.task)
+
+    def _combination(self, space: Space, components: tuple[Component, ...], code: int) -> m.Math:
+        """The values of some components: labels by their symbols, numbers as digits."""
+        values = space.values_of(code)
+        parts = []
+        for c in components:
+            is_label = c.domain is not None and not c.type.shape
+            parts.append(self.notation.labels[c.name][str(values[c.name])] if is_label else number(values[c.name]))
+        return parts[0] if len(parts) == 1 else m.joined(parts)
+
+    @cached_property
+    def fills(self) -> Mapping[int, Role]:
+        """Colours of states by the conditions under `figure: highlight:`."""
+        figure = self.machine.task.figure
+        found: dict[int, Role] = {}
+        codes = np.array(self.machine.states)
+        for name, node in ({} if figure is None else figure.highlight).items():
+            if node.type.shape or name not in _HIGHLIGHT:
+                continue
+            holds = at_states(self.machine.task, node, dict(self.space.decode(codes)), len(codes))
+            found |= {int(c): _HIGHLIGHT[name] for c in codes[holds.astype(bool)]}
+        return found
+
+    @property
+    def good(self) -> frozenset[int]:
+        return frozenset(c for c, role in self.fills.items() if role == "good")
+
+    @cached_property
+    def rewards(self) -> tuple[str, Mapping[int, float], float | None]:
+        """How rewards are told: "all" alike, by state "reached" or "left", else by "arrow"."""
+        ts = self.machine.transitions
+        if len({t.reward for t in ts}) == 1:
+            return "all", {}, ts[0].reward
+        for how in ("reached", "left"):
+            by: dict[int, set[float]] = {}
+            for t in ts:
+                by.setdefault(t.target if how == "reached" else t.source, set()).add(t.reward)
+            if all(len(x) == 1 for x in by.values()):
+                return how, {k: x.pop() for k, x in by.items()}, None
+        return "arrow", {}, None
+
+    def notes(self, shows_loops: bool) -> Iterator[str]:
+        how, _, same = self.rewards
+        if how == "all" and same is not None:
+            yield f"Every step pays {decimal(same)}."
+        if how == "left":
+            yield "Rewards are paid for the state left."
+        hidden = any(t.source == t.target and not t.ends for t in self.machine.transitions)
+        if hidden and not shows_loops:
+            yield "Where no arrow leads on, the state stays."
+
+    def state(self, v: int, overlay: Overlay) -> list[m.Math]:
+        """Reward and value told next to a state."""
+        how, by, _ = self.rewards
+        words: list[m.Math] = []
+        if how in ("reached", "left") and by.get(v):
+            words.append(m.Row((m.Ident("r"), m.Sym("="), signed(by[v]))))
+        if v in overlay.values:
+            words.append(m.Row((m.Ident("V"), m.Sym("="), signed(overlay.values[v]))))
+        return words
+
+    def arrow(self, arc: Arc) -> m.Math | None:
+        """Action and probability of an arrow, and its reward where no state tells it."""
+        parts: list[m.Math] = []
+        if arc.probability is not None:
+            parts.append(chance(arc.probability))
+        elif arc.actions and len(arc.actions) < self.machine.n_actions:
+            parts += [self.actions[a] for a in arc.actions]
+        if self.rewards[0] == "arrow" and arc.reward:
+            parts.append(m.Row((m.Ident("r"), m.Sym("="), signed(arc.reward))))
+        return m.joined(parts) if parts else None

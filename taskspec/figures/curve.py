@@ -1,0 +1,53 @@
+"""A curve and a trajectory beside it, as a scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from taskspec.figures.overlay import Overlay
+from taskspec.figures.scene import Circle, Item, Line, Point, Scene, fitted
+from taskspec.figures.values import at_states, expert_path, reads_of
+from taskspec.lang.ir import Read, Role
+from taskspec.task.task import Task
+
+WIDTH, HEIGHT, SAMPLES, SEED = 5.0, 3.0, 60, 8
+
+
+def curve(task: Task, overlay: Overlay) -> Scene | None:
+    """The curve of the figure section over the first place expression, and where an episode goes."""
+    if task.figure is None or len(task.figure.at) != 2:
+        return None
+    (place, level), height = task.figure.at, task.figure.curve
+    if not isinstance(place, Read) or height is None:
+        return None
+    here = overlay.here
+    path = [dict(here)] if here is not None else expert_path(task, min(task.horizon or 20, 100), SEED)
+    dots = [(float(at_states(task, place, reads_of(task, s), 1)[0]), float(at_states(task, level, reads_of(task, s), 1)[0]))
+            for s in path]  # fmt: skip
+    low, high = min(x for x, _ in dots), max(x for x, _ in dots)
+    low, high = (low - 0.5, high + 0.5) if high - low < 1e-9 else (low - 0.1 * (high - low), high + 0.15 * (high - low))
+    xs = np.linspace(low, high, SAMPLES)
+    reads = {k: np.repeat(v, SAMPLES, axis=-1) for k, v in reads_of(task, path[0]).items()}
+    ys = at_states(task, height, reads | {(Role.STATE, place.name): xs}, SAMPLES)
+    return _draw(task, list(zip(xs.tolist(), ys.tolist(), strict=True)), dots)
+
+
+def _draw(task: Task, line: list[Point], dots: list[Point]) -> Scene:
+    xs = [x for x, _ in (*line, *dots)]
+    ys = [y for _, y in (*line, *dots)]
+    sx, sy = WIDTH / (max(xs) - min(xs) or 1.0), HEIGHT / (max(ys) - min(ys) or 1.0)
+
+    def to(p: Point) -> Point:
+        return (p[0] - min(xs)) * sx, (max(ys) - p[1]) * sy
+
+    items: list[Item] = []
+    if min(ys) <= 0 <= max(ys):
+        items.append(Line((to((min(xs), 0.0)), to((max(xs), 0.0))), color="muted", width=0.02))
+    if min(xs) <= 0 <= max(xs):
+        items.append(Line((to((0.0, min(ys))), to((0.0, max(ys)))), color="muted", width=0.02))
+    items.append(Line(tuple(map(to, line)), color="accent", width=0.07))
+    if len(dots) > 1:
+        items.append(Line(tuple(map(to, dots)), color="second", width=0.03))
+    items += [Circle(to(p), 0.05, "ink", None) for p in dots]
+    alt = f"Curve of {task.name}, with the places of an episode marked on it"
+    return fitted(items, alt, ("One episode of the expert.",) if len(dots) > 1 else ())

@@ -1,0 +1,106 @@
+"""The part of a finite task that episodes visit, as transitions: what a graph of it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.diagnostics import SpecError
+from taskspec.exact.model.transitions import Steps
+from taskspec.limits import limits
+from taskspec.task.task import Task
+
+MAX_STATES = 300
+MAX_TRANSITIONS = 4000
+MAX_CONSIDERED = 200_000
+"""Outcomes that are looked at in one go: many more than a graph could show, and few enough to take a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    source: int
+    action: int
+    target: int
+    probability: float
+    reward: float
+    ends: bool
+
+
+@dataclass(frozen=True)
+class Machine:
+    """States by code in the order of their discovery, and what can happen in each."""
+
+    task: Task
+    start: dict[int, float]
+    states: tuple[int, ...]
+    transitions: tuple[Transition, ...]
+    ending: frozenset[int]
+    n_actions: int
+
+
+def explore(task: Task) -> Machine | None:
+    """The states that episodes visit, or None when they are not few, or the time changes what happens."""
+    if not task.is_finite:
+        return None
+    try:
+        steps = Steps(task)
+        if steps.branching > limits().outcomes or steps.uses_time or steps.actions.size > 12:
+            return None
+        start, weights = steps.starts()
+    except SpecError:
+        return None
+    found = _walk(steps, start)
+    if found is None:
+        return None
+    states, transitions = found
+    ending = frozenset(t.target for t in transitions if t.ends)
+    first = dict(zip(start.tolist(), weights.tolist(), strict=True))
+    return Machine(task, first, states, transitions, ending, steps.actions.size)
+
+
+def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...]] | None:
+    """Breadth first, up to the horizon; states that only end episodes have no transitions."""
+    seen: dict[int, None] = dict.fromkeys(start.tolist())
+    level, transitions, depth = list(seen), [], 0
+    while level and (steps.task.horizon is None or depth < steps.task.horizon):
+        if len(seen) > MAX_STATES or len(level) * steps.actions.size * steps.branching > MAX_CONSIDERED:
+            return None
+        new: dict[int, None] = {}
+        for t in _from(steps, level):
+            transitions.append(t)
+            if t.target not in seen and not t.ends:
+                new[t.target] = None
+        ends = [t.target for t in transitions if t.ends]
+        seen |= new | dict.fromkeys(e for e in ends if e not in seen)
+        if len(transitions) > MAX_TRANSITIONS:
+            return None
+        level, depth = list(new), depth + 1
+    return (tuple(seen), tuple(transitions)) if len(seen) <= MAX_STATES else None
+
+
+def _from(steps: Steps, level: list[int]) -> Iterator[Transition]:
+    """Transitions out of some states, state by state and action by action."""
+    actions = steps.actions.size
+    sources, choices = np.repeat(level, actions), np.tile(np.arange(actions), len(level))
+    found: list[Transition] = []
+    for o in steps.outcomes(sources, choices, 0):
+        origin = np.arange(len(sources)) if o.origin is None else o.origin
+        columns = (o.code, o.weight, o.reward, o.terminal)
+        code, p, reward, ends = (np.broadcast_to(x, origin.shape) for x in columns)
+        for i, point in enumerate(origin.tolist()):
+            if p[i] > 0:
+                found.append(Transition(int(sources[point]), int(choices[point]), int(code[i]),
+                                        float(p[i]), float(reward[i]), bool(ends[i])))  # fmt: skip
+    rank = {code: i for i, code in enumerate(level)}
+    return iter(sorted(_merged(found), key=lambda t: (rank[t.source], t.action)))
+
+
+def _merged(found: list[Transition]) -> list[Transition]:
+    """Equal outcomes of one action, with their probabilities added."""
+    total: dict[tuple[int, int, int, float, bool], float] = {}
+    for t in found:
+        key = (t.source, t.action, t.target, t.reward, t.ends)
+        total[key] = total.get(key, 0.0) + t.probability
+    return [Transition(a, b, c, p, reward, ends) for (a, b, c, reward, ends), p in total.items()]

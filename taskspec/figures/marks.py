@@ -1,0 +1,76 @@
+"""Small parts of graphs: shapes of states, numbers on labels, where arrows touch and labels go."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+from taskspec.figures.scene import Box, Circle, Item, Line, Point, Role, bezier
+from taskspec.printers import tree as m
+
+RADIUS, ROUND = 0.31, 0.2
+
+
+def shape(x: float, y: float, half: float, radius: float, fill: Role, shade: float) -> Item:
+    if half <= radius + 0.02:
+        return Circle((x, y), radius, fill, shade=shade)
+    return Box((x - half, y - radius), 2 * half, 2 * radius, fill, round=ROUND, shade=shade)
+
+
+def number(value: object) -> m.Math:
+    return m.Num(str(value).replace("-", "−"))
+
+
+def signed(value: float) -> m.Math:
+    return m.Num(decimal(value))
+
+
+def decimal(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−")
+
+
+def chance(p: float) -> m.Math:
+    """A probability as per cent where that is short, else as a fraction or three digits."""
+    if p >= 0.01 and abs(100 * p - round(100 * p)) < 1e-9:
+        return m.Num(f"{round(100 * p)}%")
+    ratio = Fraction(p).limit_denominator(99)
+    if abs(float(ratio) - p) < 1e-12:
+        return m.Num(f"{ratio.numerator}/{ratio.denominator}")
+    return m.Num(f"{p:.3g}")
+
+
+def outline(centre: Point, towards: Point, half: float, radius: float) -> Point:
+    """Where the way from the centre of a `shape` to a point outside leaves it."""
+    dx, dy = towards[0] - centre[0], towards[1] - centre[1]
+    length = math.hypot(dx, dy) or 1.0
+    ux, uy = dx / length, dy / length
+    if half <= radius + 0.02:
+        return centre[0] + ux * radius, centre[1] + uy * radius
+    inside, outside = 0.0, half + radius
+    for _ in range(40):
+        t = (inside + outside) / 2
+        qx, qy = abs(ux) * t - (half - ROUND), abs(uy) * t - (radius - ROUND)
+        beyond = math.hypot(max(qx, 0.0), max(qy, 0.0)) + min(max(qx, qy), 0.0) > ROUND
+        inside, outside = (inside, t) if beyond else (t, outside)
+    return centre[0] + ux * inside, centre[1] + uy * inside
+
+
+def near(a: Point, b: Point, p: Point) -> bool:
+    """Whether a vertex is in the way of a straight arrow."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / ((dx * dx + dy * dy) or 1.0)
+    if not 0.05 < t < 0.95:
+        return False
+    return math.hypot(a[0] + t * dx - p[0], a[1] + t * dy - p[1]) < RADIUS + 0.05
+
+
+def beside_line(line: Line) -> Point:
+    """Where the label of an arrow goes: above its middle."""
+    (x0, y0), (x1, y1) = line.points[0], line.points[-1]
+    mx, my = bezier(line.points, 0.5) if line.curved else ((x0 + x1) / 2, (y0 + y1) / 2)
+    length = math.hypot(x1 - x0, y1 - y0) or 1.0
+    nx, ny = (y1 - y0) / length, -(x1 - x0) / length
+    if ny > 0 and not line.curved:
+        nx, ny = -nx, -ny
+    off = 0.18
+    return mx + nx * off, my + ny * off

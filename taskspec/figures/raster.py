@@ -1,0 +1,138 @@
+"""Scene -> pixels and PDF, through matplotlib, which brings its own fonts."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskspec.extras import need
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, head, shaft
+from taskspec.figures.svg import COLORS
+from taskspec.files import write_bytes
+from taskspec.printers import tree as m
+from taskspec.printers.plain import plain
+
+INCH = 2.54
+FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks
+DPI = 200
+TITLE = 0.6  # room for a line above a frame, in centimetres
+LARGEST_SCALE = 1.6
+
+
+def save(scene: Scene, path: Path, kind: str) -> None:
+    """Write a PNG or PDF file; the same scene gives the same bytes."""
+    figure = _figure(scene)
+    metadata: dict[str, Any] = {"CreationDate": None} if kind == "pdf" else {"Software": None}
+    picture = BytesIO()
+    with _quiet():
+        figure.savefig(picture, format=kind, dpi=DPI, metadata=metadata)
+    write_bytes(path, picture.getvalue())
+
+
+def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:
+    """The picture as an array (height, width, 3) of uint8, as large as fits in the middle of `size` = (width, height)."""
+    agg = need("matplotlib.backends.backend_agg", "figures")
+    width, height = (n * INCH / DPI for n in size)
+    room = height - (TITLE if title else 0.0)
+    scale = min(width / scene.width, room / scene.height, LARGEST_SCALE)
+    figure, axes = _canvas(width, height)
+    left, top = (width / scale - scene.width) / 2, (height - room) / scale + (room / scale - scene.height) / 2
+    axes.set_xlim(-left, width / scale - left)
+    axes.set_ylim(height / scale - top, -top)
+    _draw_all(axes, scene, scale)
+    if title:
+        axes.text(
+            0.02, 0.98, title, transform=axes.transAxes, ha="left", va="top", fontsize=9, family=FONTS, parse_math=False
+        )
+    canvas = agg.FigureCanvasAgg(figure)
+    with _quiet():
+        canvas.draw()
+    return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without warnings about letters that no font has; they are drawn as boxes."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
+        yield
+
+
+def _figure(scene: Scene) -> Any:
+    figure, axes = _canvas(scene.width, scene.height)
+    axes.set_xlim(0, scene.width)
+    axes.set_ylim(scene.height, 0)
+    _draw_all(axes, scene, 1.0)
+    return figure
+
+
+def _canvas(width: float, height: float) -> tuple[Any, Any]:
+    """A figure of a size in centimetres, with axes that fill it."""
+    module, backend = need("matplotlib.figure", "figures"), need("matplotlib.backends.backend_agg", "figures")
+    figure = module.Figure(figsize=(width / INCH, height / INCH), dpi=DPI)
+    backend.FigureCanvasAgg(figure)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.axis("off")
+    return figure, axes
+
+
+def _draw_all(axes: Any, scene: Scene, scale: float) -> None:
+    for order, item in enumerate(scene.items):
+        _draw(axes, item, order, scale)
+
+
+def _draw(axes: Any, item: Item, order: int, scale: float) -> None:
+    patches, paths = need("matplotlib.patches", "figures"), need("matplotlib.path", "figures")
+    points = 72 / INCH * scale  # a centimetre in points
+    match item:
+        case Circle(centre=centre, radius=r):
+            axes.add_patch(patches.Circle(centre, r, zorder=order, **_paint(item)))
+        case Box(corner=(x, y), width=w, height=h, round=corner):
+            style = f"round,pad=0,rounding_size={corner}" if corner else "square,pad=0"
+            axes.add_patch(patches.FancyBboxPatch((x, y), w, h, boxstyle=style, zorder=order, **_paint(item)))
+        case Line():
+            codes = [1, 4, 4, 4] if item.curved else [1] + [2] * (len(item.points) - 1)
+            path = paths.Path(shaft(item), codes)
+            dashes: Any = (0, (3, 2)) if item.dashed else "solid"
+            axes.add_patch(patches.PathPatch(path, fill=False, edgecolor=COLORS[item.color], zorder=order,
+                                             linewidth=item.width * points, linestyle=dashes))  # fmt: skip
+            if item.arrow:
+                axes.add_patch(
+                    patches.Polygon(head(item), facecolor=COLORS[item.color], edgecolor="none", zorder=order)
+                )
+        case Label(at=(x, y), anchor=anchor):
+            side = {"start": "left", "middle": "center", "end": "right"}[anchor]
+            halo = {"facecolor": COLORS["paper"], "edgecolor": "none", "pad": 0.6} if item.halo else None
+            axes.text(x, y, mathtext(item.text), fontsize=item.size * points * 0.95, ha=side, va="center_baseline",
+                      color=COLORS[item.color], zorder=order, family=FONTS, math_fontfamily="cm", bbox=halo)  # fmt: skip
+
+
+def _paint(item: Circle | Box) -> dict[str, Any]:
+    matplotlib = need("matplotlib.colors", "figures")
+    face = "none" if item.fill is None else matplotlib.to_rgba(COLORS[item.fill], item.shade)
+    edge = "none" if item.line is None else COLORS[item.line]
+    return {"facecolor": face, "edgecolor": edge, "linewidth": 0.9}
+
+
+def mathtext(tree: m.Math) -> str:
+    """A label in the notation that matplotlib draws: letters and scripts as mathematics, the rest as text."""
+    match tree:
+        case m.Ident(text=text, style="italic") if text.isalpha():
+            return f"${text}$"
+        case m.Script(base=base, sub=sub, sup=None, primes=primes) if sub is not None:
+            return f"${_inside(base)}_{{{_inside(sub)}}}{chr(39) * primes}$"
+        case m.Row(items=items):
+            return "".join(map(mathtext, items))
+        case _:
+            return plain(tree).replace("$", r"\$")
+
+
+def _inside(tree: m.Math) -> str:
+    text = plain(tree)
+    return text if text.isalnum() else r"\mathrm{?}"

@@ -1,0 +1,288 @@
+"""Spec + parameters -> Task: every section checked in one pass, all mistakes reported together."""
+
+from __future__ import annotations
+
+import copyreg
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from taskspec.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors, suggest
+from taskspec.lang.check import Poisoned
+from taskspec.lang.ir import Const
+from taskspec.lang.scope import FunctionDef, Scope
+from taskspec.lang.types import BOOL, REAL, Refused
+from taskspec.lang.uncalled import check_uncalled
+from taskspec.limits import Limits
+from taskspec.source import Document, Path, read_text
+from taskspec.task.context import Context
+from taskspec.task.declare import INSTANCE_SEED
+from taskspec.task.examples import read_examples
+from taskspec.task.figure import figure
+from taskspec.task.forms import is_word
+from taskspec.task.invariants import check_on_request
+from taskspec.task.merge import Merged, abstracted, merge
+from taskspec.task.names import Names, signature
+from taskspec.task.schema import Spec, check_shape, validated
+from taskspec.task.sections import Sections
+from taskspec.task.taken import check_names
+from taskspec.task.task import Component, Surface, Task
+
+OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "num_envs", "vectorization_mode",
+                     "vector_kwargs", "wrappers", "backend", "max_episode_steps", "disable_env_checker"})  # fmt: skip
+"""Keyword arguments of `gym.make`, `gym.make_vec` and our own makers, which no parameter may be called."""
+
+SEMANTIC = (
+    "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount", "initial",
+    "dynamics", "reward", "absorbing_reward", "expert", "abstraction",
+)  # fmt: skip
+"""Sections that decide what a task does; the content hash covers these and the parameter values."""
+
+
+def build(
+    document: Document,
+    variant: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    suite: str = "",
+) -> Task:
+    """The task that a document describes, for given parameter values.
+
+    Raises:
+        SpecError: with every mistake found.
+    """
+    raise_if_errors(check_shape(document))
+    merged = merge(document, variant)
+    return _Build(validated(merged), merged, Collector()).checked(dict(parameters or {}), suite)
+
+
+def _reduced(task: Task) -> tuple[Any, ...]:
+    """A task travels as its spec's text and its parameter values, and is built again on arrival."""
+    origin = task.document.origin
+    options = (task.suite, task.ending, task.observe_time)
+    return _rebuilt, (origin.text, origin.name, task.variant, task.values, *options)
+
+
+def _rebuilt(
+    text: str,
+    name: str,
+    variant: str | None,
+    values: dict[str, Any],
+    suite: str,
+    ending: str,
+    observe_time: bool,
+) -> Task:
+    """A task from the text it was built from."""
+    task = build(read_text(text, name), variant, values, suite)
+    task = task.absorbing() if ending == "absorb" else task
+    return task.observing_time() if observe_time else task
+
+
+copyreg.pickle(Task, _reduced)  # here, since a task need not know how it is built
+
+
+def build_abstract(task: Task) -> Task | None:
+    """The finite stand-in that a task's spec declares under `abstraction`, for the same parameters; None without one.
+
+    Raises:
+        SpecError: with every mistake found in it.
+    """
+    merged = abstracted(merge(task.document, task.variant))
+    if merged is None:
+        return None
+    try:
+        found = _Build(validated(merged), merged, Collector()).checked(task.values, task.suite)
+    except SpecError as error:
+        note = "this is about the abstraction, which takes from the task what it does not give itself"
+        raise SpecError(replace(d, notes=(*d.notes, note)) for d in error.diagnostics) from None
+    return found.absorbing() if task.ending == "absorb" else found
+
+
+class _Build:
+    """One build, section after section, into one context."""
+
+    def __init__(self, spec: Spec, merged: Merged, collector: Collector) -> None:
+        self.spec = spec
+        self.context = Context(merged, collector)
+        self.names = Names(self.context)
+        self.sections = Sections(self.context, self.names)
+        self.merged, self.data, self.collector = merged, merged.data, collector
+
+    def checked(self, given: dict[str, Any], suite: str) -> Task:
+        """The task.
+
+        Raises:
+            SpecError: with every mistake found, or with the limit that there are too many operations for.
+        """
+        try:
+            return check_on_request(self.task(given, suite))
+        except Refused as refused:  # a limit of the whole task, reached outside of any expression
+            self.collector.raise_if_errors()
+            place = self.merged.span(("name",))
+            raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
+
+    def task(self, given: dict[str, Any], suite: str) -> Task:
+        """The whole pipeline, in order."""
+        context, sections, scope = self.context, self.sections, self.names.scope
+        check_names(self.merged, self.collector)
+        self._bind_parameters(given)
+        self._bind_constants()
+        context.state, context.action = self._components("state"), self._components("action")
+        context.domains = [c.domain for c in (*context.state, *context.action) if c.domain is not None]
+        context.forms.labels = frozenset(x for d in context.domains for x in d.labels if not is_word(x))
+        context.horizon, discount = self._horizon(), self._discount()
+        sections.parse()
+        with context.builder.written() as first:
+            initial = sections.initial()
+        with context.builder.written() as later:
+            changed = sections.dynamics()
+            following = sections.saturate(initial, changed)
+            reward = sections.single("reward", REAL, scope("reward"))
+            terminal = sections.single("terminal", BOOL, scope("terminal"), default=False)
+        absorbing = sections.single("absorbing_reward", REAL, scope("absorbing"), default=0)
+        with context.builder.written() as seen:
+            observation = sections.observation(initial, following)
+        expert = sections.expert()
+        self._check_unused()
+        mapped = sections.abstraction()
+        drawn = figure(context, scope("figure"))
+        claims, examples = tuple(sections.claims()), tuple(read_examples(context))
+        scope("claims")
+        self.collector.raise_if_errors()
+        assert reward is not None and terminal is not None and absorbing is not None
+        raw_initial = tuple(sections.raw_initial[c.name] for c in context.state)
+        raw_next = tuple(self.names.raw_next[c.name] for c in context.state)
+        sections.check_widths(
+            initial=raw_initial, dynamics=raw_next, reward=[reward], terminal=[terminal], absorbing_reward=[absorbing],
+            abstraction=mapped, observation=observation.nodes, expert=expert if isinstance(expert, tuple) else (),
+        )  # fmt: skip
+        self.collector.raise_if_errors()
+        context.builder.settle()
+        return Task(
+            name=self.merged.name, suite=suite, version=self.spec.version, variant=self.merged.variant,
+            parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
+            horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
+            raw_initial=raw_initial, raw_next=raw_next,
+            terminal=terminal, expert=expert, claims=claims, examples=examples, absorbing_reward=absorbing,
+            builder=context.builder, reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
+            spec=self.spec, surface=Surface(context.exprs, context.named_scopes, tuple(context.checker.moved.values())),
+            document=self.merged.document,
+            content_hash=self._hash(), figure=drawn,
+        )  # fmt: skip
+
+    def _bind_parameters(self, given: dict[str, Any]) -> None:
+        context = self.context
+        entries = self.data.get("parameters") or {}
+        names = [name for name in entries if name != "require"]
+        for name in given.keys() - set(names):
+            known = f"its parameters are {', '.join(names)}" if names else "it has no parameters"
+            message = f"{self.merged.name} has no parameter '{name}'"
+            self.collector.add("E702", None, message, suggest(name, names) or known)
+        scope = context.constant_scope("parameters are fixed numbers")
+        for name in names:
+            self._check_option(name)
+            found = context.declare.parameter(name, given, scope)
+            if found is not None:
+                context.parameters.append(found[0])
+                context.constants[name] = found[1]
+        self.collector.raise_if_errors()
+        for i, _ in enumerate(entries.get("require") or ()):
+            self._require(("parameters", "require", i), scope)
+        self.collector.raise_if_errors()
+
+    def _check_option(self, name: str) -> None:
+        if name in OPTIONS:
+            span = self.merged.key_span(("parameters", name))
+            message = f"'{name}' is an option of `gym.make` and of `taskspec.load`; a parameter cannot have its name"
+            self.collector.add("E309", span, message)
+        if name == INSTANCE_SEED and self.data["parameters"][name]["type"] != "int":
+            span = self.merged.span(("parameters", name, "type"))
+            self.collector.add(
+                "E204", span, "the seed of an instance is an int", f"{name}: {{type: int, default: 0, low: 0}}"
+            )
+
+    def _require(self, path: Path, scope: Scope) -> None:
+        context = self.context
+        expr = context.forms.expr((*path, "condition"))
+        value = None if expr is None else context.checker.check(expr, scope)
+        if expr is None or value is None:
+            return
+        if not isinstance(value.node, Const) or value.node.type != BOOL:
+            self.collector.add("E306", expr.place, "a requirement is a condition on parameters")
+        elif not value.node.value:
+            message = context.forms.value((*path, "message"))
+            values = ", ".join(f"{p.name}={p.value!r}" for p in context.parameters)
+            self.collector.add("E704", expr.place, f"{message} ({values})")
+
+    def _bind_constants(self) -> None:
+        context = self.context
+        seed = next((p.value for p in context.parameters if p.name == INSTANCE_SEED), None)
+        scope = context.constant_scope()
+        scope.used.add(INSTANCE_SEED)
+        names = list(self.data.get("constants") or {})
+        for name in names:
+            make = lambda n=name: context.declare.constant(n, scope, seed)  # noqa: E731
+            context.constants[name] = context.lazy(name, make)
+        for name in names:
+            context.resolve(context.constants[name], context.place("constants", name))
+
+    def _components(self, section: str) -> tuple[Component, ...]:
+        if not self.data[section]:
+            hint = "where there is nothing to tell apart, one value is enough: `s: {type: choice, values: [only]}`"
+            self.collector.add("E210", self.merged.key_span((section,)), f"`{section}:` names no component", hint)
+        scope = self.context.constant_scope("domains are fixed")
+        found = [self.context.declare.component((section, name), scope) for name in self.data[section]]
+        size = sum(c.type.size for c in found if c is not None)
+        self.context.declare.fits(size, self.merged.key_span((section,)), f"`{section}:`")
+        self.collector.raise_if_errors()  # without its components no section can be checked
+        return tuple(c for c in found if c is not None)
+
+    def _horizon(self) -> int | None:
+        value = self.data["horizon"]
+        expr = None if value in (None, "none") else self.context.forms.expr(("horizon",))
+        if expr is None:
+            return None
+        try:
+            steps = self.context.checker.integer(
+                expr, self.context.constant_scope("the horizon is fixed"), "the horizon"
+            )
+        except Poisoned:
+            return None
+        if not 1 <= steps <= Limits.horizon:
+            self.collector.add("E407", expr.place, f"a horizon of {steps:,} steps is not possible",
+                               f"between 1 and {Limits.horizon:,}, or `none`")  # fmt: skip
+        return steps
+
+    def _discount(self) -> float:
+        expr = self.context.forms.expr(("discount",)) if "discount" in self.data else None
+        if expr is None:
+            return 1.0
+        try:
+            node = self.context.checker.constant(expr, self.context.constant_scope("it is fixed"), "the discount")
+        except Poisoned:
+            return 1.0
+        value = float(node.value) if node.type.is_scalar else -1.0
+        if not 0 <= value <= 1:
+            self.collector.add("E703", expr.place, "the discount is a number between 0 and 1")
+        return value
+
+    def _check_unused(self) -> None:
+        """Definitions and noise that nothing uses are checked all the same."""
+        context, scope = self.context, self.names.scope("reward")
+        unused = [d for d in context.exprs["definitions"] if not any(signature(d)[0] in x.used for x in context.scopes)]
+        for name in self.data.get("noise") or {}:
+            context.resolve(scope.bindings[name], context.place("noise", name))
+        for written in unused:
+            name, binding = signature(written)[0], scope.bindings[signature(written)[0]]
+            if isinstance(binding, FunctionDef):
+                check_uncalled(self.collector, binding)
+            else:
+                context.resolve(binding, context.place("definitions", written))
+
+    def _hash(self) -> str:
+        """SHA-256 of what decides the task's behaviour: its semantic sections and its parameter values."""
+        content = {section: self.data[section] for section in SEMANTIC if section in self.data}
+        content["format"] = self.data.get("taskspec", 1)
+        content["values"] = {p.name: p.value for p in self.context.parameters}
+        return hashlib.sha256(json.dumps(content, default=str).encode()).hexdigest()

@@ -1,0 +1,104 @@
+"""What every part of a build shares: the merged spec, one builder, one collector, and the names resolved so far."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from taskspec.diagnostics import Collector
+from taskspec.lang import syntax as s
+from taskspec.lang.builder import Builder
+from taskspec.lang.check import Checker, Poisoned
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.scope import Binding, Lazy, Scope, Value
+from taskspec.lang.types import Domain, Refused
+from taskspec.task.assign import assign
+from taskspec.task.declare import Declarations
+from taskspec.task.forms import Forms
+from taskspec.task.merge import Merged
+from taskspec.task.task import Component, Parameter
+
+
+class Context:
+    """The state of one build; its parts fill in the attributes in the order of the pipeline."""
+
+    def __init__(self, merged: Merged, collector: Collector) -> None:
+        self.merged, self.data, self.collector = merged, merged.data, collector
+        self.builder = Builder()
+        self.checker = Checker(self.builder, collector)
+        self.forms = Forms(merged, collector)
+        self.declare = Declarations(merged, self.builder, self.checker, self.forms)
+        self.parameters: list[Parameter] = []
+        self.constants: dict[str, Binding] = {}
+        self.state: tuple[Component, ...] = ()
+        self.action: tuple[Component, ...] = ()
+        self.domains: list[Domain] = []
+        self.horizon: int | None = None
+        self.exprs: dict[str, Any] = {}  # parsed sections
+        self.scopes: list[Scope] = []  # every scope made, for what was used
+        self.named_scopes: dict[str, Scope] = {}
+        self._busy: list[str] = []  # names that are being expanded
+
+    def constant_scope(self, why_no_draws: str | None = None) -> Scope:
+        """A scope of parameters and constants alone."""
+        scope = Scope(self.constants, draws=why_no_draws)
+        self.scopes.append(scope)
+        return scope
+
+    def place(self, *path: str) -> s.Place:
+        """A whole section as a place."""
+        return self.forms.place(path)
+
+    def read(self, c: Component, role: Role) -> Value:
+        """The present value of a component."""
+        entry = self.data[role.value].get(c.name, {})  # an abstraction has components of its own
+        low, high = entry.get("low"), entry.get("high")
+        ends = (low if isinstance(low, int) else -math.inf, high if isinstance(high, int) else math.inf)
+        node = self.builder.read(role, c.name, c.type, min(c.low), max(c.high))
+        return Value(node, c.domain, ends=ends)
+
+    # -- names worked out on first use ----------------------------------------------------------------------------
+
+    def guard(self, name: str, at: s.Expr) -> Callable[[], None]:
+        """Enter the expansion of a name; entering it twice is a circle. Returns what leaves it."""
+        if name in self._busy:
+            circle = " -> ".join([*self._busy[self._busy.index(name) :], name])
+            self.checker.fail("E310", at, f"'{name}' needs its own value: {circle}")
+        self._busy.append(name)
+        return lambda: self._busy.remove(name)
+
+    def lazy(self, name: str, make: Callable[[], Value]) -> Lazy:
+        """A binding worked out once, on first use; a circle is reported."""
+        known: list[Value | None] = []
+
+        def resolve(at: s.Name) -> Value:
+            if not known:
+                leave = self.guard(name, at)
+                try:
+                    known.append(make())
+                except Poisoned:
+                    known.append(None)
+                finally:
+                    leave()
+            if known[0] is None:
+                raise Poisoned
+            return known[0]
+
+        return Lazy(resolve)
+
+    def resolve(self, binding: Binding, place: s.Place) -> None:
+        """Work a lazy binding out for its mistakes."""
+        try:
+            if isinstance(binding, Lazy):
+                binding.resolve(s.Name("", False, place))
+        except Poisoned:
+            pass
+        except Refused as refused:
+            self.collector.add(refused.code, place, refused.message, refused.hint)
+
+    # -- values of components -------------------------------------------------------------------------------------
+
+    def assign(self, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
+        """An expression as a value of a component; None when it is broken (and reported)."""
+        return assign(self.checker, expr, scope, component)

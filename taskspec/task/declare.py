@@ -1,0 +1,342 @@
+"""Parameters, constants and components: the declarations of a spec, evaluated for given parameter values."""
+
+from __future__ import annotations
+
+import math
+import reprlib
+import zlib
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from taskspec import draws
+from taskspec.diagnostics import Collector, Placed, suggest
+from taskspec.draws.layout import Layout
+from taskspec.draws.sample import sampler
+from taskspec.lang.builder import Builder
+from taskspec.lang.calls import static_shape
+from taskspec.lang.check import Checker, Poisoned
+from taskspec.lang.evaluate import evaluate
+from taskspec.lang.ir import Const, Node, plain
+from taskspec.lang.scope import Scope, Value
+from taskspec.lang.types import INT, INT_WIDEST, Domain, Kind, Refused, Type
+from taskspec.limits import count, how_to_raise, limits
+from taskspec.source import Path
+from taskspec.task.forms import Forms
+from taskspec.task.merge import Merged
+from taskspec.task.task import Component, Parameter
+
+_ENDLESS = {"low": -math.inf, "high": math.inf}
+"""Bounds that are none."""
+INSTANCE_SEED = "instance_seed"
+INSTANCE = draws.RESET | 1 << 30
+"""Phase of the draws made once per instance; its slots meet those of no step and no reset."""
+KINDS = {"bool": Kind.BOOL, "int": Kind.INT, "real": Kind.REAL}
+
+
+class Declarations:
+    """Evaluates declarations against one builder; mistakes go to the collector."""
+
+    def __init__(self, merged: Merged, builder: Builder, checker: Checker, forms: Forms) -> None:
+        self.merged, self.builder, self.checker, self.forms = merged, builder, checker, forms
+        self.collector: Collector = checker.collector
+
+    # -- parameters -----------------------------------------------------------------------------------------------
+
+    def parameter(self, name: str, given: Mapping[str, Any], scope: Scope) -> tuple[Parameter, Value] | None:
+        """A parameter bound to the given value or its default; None when it is broken (and reported)."""
+        path: Path = ("parameters", name)
+        entry = self.merged.data["parameters"][name]
+        kind = entry.get("type", "real")
+        labels = self._labels(entry)
+        try:
+            low, high = (self._bound(entry, key, path, scope) for key in ("low", "high"))
+            default = self._default(entry, path, kind, labels, scope)
+            domain = self.domain(entry, path, scope) if kind == "choice" else None
+        except Poisoned:
+            return None
+        value = self._given(name, given[name], kind, labels) if name in given else default
+        if value is None or not self._within(name, value, low, high, labels, name in given):
+            return None
+        shown = {k: entry.get(k) for k in ("symbol", "doc")}
+        parameter = Parameter(name, kind, value, default, low, high, labels, **shown)
+        if kind == "choice":
+            assert labels is not None
+            return parameter, Value(self.builder.scalar(labels.index(value)), domain)
+        return parameter, Value(self.builder.const(value, Type(KINDS[kind])))
+
+    def _labels(self, entry: Mapping[str, Any]) -> tuple[Any, ...] | None:
+        values = entry.get("values")
+        return None if values is None else tuple(values)
+
+    def _bound(self, entry: Mapping[str, Any], key: str, path: Path, scope: Scope) -> float | None:
+        if entry.get(key) is None:
+            return None
+        expr = self.forms.expr((*path, key))
+        if expr is None:
+            raise Poisoned
+        node = self.checker.constant(expr, scope, f"'{key}' of a parameter")
+        if not node.type.is_scalar:
+            self.checker.fail("E307", expr, f"'{key}' of a parameter is a single number")
+        if node.value != node.value:
+            self.checker.fail("E407", expr, f"'{key}' of a parameter is not a number")
+        return None if node.value == _ENDLESS[key] else plain(node.value)
+
+    def _default(self, entry: Mapping[str, Any], path: Path, kind: str, labels: Any, scope: Scope) -> Any:
+        value = entry.get("default")
+        if kind == "choice":
+            if value not in (labels or ()):
+                known = [str(label) for label in labels or ()]
+                message = f"the default '{value}' is not one of {', '.join(known)}"
+                self.collector.add("E213", self.merged.span((*path, "default")), message, suggest(str(value), known))
+                raise Poisoned
+            return value
+        expr = self.forms.expr((*path, "default"))
+        if expr is None:
+            raise Poisoned
+        node = self.checker.constant(expr, scope, "a default")
+        found = _convert(node.value, kind) if node.type.is_scalar else None
+        if found is None:
+            shown = f"{node.value}" if node.type.is_scalar and node.type.kind is KINDS[kind] else str(node.type)
+            self.collector.add("E213", expr.place, f"the default is {shown}, but the parameter is {_article(kind)}")
+            raise Poisoned
+        return found
+
+    def _given(self, name: str, value: Any, kind: str, labels: Any) -> Any:
+        is_label = kind == "choice" and isinstance(value, str) and value in labels
+        converted = str(value) if is_label else _convert(value, kind)
+        if converted is None:
+            wanted = f"one of {', '.join(map(str, labels))}" if kind == "choice" else _article(kind)
+            self.collector.add("E703", None, f"parameter {name} must be {wanted}, not {_brief(value)}")
+        return converted
+
+    def _within(self, name: str, value: Any, low: Any, high: Any, labels: Any, given: bool) -> bool:
+        if labels is not None and value not in labels:
+            problem = f"must be one of {', '.join(map(str, labels))}"
+        elif labels is None and not isinstance(value, bool) and low is not None and not value >= low:
+            problem = f"must be at least {low}"
+        elif labels is None and not isinstance(value, bool) and high is not None and not value <= high:
+            problem = f"must be at most {high}"
+        else:
+            return True
+        path = ("parameters", name)
+        if given:
+            self.collector.add("E703", None, f"parameter {name} {problem}, not {value!r}",
+                               notes=[f"declared at {self.merged.key_span(path)}"])  # fmt: skip
+        else:
+            self.collector.add("E213", self.merged.span((*path, "default")), f"the default {value!r} {problem}")
+        return False
+
+    # -- constants ------------------------------------------------------------------------------------------------
+
+    def constant(self, name: str, scope: Scope, seed: int | None) -> Value:
+        """A constant: an expression, a text grid, or a draw made once per instance."""
+        path: Path = ("constants", name)
+        value = self.merged.data["constants"][name]
+        if isinstance(value, dict) and "grid" in value:
+            return Value(self._grid(value, path, scope))
+        expr = self.forms.expr(path)
+        if expr is None:
+            raise Poisoned
+        with self.builder.written(apart=True) as written:
+            found = self.checker.value(expr, scope)
+        if isinstance(found.node, Const):
+            return found
+        if seed is None:
+            self.checker.fail("E311", expr, "this constant is drawn, but the task has no parameter 'instance_seed'",
+                              "declare it: `instance_seed: {type: int, default: 0, low: 0}`")  # fmt: skip
+        return Value(self._drawn(found.node, Layout.dealt(written.values()), seed, name), found.domain)
+
+    def _drawn(self, node: Node, layout: Layout, seed: int, name: str) -> Const:
+        """The value of a constant drawn once: the same seed gives the same constant, whatever else is declared."""
+        words = draws.block(seed, INSTANCE, zlib.crc32(name.encode()), 1, layout.count)[0].tolist()
+        (flat,) = evaluate([node], {}, sampler(layout, words))
+        return self.builder.const(flat if node.type.shape else flat[0], node.type)
+
+    def _grid(self, value: dict[str, Any], path: Path, scope: Scope) -> Const:
+        """A text grid: every character stands for what the legend says."""
+        block = value["grid"] if isinstance(value["grid"], str) else None
+        lines = value["grid"] if block is None else block.splitlines()
+        legend = {str(k): self._legend(k, path, scope) for k in value["legend"]}
+        if len({node.type.shape for node in legend.values()}) > 1:
+            self._stop("E307", (*path, "legend"), "the values of the legend have different shapes")
+        where: Path = (*path, "grid")
+        start, cells = 0, []
+        for row, line in enumerate(lines):
+            here, start = ((*where, row), 0) if block is None else (where, start)
+            self._check_row(line, len(lines[0]), legend, here, start)
+            cells += [legend[char] for char in line]
+            start += len(line) + 1
+        found = self.builder.structure("vector", cells)
+        grid = self.builder.structure("reshape", [found], (len(lines), len(lines[0]), *found.type.shape[1:]))
+        assert isinstance(grid, Const)
+        return grid
+
+    def _check_row(self, line: str, width: int, legend: Mapping[str, Node], path: Path, start: int) -> None:
+        """A row of a text grid, which begins at a character of the text at a path."""
+        if not line or len(line) != width:
+            place = self.merged.span(path, start, start + len(line))
+            self.collector.add("E307", place, f"this row has {len(line)} characters, the first has {width}")
+            raise Poisoned
+        for at, char in enumerate(line, start):
+            if char not in legend:
+                message = f"the legend does not say what '{char}' stands for"
+                self.collector.add("E203", self.merged.span(path, at, at + 1), message, f"it has {' '.join(legend)}")
+                raise Poisoned
+
+    def _legend(self, key: str, path: Path, scope: Scope) -> Node:
+        expr = self.forms.expr((*path, "legend", key))
+        if expr is None:
+            raise Poisoned
+        return self.checker.constant(expr, scope, "a legend's value")
+
+    def _stop(self, code: str, path: Path, message: str, hint: str | None = None) -> Any:
+        self.collector.add(code, self.merged.span(path), message, hint)
+        raise Poisoned
+
+    # -- components -----------------------------------------------------------------------------------------------
+
+    def component(self, path: Path, scope: Scope) -> Component | None:
+        """The state or action component declared at a path, or None when it is broken (and reported)."""
+        name, entry = str(path[-1]), self.forms.value(path)
+        try:
+            shape = self._shape(entry, path, scope)
+            shown = {k: entry.get(k) for k in ("symbol", "doc")}
+            if entry["type"] == "choice":
+                domain = self.domain(entry, path, scope)
+                size = Type(Kind.INT, shape).size
+                top = float(len(domain.labels) - 1)
+                return Component(name, Type(Kind.INT, shape), (0,) * size, (top,) * size, domain, **shown)
+            type_ = Type(KINDS[entry["type"]], shape)
+            low, high = self._bounds(entry, path, type_, scope)
+            return Component(name, type_, low, high, None, **shown)
+        except Poisoned:
+            return None
+        except Refused as refused:
+            self.collector.add(refused.code, self.merged.span(path), refused.message, refused.hint)
+            return None
+
+    def _shape(self, entry: Mapping[str, Any], path: Path, scope: Scope) -> tuple[int, ...]:
+        if entry.get("shape") in (None, []):
+            return ()
+        expr = self.forms.expr((*path, "shape"))
+        if expr is None:
+            raise Poisoned
+        shape = static_shape(self.checker, expr, scope)
+        if not self.fits(math.prod(shape), expr.place, "a component"):
+            raise Poisoned
+        return shape
+
+    def fits(self, size: int, place: Placed, what: str) -> bool:
+        """Whether the state, the action or the observation may have so many elements; reported (E314) where it may not."""
+        most = limits().width
+        if size > most:
+            message = f"{what} of {count(size)} elements is too large; the limit is {most:,}"
+            self.collector.add("E314", place, message, how_to_raise("width", size))
+        return size <= most
+
+    def _bounds(
+        self, entry: Mapping[str, Any], path: Path, type_: Type, scope: Scope
+    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        if type_.kind is Kind.BOOL:
+            return (0,) * type_.size, (1,) * type_.size
+        low, high = (self.edge(entry, key, path, type_, scope) for key in ("low", "high"))
+        self.check_order(low, high, path)
+        return low, high
+
+    def check_order(self, low: Sequence[float], high: Sequence[float], path: Path) -> None:
+        """Refuse (E407) bounds between which no value lies."""
+        for a, b in zip(low, high, strict=True):
+            if not a <= b or a == math.inf or b == -math.inf:
+                self._stop("E407", path, f"no value lies between low = {_shown(a)} and high = {_shown(b)}")
+
+    def edge(self, entry: Mapping[str, Any], key: str, path: Path, type_: Type, scope: Scope) -> tuple[float, ...]:
+        if entry.get(key) is None:
+            return ((-math.inf if key == "low" else math.inf),) * type_.size
+        expr = self.forms.expr((*path, key))
+        if expr is None:
+            raise Poisoned
+        node = self.builder.stretch(self.checker.constant(expr, scope, f"'{key}'"), type_.shape)
+        if node.type.shape != type_.shape or not isinstance(node, Const):
+            self.checker.fail(
+                "E307",
+                expr,
+                f"'{key}' has shape {list(node.type.shape)}, the component {list(type_.shape)}",
+            )
+        flat = tuple(float(v) for v in node.flat)
+        if (
+            type_.kind is Kind.INT
+            and node.type.kind is Kind.REAL
+            and not all(v.is_integer() or math.isinf(v) for v in flat)
+        ):
+            self.checker.fail("E306", expr, f"'{key}' of an int component must be an int")
+        if type_.kind is Kind.INT and any(INT_WIDEST < abs(v) < math.inf for v in flat):
+            self.checker.fail("E318", expr, "ints have 64 bits; this is too large", "a real has no such limit")
+        return flat
+
+    def domain(self, entry: Mapping[str, Any], path: Path, scope: Scope) -> Domain:
+        """Labels of a choice, and their values when it is mapped or its labels are numbers."""
+        values = entry["values"]
+        symbols = None if entry.get("symbols") is None else tuple(str(x) for x in entry["symbols"])
+        labels = tuple(str(v).lower() if isinstance(v, bool) else str(v) for v in values)
+        if symbols is not None and len(symbols) != len(labels):
+            self._stop("E214", (*path, "symbols"), f"{len(symbols)} symbols for {len(labels)} labels")
+        if len(set(labels)) < len(labels):
+            self._stop("E309", (*path, "values"), "a label is given twice")
+        if isinstance(values, list):
+            if not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
+                return Domain(labels, symbols=symbols)
+            nodes: list[Node] = [self.builder.scalar(v) for v in values]
+        else:
+            nodes = [self._mapped((*path, "values", key), scope) for key in values]
+        if len({n.type.shape for n in nodes}) > 1:
+            self._stop("E307", (*path, "values"), "the values of the labels have different shapes")
+        kind = max(INT.kind, *(n.type.kind for n in nodes)) if len(nodes) > 1 else max(INT.kind, nodes[0].type.kind)
+        constants = [self.builder.cast(n, kind) for n in nodes]
+        flats = tuple(_value(c) for c in constants)
+        return Domain(labels, flats, Type(kind, nodes[0].type.shape), symbols)
+
+    def _mapped(self, path: Path, scope: Scope) -> Node:
+        expr = self.forms.expr(path)
+        if expr is None:
+            raise Poisoned
+        return self.checker.constant(expr, scope, "the value of a label")
+
+
+def _value(node: Node) -> Any:
+    assert isinstance(node, Const)
+    return node.flat if node.type.shape else node.value
+
+
+def _convert(value: Any, kind: str) -> Any:
+    """A value as the kind of a parameter, or None where it is of another kind, no number, or too large."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if kind == "bool":
+        return value if isinstance(value, bool) else None
+    is_nan = isinstance(value, float) and math.isnan(value)
+    if isinstance(value, bool) or not isinstance(value, int | float | Fraction) or is_nan:
+        return None
+    if kind == "int":
+        return int(value) if -INT_WIDEST <= value <= INT_WIDEST and value == int(value) else None
+    try:
+        return float(value) if kind == "real" else None
+    except OverflowError:
+        return None
+
+
+def _article(kind: str) -> str:
+    return {"int": "an int", "real": "a real number", "bool": "true or false"}.get(kind, f"a {kind}")
+
+
+def _brief(value: Any) -> str:
+    """A value from Python in a few words; ints may be longer than Python is willing to print."""
+    if isinstance(value, int) and abs(value) > INT_WIDEST:
+        return f"one of {value.bit_length()} bits"
+    return reprlib.repr(value)
+
+
+def _shown(value: float) -> str:
+    return f"{value:g}"

@@ -1,0 +1,83 @@
+"""The section `figure`: what its kind needs is checked, and its expressions become nodes; `appendix.figures` draws them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from taskspec.diagnostics import suggest
+from taskspec.lang.check import Poisoned
+from taskspec.lang.ir import Node
+from taskspec.lang.scope import Scope
+from taskspec.lang.types import Refused
+from taskspec.source import Path
+from taskspec.task.context import Context
+from taskspec.task.task import Figure
+
+_NEEDED: dict[str, tuple[str, ...]] = {"grid": ("at",), "curve": ("at", "curve")}
+
+
+def figure(context: Context, scope: Scope) -> Figure | None:
+    """What the section says; None without one.
+
+    Reported are keys that the kind of figure lacks (E203), and expressions that mean nothing or have the wrong shape.
+    """
+    written: dict[str, Any] | None = context.data.get("figure")
+    if not written:
+        return None
+    for key in _NEEDED.get(written["kind"], ()):
+        if written.get(key) is None:
+            span = context.merged.key_span(("figure",))
+            context.collector.add("E203", span, f"a figure of kind `{written['kind']}` needs `{key}`")
+    parts = {key: _node(context, ("figure", key), scope) for key in ("curve", "values") if written.get(key) is not None}
+    marks = {name: _node(context, ("figure", "highlight", name), scope) for name in written.get("highlight") or {}}
+    return Figure(
+        kind=written["kind"], at=_place(context, written.get("at"), scope), curve=parts.get("curve"),
+        values=parts.get("values"), highlight={name: node for name, node in marks.items() if node is not None},
+        map=_map(context, written.get("map")),
+    )  # fmt: skip
+
+
+def _place(context: Context, at: Any, scope: Scope) -> tuple[Node, ...]:
+    """A column and a row, or one vector of both; nothing where there is none, or it is broken."""
+    if at is None:
+        return ()
+    paths: list[Path] = [("figure", "at", i) for i in range(len(at))] if isinstance(at, list) else [("figure", "at")]
+    nodes = [_node(context, path, scope) for path in paths]
+    found = tuple(node for node in nodes if node is not None)
+    if len(found) < len(nodes):
+        return ()
+    inner = found[0].type.shape if found else ()
+    shape = (len(found), *inner) if isinstance(at, list) else inner
+    if shape != (2,):
+        message = f"a place is two numbers, but this has shape {list(shape)}"
+        context.collector.add("E307", context.merged.span(("figure", "at")), message)
+    return found
+
+
+def _node(context: Context, path: Path, scope: Scope) -> Node | None:
+    """An expression as a node, a choice as the number that it stands for; None where it is broken (and reported)."""
+    expr = context.forms.expr(path)
+    value = None if expr is None else context.checker.check(expr, scope)
+    if expr is None or value is None:
+        return None
+    if value.domain is None or value.domain.values is None:
+        return value.node
+    try:
+        return context.checker.number_of(value, expr)
+    except (Poisoned, Refused):
+        return None
+
+
+def _map(context: Context, name: str | None) -> tuple[str, ...]:
+    """The rows of the grid of letters that the figure names; none where it names none."""
+    constants = context.data.get("constants") or {}
+    if name is None:
+        return ()
+    grid = constants[name].get("grid") if isinstance(constants.get(name), dict) else None
+    if name not in constants:
+        span = context.merged.span(("figure", "map"))
+        context.collector.add("E302", span, f"there is no constant '{name}'", suggest(name, constants))
+    elif grid is None:
+        message, hint = f"the constant '{name}' is no grid of letters", f"{name}: {{grid: [...], legend: {{...}}}}"
+        context.collector.add("E204", context.merged.span(("figure", "map")), message, hint)
+    return tuple(grid.splitlines() if isinstance(grid, str) else grid or ())

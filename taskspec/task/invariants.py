@@ -1,0 +1,174 @@
+"""What is true of every task, as a list: one rule a line, checked on request (`TASKSPEC_INVARIANTS=1`) and in all tests.
+
+Whatever is downstream of a `Task` relies on these rules and checks none of them again. A rule that does not hold is a
+mistake of the compiler, never of a spec.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+
+from taskspec.lang.dists import BASES
+from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, exact, reads, walk
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
+from taskspec.task.task import Component, Task
+
+ON_REQUEST = "TASKSPEC_INVARIANTS"
+"""Environment variable: when it is set and not empty, every build checks its task."""
+
+NodeRule = tuple[str, Callable[[Node], bool]]
+TaskRule = tuple[str, Callable[[Task], bool]]
+
+_PRESENT = {Role.STATE, Role.TIME}
+_STEP = {*_PRESENT, Role.ACTION}
+
+OF_NODES: tuple[NodeRule, ...] = (
+    ("a constant has one scalar for each element", lambda n: not isinstance(n, Const) or _sized(n)),
+    ("the scalars of a constant are of its kind", lambda n: not isinstance(n, Const) or _of_kind(n)),
+    ("an operator is in one of the two tables", lambda n: not isinstance(n, Apply) or (n.op in OPERATORS) ^ (n.op in STRUCTURES)),
+    ("the type of an operation follows its rule", lambda n: not isinstance(n, Apply) or _ruled(n)),
+    ("an operation without arguments does not exist", lambda n: not isinstance(n, Apply) or len(n.args) > 0),
+    ("static values are ints", lambda n: not isinstance(n, Apply) or all(type(v) is int for v in n.static)),
+    ("a draw is of a base variate, and of its kind", lambda n: not isinstance(n, Draw) or BASES[n.base].kind is n.type.kind),
+    ("variables of comprehensions and functions are expanded", lambda n: getattr(n, "role", None) is not Role.VARIABLE),
+)  # fmt: skip
+
+OF_TASKS: tuple[TaskRule, ...] = (
+    ("there is a state and an action", lambda t: bool(t.state and t.action)),
+    ("no two components have one name", lambda t: _distinct(c.name for c in (*t.state, *t.action))),
+    ("bounds have one number for each element, low first", lambda t: all(map(_bounded, components(t)))),
+    ("each state component has a first value of its type", lambda t: _typed(t.initial, t.state)),
+    ("each state component has a next value of its type", lambda t: _typed(t.next, t.state)),
+    ("each observed component has a value of its type", lambda t: _typed(t.observation.nodes, t.observation.components)),
+    ("each action component has an expert's value of its type", lambda t: _typed(experts(t), t.action if experts(t) else ())),
+    ("the rewards are single reals", lambda t: t.reward.type == t.absorbing_reward.type == REAL),
+    ("the end is a single condition", lambda t: t.terminal.type == BOOL),
+    ("first values read nothing", lambda t: not reads(t.initial)),
+    ("a step reads state, action and time", lambda t: _roles((*t.next, t.reward, t.terminal)) <= _STEP),
+    ("an observation reads state and time", lambda t: _roles(t.observation.nodes) <= _PRESENT),
+    ("an expert reads state and time", lambda t: _roles(experts(t)) <= _PRESENT),
+    ("a figure reads what a step reads", lambda t: _roles(drawn(t)) <= _STEP),
+    ("the absorbing reward reads state and time", lambda t: _roles([t.absorbing_reward]) <= _PRESENT),
+    ("the absorbing reward draws nothing", lambda t: not draws([t.absorbing_reward])),
+    ("what is read is a component", lambda t: _names(t) <= {*(c.name for c in (*t.state, *t.action)), "t"}),
+    ("a site of a draw is one node", lambda t: _distinct(n.site for n in walk(roots(t)) if isinstance(n, Draw))),
+    ("equal operations are one node", lambda t: _distinct(_key(n) for n in walk(roots(t)) if isinstance(n, Apply))),
+    ("an index is certain to lie in its vector", lambda t: all(_certain(t, *found) for found in _indices(t))),
+    ("a draw of an index has one value to draw from at least", lambda t: all(_certain(t, *found) for found in _counts(t))),
+    ("a state int is certain to keep to its range", lambda t: all(_certain(t, *found) for found in _kept(t))),
+    ("a horizon has a step at least", lambda t: t.horizon is None or t.horizon >= 1),
+    ("the discount is between 0 and 1", lambda t: 0 <= t.discount <= 1),
+)  # fmt: skip
+
+
+def roots(task: Task) -> tuple[Node, ...]:
+    """Every expression that a task is made of."""
+    step = (*task.next, task.reward, task.terminal, task.absorbing_reward)
+    return (*task.initial, *step, *task.observation.nodes, *experts(task), *drawn(task))
+
+
+def experts(task: Task) -> tuple[Node, ...]:
+    """The expert's action where the spec writes it out, else nothing."""
+    return task.expert if isinstance(task.expert, tuple) else ()
+
+
+def drawn(task: Task) -> tuple[Node, ...]:
+    """What the figure shows."""
+    if task.figure is None:
+        return ()
+    single = (task.figure.curve, task.figure.values)
+    return (*task.figure.at, *(n for n in single if n is not None), *task.figure.highlight.values())
+
+
+def components(task: Task) -> tuple[Component, ...]:
+    """Every component of a task, the observed ones too."""
+    return (*task.state, *task.action, *task.observation.components)
+
+
+def broken(task: Task) -> Iterator[str]:
+    """The rules that a task breaks, each with the node or the task that breaks it; nothing for a task as it should be."""
+    for node in walk(roots(task)):
+        yield from (f"{rule}: {node!r}" for rule, holds in OF_NODES if not holds(node))
+    yield from (f"{rule}: {task!r}" for rule, holds in OF_TASKS if not holds(task))
+
+
+def check_on_request(task: Task) -> Task:
+    """The task, checked where the environment asks for it.
+
+    Raises:
+        AssertionError: naming each rule that is broken.
+    """
+    if os.environ.get(ON_REQUEST):
+        found = list(broken(task))
+        if found:
+            raise AssertionError("\n".join(found))
+    return task
+
+
+def _sized(node: Const) -> bool:
+    return len(node.flat) == node.type.size
+
+
+def _of_kind(node: Const) -> bool:
+    return all(type(v) is type(exact(v, node.type.kind)) for v in node.flat)
+
+
+def _ruled(node: Apply) -> bool:
+    types = tuple(a.type for a in node.args)
+    if node.op in OPERATORS:
+        return OPERATORS[node.op].rule(types) == node.type
+    return not types or node.op not in STRUCTURES or STRUCTURES[node.op].rule(types, node.static) == node.type
+
+
+def _typed(nodes: Iterable[Node], components: Iterable[Component]) -> bool:
+    return [n.type for n in nodes] == [c.type for c in components]
+
+
+def _bounded(c: Component) -> bool:
+    return len(c.low) == len(c.high) == c.type.size and all(b <= h for b, h in zip(c.low, c.high, strict=True))
+
+
+def _roles(nodes: Iterable[Node]) -> set[Role]:
+    return {role for role, _ in reads(nodes)}
+
+
+def _certain(task: Task, node: Node, low: float, high: float) -> bool:
+    least, most = task.builder.certain(node)
+    return low <= least and most <= high
+
+
+def _indices(task: Task) -> Iterator[tuple[Node, float, float]]:
+    """Every index of a vector, and the range that it must keep to."""
+    for node in walk(roots(task)):
+        if isinstance(node, Apply) and node.op in _INDICES:
+            yield from ((node.args[i], 0, node.args[0].type.shape[0] - 1) for i in _INDICES[node.op])
+
+
+_INDICES = {"index": (1,), "put": (1,), "swap": (1, 2)}
+"""Which arguments of an operator say where in the first one."""
+
+
+def _counts(task: Task) -> Iterator[tuple[Node, float, float]]:
+    return ((n.args[0], 1, INT_MAX) for n in walk(roots(task)) if isinstance(n, Draw) and n.base == "index")
+
+
+def _kept(task: Task) -> Iterator[tuple[Node, float, float]]:
+    for nodes in (task.initial, task.next):
+        pairs = zip(task.state, nodes, strict=True)
+        yield from ((n, min(c.low), max(c.high)) for c, n in pairs if c.type.kind is Kind.INT)
+
+
+def _names(task: Task) -> set[str]:
+    return {name for _, name in reads(roots(task))}
+
+
+def _key(node: Apply) -> tuple[str, tuple[int, ...], Type, tuple[int, ...]]:
+    return node.op, node.static, node.type, tuple(map(id, node.args))
+
+
+def _distinct(keys: Iterable[object]) -> bool:
+    seen = list(keys)
+    return len(set(seen)) == len(seen)

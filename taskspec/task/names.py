@@ -1,0 +1,205 @@
+"""The names visible in each section, and what they mean there.
+
+Definitions are expanded in the scope of the section that uses them, so that a primed name in a definition means the
+next value where there is one, and is refused where there is none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from taskspec.lang import syntax as s
+from taskspec.lang.calls import NO_DRAWS
+from taskspec.lang.check import Poisoned
+from taskspec.lang.ir import Draw, Node, Role, reads
+from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
+from taskspec.lang.subscripts import named
+from taskspec.lang.types import Kind, Type
+from taskspec.task.context import Context
+from taskspec.task.widths import kept
+
+PRIMED = ("dynamics", "reward", "terminal")
+"""Sections that may name next values."""
+
+_WITHOUT_ACTION = {
+    "observation": "the agent observes before it acts",
+    "expert": "the action is not known yet",
+    "absorbing": "the action is not known yet",
+    "abstraction": "the action is not known yet",
+}
+_WITHOUT_NOISE = ("expert", "absorbing", "initial", "claims", "abstraction")
+_NO_DRAWS = {
+    "absorbing": "an absorbing reward is a fixed number",
+    "claims": "a claim is a statement about exact results",
+    "abstraction": "an abstraction is a function of the state",
+}
+"""Sections in which nothing may be drawn, and why."""
+
+
+class Names:
+    """Makes the scopes of one build, and works out noise and next values on first use."""
+
+    def __init__(self, context: Context) -> None:
+        self.context = context
+        self._noise: dict[str, tuple[Value, tuple[Draw, ...]]] = {}
+        self._next: dict[str, Value] = {}
+        self.raw_next: dict[str, Node] = {}
+        """Next values as the dynamics have them, in and out of range."""
+
+    def scope(self, section: str) -> Scope:
+        """The names visible in a section; made once."""
+        known = self.context.named_scopes.get(section)
+        if known is not None:
+            return known
+        bindings: dict[str, Binding] = dict(self.context.constants)
+        self._bind_components(bindings, section)
+        self._bind_time(bindings, section)
+        self._bind_noise(bindings, section)
+        return self._finished(section, bindings)
+
+    def initial_scope(self) -> Scope:
+        """The names visible in `initial`; components join as their lines are read (`define`)."""
+        context = self.context
+        bindings: dict[str, Binding] = dict(context.constants)
+        for c in context.state:
+            hint = "a line of `initial` may use the lines before it"
+            bindings[c.name] = Unavailable("E317", f"'{c.name}' has no value yet", hint)
+        for c in context.action:
+            bindings[c.name] = Unavailable("E302", f"the action '{c.name}' cannot be used in `initial`")
+        self._bind_noise(bindings, "initial")
+        return self._finished("initial", bindings)
+
+    def define(self, scope: Scope, name: str, binding: Binding) -> None:
+        """Add a name to a scope; definitions that were given up without it may now be worked out."""
+        scope.bindings[name] = binding
+        self._bind_definitions(scope.bindings, scope)
+
+    def _finished(self, section: str, bindings: dict[str, Binding]) -> Scope:
+        scope = Scope(bindings, self.context.domains, draws=_NO_DRAWS.get(section))
+        self._bind_definitions(bindings, scope)
+        self.context.scopes.append(scope)
+        self.context.named_scopes[section] = scope
+        return scope
+
+    def _bind_components(self, bindings: dict[str, Binding], section: str) -> None:
+        context = self.context
+        for c in context.state:
+            bindings[c.name] = context.read(c, Role.STATE)
+            if section in PRIMED:
+                bindings[c.name + "'"] = Lazy(lambda at, n=c.name: self.next_value(n, at), c.domain)  # type: ignore[misc]
+        for c in context.action:
+            bindings[c.name] = context.read(c, Role.ACTION)
+            if section in _WITHOUT_ACTION:
+                where = "the expert" if section == "expert" else f"`{section}`"
+                message = f"the action '{c.name}' cannot be used in {where}"
+                bindings[c.name] = Unavailable("E302", message, _WITHOUT_ACTION[section])
+
+    def _bind_time(self, bindings: dict[str, Binding], section: str) -> None:
+        b, horizon = self.context.builder, self.context.horizon
+        if horizon is None:
+            bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0))
+            bindings["T"] = Unavailable("E302", "there is no horizon 'T': it is `none`")
+        else:
+            last = horizon if section in ("observation", "claims") else horizon - 1
+            bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0, last))
+            bindings["T"] = Value(b.scalar(horizon))
+
+    # -- noise ----------------------------------------------------------------------------------------------------
+
+    def _bind_noise(self, bindings: dict[str, Binding], section: str) -> None:
+        for name in self.context.data.get("noise") or {}:
+            if section == "observation":
+                bindings[name] = Lazy(lambda at, n=name: self._observed_noise(n, at))  # type: ignore[misc]
+            elif section in _WITHOUT_NOISE:
+                bindings[name] = Unavailable("E302", f"the noise '{name}' is drawn in steps, not here")
+            else:
+                bindings[name] = Lazy(lambda at, n=name: self._drawn(n))  # type: ignore[misc]
+
+    def _drawn(self, name: str) -> Value:
+        """A noise entry: drawn once per step, the same draw wherever it is named."""
+        builder = self.context.builder
+        if name not in self._noise:
+            expr = self.context.exprs["noise"][name]
+            if expr is None:
+                raise Poisoned
+            leave = self.context.guard(name, expr)
+            try:
+                with builder.written() as draws:
+                    value = self.context.checker.value(expr, self.scope("noise"))
+            finally:
+                leave()
+            self._noise[name] = replace(value, late=True), tuple(draws.values())
+        value, made = self._noise[name]
+        builder.name_draws(made)
+        return value
+
+    def _observed_noise(self, name: str, at: s.Name) -> Value:
+        value = self._drawn(name)
+        if reads([value.node]):
+            message = f"the noise '{name}' depends on the state or the action before the step"
+            hint = "only noise that depends on neither can be observed; keep it in a state component"
+            self.context.checker.fail("E302", at, message, hint)
+        return value
+
+    # -- definitions ----------------------------------------------------------------------------------------------
+
+    def _bind_definitions(self, bindings: dict[str, Binding], scope: Scope) -> None:
+        context = self.context
+        for written, expr in context.exprs.get("definitions", {}).items():
+            name, arguments = signature(written)
+            if expr is None:
+                bindings[name] = context.lazy(name, poison)
+            elif arguments is None:
+                bindings[name] = context.lazy(name, lambda e=expr: self._without_draws(e, scope))  # type: ignore[misc]
+            else:
+                enter = lambda at, n=name: context.guard(n, at)  # noqa: E731
+                bindings[name] = FunctionDef(name, arguments, expr, scope, enter)
+
+    def _without_draws(self, expr: s.Expr, scope: Scope) -> Value:
+        inner = scope.child({})
+        inner.draws = NO_DRAWS
+        return named(self.context.checker.value(expr, inner), expr, scope)
+
+    # -- next values ----------------------------------------------------------------------------------------------
+
+    def next_value(self, name: str, at: s.Name) -> Value:
+        """The next value of a component, worked out on first use; without a line of `dynamics` it stays as it is."""
+        if name not in self._next:
+            self._next[name] = self._changed(name, at)
+        return self._next[name]
+
+    def set_next(self, name: str, value: Value) -> None:
+        """Give a component another next value than its line says."""
+        self._next[name] = value
+
+    def _changed(self, name: str, at: s.Name) -> Value:
+        context, written = self.context, name + "'"
+        component = next(c for c in context.state if c.name == name)
+        if written not in context.exprs["dynamics"]:
+            value = context.read(component, Role.STATE)
+            self.raw_next[name] = value.node
+            return Value(value.node, value.domain)
+        expr = context.exprs["dynamics"][written]
+        leave = context.guard(written, at)
+        try:
+            node = None if expr is None else context.assign(expr, self.scope("dynamics"), component)
+        finally:
+            leave()
+        if node is None:
+            raise Poisoned
+        self.raw_next[name] = node
+        return Value(kept(context.builder, component, node), component.domain, late=True)
+
+
+def poison(*_: Any) -> Value:
+    """Stands for a name that is broken and has been reported."""
+    raise Poisoned
+
+
+def signature(written: str) -> tuple[str, tuple[str, ...] | None]:
+    """Name and arguments of a definition: `p(x, y)` is ("p", ("x", "y")), `p` is ("p", None)."""
+    name, bracket, rest = written.partition("(")
+    if not bracket:
+        return name.strip(), None
+    return name.strip(), tuple(a.strip() for a in rest.rstrip().rstrip(")").split(",") if a.strip())

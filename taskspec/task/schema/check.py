@@ -1,0 +1,271 @@
+"""From pydantic's errors to diagnostics: the place in the file, and words for a person."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from types import UnionType
+from typing import Annotated, Any, Protocol, Union, get_args, get_origin, get_type_hints
+
+from pydantic import BaseModel, ValidationError
+
+from taskspec.diagnostics import Collector, Diagnostic, Span, suggest
+from taskspec.limits import how_to_raise, limits
+from taskspec.source import Document, Path
+from taskspec.task.merge import Merged, variant_names
+from taskspec.task.schema import fields, values
+from taskspec.task.schema.models import FORMAT
+from taskspec.task.schema.values import Problem
+from taskspec.task.schema.variants import Spec
+
+# What belongs where pydantic found something else, by the type of its error.
+_EXPECTED = {
+    "string_type": "text",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "`true` or `false`",
+    "list_type": "a list",
+}
+_MAPPINGS = ("dict_type", "model_type", "model_attributes_type")
+
+
+class Located(Protocol):
+    """Data that knows where each part of it was written: a document, or a merged variant."""
+
+    @property
+    def data(self) -> Any: ...
+
+    def span(self, path: Path) -> Span: ...
+
+    def key_span(self, path: Path) -> Span: ...
+
+
+@lru_cache(maxsize=64)
+def check_shape(document: Document) -> tuple[Diagnostic, ...]:
+    """Problems with the sections, keys and kinds of values of a whole document.
+
+    Variants are checked as far as they go; what they come to with what they are based on is for `validated`.
+    """
+    collector = Collector()
+    if isinstance(document.data, dict):
+        _validate(document, collector)
+        for problem in (*_format(document.data), *_many(document.data), *_bases(document.data), *_roles(document.data)):
+            _add(collector, document, problem)
+    else:
+        message = f"a spec is a mapping of sections, not {values.kind(document.data)}"
+        collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
+    return collector.diagnostics
+
+
+def validated(merged: Merged) -> Spec:
+    """A spec or variant, well-formed by itself, as the task that it is meant to be.
+
+    Raises:
+        SpecError: for a section that is missing, an entry that a variant changes though there is none, and keys that do not go
+            together once those of a variant stand among those of what it is based on.
+    """
+    collector = Collector()
+    for problem in _strays(merged):
+        _add(collector, merged, problem)
+    for section in merged.missing:
+        _add_missing(collector, merged, section)
+    found = None if merged.strays else _validate(merged, collector)
+    collector.raise_if_errors()
+    assert found is not None
+    return found
+
+
+def _validate(located: Located, collector: Collector) -> Spec | None:
+    try:
+        return Spec.model_validate(located.data)
+    except ValidationError as error:
+        for details in error.errors(include_url=False):
+            for problem in _problems(dict(details), located.data):
+                _add(collector, located, problem)
+        return None
+
+
+def _add(collector: Collector, located: Located, problem: Problem) -> None:
+    place = located.key_span if problem.of_key else located.span
+    collector.add(problem.code, place(problem.path), problem.message, problem.hint)
+
+
+def _problems(error: dict[str, Any], data: Any) -> Iterator[Problem]:
+    """One of pydantic's errors as problems, with paths from the root of the data."""
+    loc: Path = error["loc"]
+    if loc and loc[-1] == "[key]":
+        loc = loc[:-1]
+    match error["type"]:
+        case fields.PROBLEMS:
+            yield from (problem.below(*loc) for problem in error["ctx"]["problems"])
+        case "missing":
+            yield _missing_key(loc)
+        case "extra_forbidden":
+            known = _keys_at(Spec, loc[:-1])
+            yield values.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
+        case "literal_error":
+            yield _not_an_option(error["input"], error["ctx"]["expected"]).below(*loc)
+        case other:
+            yield _wrong_kind(other, error).below(*loc)
+
+
+def _missing_key(loc: Path) -> Problem:
+    if loc == ("taskspec",):
+        message, hint = "the file does not say in which format it is", "start it with `taskspec: 1`"
+        return Problem("E203", (), message, hint)
+    owner = f"`{loc[-2]}`" if len(loc) > 1 and isinstance(loc[-2], str) else "this entry"
+    if len(loc) == 1:
+        return Problem("E203", (), f"the spec has no `{loc[-1]}`")
+    return Problem("E203", loc, f"{owner} has no `{loc[-1]}`", None, of_key=True)  # at the owner, or what removes it
+
+
+def _not_an_option(value: object, expected: str) -> Problem:
+    options = re.findall(r"'([^']*)'", expected)
+    hint = suggest(value, options) if isinstance(value, str) else None
+    message = f"{values.kind(value)} is not one of {', '.join(options)}"
+    return Problem("E218" if value is None else "E206", (), message, hint)
+
+
+def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
+    value = error["input"]
+    if error_type in _MAPPINGS:
+        hint = f"write {{type: {value}}}" if value in ("bool", "int", "real") else None
+        problem = values.wrong_kind("named entries (`name: ...`)", value, hint)
+        return problem if value is None else problem._replace(code="E201")
+    if error_type == "greater_than_equal":
+        return Problem("E204", (), f"{value} is too small: at least {error['ctx']['ge']}")
+    if expected := _EXPECTED.get(error_type):
+        is_number = isinstance(value, int | float)
+        hint = "put it in quotes" if expected == "text" and is_number else None
+        return values.wrong_kind(expected, value, hint)
+    return Problem("E204", (), f"{values.kind(value)} cannot stand here: {error['msg']}")
+
+
+def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
+    """The keys that an entry at a path can have, in the order of the models."""
+    annotations: list[Any] = [model]
+    for step in path:
+        annotations = [part for each in annotations for part in _step(each, step)]
+    return [
+        field.alias or key
+        for annotation in annotations
+        for each in _models_in(annotation)
+        for key, field in each.model_fields.items()
+    ]
+
+
+def _step(annotation: Any, step: str | int) -> Iterator[Any]:
+    """The types that one step of a path leads to."""
+    arguments = get_args(annotation)
+    if get_origin(annotation) in (dict, list):
+        yield arguments[-1]
+    elif arguments:  # a union, or a type with its annotations
+        for part in arguments:
+            yield from _step(part, step)
+    else:
+        for model in _models_in(annotation):
+            field = model.model_fields.get(str(step))
+            yield from [field.annotation] if field else _extra_type(model)
+
+
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models that a value of this type may be."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    elif get_origin(annotation) in (Union, UnionType, Annotated):
+        for part in get_args(annotation):
+            yield from _models_in(part)
+
+
+def _extra_type(model: type[BaseModel]) -> Iterator[Any]:
+    extra = get_type_hints(model).get("__pydantic_extra__")
+    if extra is not None:
+        yield from get_args(extra)[1:]
+
+
+def _format(data: dict[str, Any]) -> Iterator[Problem]:
+    version = data.get("taskspec")
+    if isinstance(version, int) and version != FORMAT:
+        message = f"format {version} is not known here"
+        yield Problem("E207", ("taskspec",), message, f"this version reads `taskspec: {FORMAT}`")
+
+
+def _many(data: dict[str, Any]) -> Iterator[Problem]:
+    """More variants than one file may have."""
+    variants, most = data.get("variants"), limits().variants
+    if isinstance(variants, dict) and len(variants) > most:
+        message = f"{len(variants):,} variants are too many; the limit is {most:,}"
+        yield Problem("E314", ("variants",), message, how_to_raise("variants", len(variants)), of_key=True)
+
+
+def _bases(data: dict[str, Any]) -> Iterator[Problem]:
+    """Variants whose `base` does not exist, or leads back to themselves."""
+    variants = data.get("variants")
+    if not isinstance(variants, dict):
+        return
+    bases = {k: v.get("base") for k, v in variants.items() if isinstance(v, dict)}
+    circular = _circles(bases)
+    for key, base in bases.items():
+        path = ("variants", key, "base")
+        if isinstance(base, str) and base not in variants:
+            yield _unknown_variant(base, list(variants)).below(*path)
+        elif key in circular:
+            yield Problem("E212", path, f"these variants are based on each other: {circular[key]}")
+
+
+def _circles(bases: dict[str, Any]) -> dict[str, str]:
+    """Variants that are based on themselves by way of others, each with the circle in words."""
+    found: dict[str, str] = {}
+    done: set[str] = set()
+    for start in bases:
+        way: list[str] = []
+        key: Any = start
+        while isinstance(key, str) and key in bases and key not in done:
+            done.add(key)
+            way.append(key)
+            key = bases[key]
+        if key in way:
+            circle = way[way.index(key) :]
+            turns = [circle[i:] + circle[: i + 1] for i in range(len(circle))]
+            found |= {turn[0]: " -> ".join(turn) for turn in turns}
+    return found
+
+
+def _unknown_variant(name: str, variants: list[str]) -> Problem:
+    hint = suggest(name, variants) or f"there are: {', '.join(variants) or 'none'}"
+    return Problem("E211", (), f"there is no variant `{name}`", hint)
+
+
+def _roles(data: dict[str, Any]) -> Iterator[Problem]:
+    roles, known = data.get("roles"), variant_names(data)
+    variants = data.get("variants") if isinstance(data.get("variants"), dict) else {}
+    names = [*known, *(variants or ())]
+    for role, variant in roles.items() if isinstance(roles, dict) else ():
+        if role in ("expert", "learner") and isinstance(variant, str) and variant not in names:
+            yield _unknown_variant(variant, names).below("roles", role)
+
+
+def _strays(merged: Merged) -> Iterator[Problem]:
+    """Entries that a variant changes or removes, where there is nothing of the name."""
+    for path in merged.strays:
+        section, name = str(path[0]), str(path[1])
+        known = [key for key in merged.data.get(section) or {} if (section, key) not in merged.strays]
+        listed = f"its entries are {', '.join(known)}" if known else f"it has no `{section}:` section"
+        message = f"what this variant is based on has no `{name}` in `{section}`"
+        yield Problem("E219", path, message, suggest(name, known) or listed, of_key=True)
+
+
+def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
+    """A section without which there is no task: said where it is removed, else at the name of the variant or spec."""
+    message, variants = f"{merged.name} has no `{section}:` section", merged.document.data.get("variants")
+    if (section,) in merged.moved:
+        collector.add("E210", merged.key_span((section,)), message, "`null`, or nothing after the colon, removes it")
+    elif merged.variant is not None:
+        place = merged.document.key_span(("variants", merged.variant))
+        collector.add("E210", place, message, "what this variant is based on has none either")
+    else:
+        hint = f"only its variants are tasks: {', '.join(variants)}" if variants else None
+        collector.add("E210", merged.document.span(("name",)), message, hint)

@@ -1,0 +1,386 @@
+"""A task: what a spec means for given parameters. Typed, closed, immutable; all that is downstream takes a Task."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.draws.layout import Layout
+from taskspec.lang import syntax as s
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Const, Draw, Node, Read, Role, rewrite
+from taskspec.lang.scope import Scope
+from taskspec.lang.subscripts import Moved
+from taskspec.lang.types import BOOL, Domain, Kind, Type
+from taskspec.source import Document
+
+if TYPE_CHECKING:
+    from taskspec.envs.env import Environment
+    from taskspec.envs.options import RenderMode
+    from taskspec.task.schema import Spec
+
+FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
+"""Spaces of observations that hold finite components only."""
+SpaceKind = Literal["auto", "box", "dict", "one_hot", "multi_discrete", "discrete"]
+Ending = Literal["terminate", "absorb"]
+COUNTABLE = 2**52
+
+
+@dataclass(frozen=True)
+class Component:
+    """A part of the state, the action or the observation.
+
+    `low` and `high` are inclusive bounds, one for each element in row-major order; for a choice they bound the index of
+    the label. `node` is what is observed (None for state and action components).
+    """
+
+    name: str
+    type: Type
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    domain: Domain | None = None
+    symbol: str | None = None
+    doc: str | None = None
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether it takes finitely many values, few enough to be counted without rounding."""
+        return self.type.kind is not Kind.REAL and all(abs(v) <= COUNTABLE for v in (*self.low, *self.high))
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """For a finite component, how many values each element takes."""
+        return tuple(int(h - b) + 1 for b, h in zip(self.low, self.high, strict=True))
+
+    @property
+    def read(self) -> tuple[Role, str]:
+        return (Role.STATE, self.name)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What the agent sees: components with their expressions, and the kind of space that holds them."""
+
+    components: tuple[Component, ...]
+    nodes: tuple[Node, ...]
+    space: SpaceKind = "auto"
+    is_state: bool = False  # nothing was declared: the state itself is observed
+
+
+@dataclass(frozen=True)
+class Soft:
+    """The Boltzmann-rational expert at inverse temperature `beta`."""
+
+    beta: float
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement about exact results: surface syntax, the parameter values to try, and how closely to test it."""
+
+    expr: s.Expr
+    text: str
+    cases: tuple[Mapping[str, Any], ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What an example says of one thing that follows: of which section, of which of its entries, and what."""
+
+    section: str
+    name: str | None
+    expr: s.Expr
+
+
+@dataclass(frozen=True)
+class Example:
+    """A worked example in surface syntax: what is given, what follows, and the parameter values that it is about."""
+
+    place: s.Place
+    given: Mapping[tuple[Role, str], s.Expr]
+    follows: tuple[Followed, ...]
+    t: int = 0
+    probability: s.Expr | None = None
+    cases: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def acts(self) -> bool:
+        """Whether an action is taken, so that what is observed is observed after it."""
+        return any(role is Role.ACTION for role, _ in self.given)
+
+    @property
+    def steps(self) -> bool:
+        """Whether it is about a step, and not about a state alone."""
+        return self.acts or any(f.section in ("next", "reward", "terminal", "truncated") for f in self.follows)
+
+    @property
+    def starts(self) -> bool:
+        """Whether it is about the first state."""
+        return any(f.section == "initial" for f in self.follows)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter: its bound value, and how it was declared."""
+
+    name: str
+    kind: str
+    value: Any
+    default: Any
+    low: float | None = None
+    high: float | None = None
+    values: tuple[Any, ...] | None = None
+    symbol: str | None = None
+    doc: str | None = None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """How the task is drawn: the kind, and what it shows as nodes over STATE.
+
+    `at` is a place, two numbers or one vector of two; `curve` a function of its first number; `values` the vector that bars show.
+    `highlight` has conditions, places or indices by the name of their colour, `map` the rows of a grid of letters.
+    """
+
+    kind: str
+    at: tuple[Node, ...] = ()
+    curve: Node | None = None
+    values: Node | None = None
+    highlight: Mapping[str, Node] = field(default_factory=dict)
+    map: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The parsed sections, for the printers and for whoever asks what the author wrote."""
+
+    sections: Mapping[str, Any]  # section -> expression, or name -> expression
+    scopes: Mapping[str, Scope] = field(default_factory=dict, repr=False)  # names visible per section
+    moved: tuple[Moved, ...] = ()  # indices that may lie outside their vectors
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One task with its parameters bound.
+
+    Nodes are those of `builder`. `initial` and `next` follow the order of `state`; `next`, `reward` and `terminal`
+    read STATE, ACTION and TIME; observation nodes read STATE (the state that is observed) and TIME; `initial` reads
+    nothing: each component's node contains those it depends on. `reset_draws` and `step_draws` are the draws that the sections
+    of a reset and of a step write, whether or not they are left in these nodes.
+
+    A state is always in its space: an int that `raw_initial` or `raw_next` would give outside its range is moved to the
+    nearest end in `initial` and `next` (`spec.widths`), which soundness reports (E403, E404).
+    """
+
+    name: str
+    suite: str
+    version: int
+    variant: str | None
+    parameters: tuple[Parameter, ...]
+    state: tuple[Component, ...]
+    action: tuple[Component, ...]
+    observation: Observation
+    horizon: int | None
+    discount: float
+    initial: tuple[Node, ...]
+    next: tuple[Node, ...]
+    raw_initial: tuple[Node, ...]
+    raw_next: tuple[Node, ...]
+    reward: Node
+    terminal: Node
+    expert: tuple[Node, ...] | Literal["optimal"] | Soft | None
+    claims: tuple[Claim, ...]
+    examples: tuple[Example, ...]
+    absorbing_reward: Node
+    builder: Builder
+    reset_draws: tuple[Draw, ...]
+    step_draws: tuple[Draw, ...]
+    spec: Spec
+    surface: Surface
+    document: Document
+    content_hash: str
+    figure: Figure | None = None
+    ending: Ending = "terminate"
+    observe_time: bool = False
+
+    @property
+    def id(self) -> str:
+        """`suite/Name-vN`, the id under which a shipped task is registered with Gymnasium."""
+        prefix = f"{self.suite}/" if self.suite else ""
+        return f"{prefix}{self.name}-v{self.version}"
+
+    @property
+    def title(self) -> str:
+        """The heading that the spec gives it, or its name."""
+        return self.spec.title or self.name
+
+    @cached_property
+    def written(self) -> dict[str, Any]:
+        """The spec, its variant laid over it, as plain data; what it does not say is left out."""
+        return self.spec.model_dump(by_alias=True, exclude_unset=True)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Parameter values by name."""
+        return {p.name: p.value for p in self.parameters}
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether states and actions are finite in number by their declared domains."""
+        return all(c.is_finite for c in (*self.state, *self.action))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Task) and self._identity == other._identity
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    @cached_property
+    def _identity(self) -> tuple[str, str, str, bool]:
+        return (self.id, self.content_hash, self.ending, self.observe_time)
+
+    def __repr__(self) -> str:
+        arguments = "".join(f", {p.name}={p.value!r}" for p in self.parameters)
+        return f"<Task {self.id}{arguments}>"
+
+    def __copy__(self) -> Task:
+        return self  # immutable
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Task:
+        return self
+
+    def make(
+        self, *, render_mode: RenderMode | None = None, ending: Ending = "terminate", observe_time: bool = False
+    ) -> Environment:
+        """The scalar Gymnasium environment of this task (see `taskspec.envs.Environment` for the options)."""
+        # The one upward call: a convenience for people, resolved by name so that the layers stay layers.
+        envs = importlib.import_module("taskspec.envs")
+        env: Environment = envs.Environment(self, render_mode=render_mode, ending=ending, observe_time=observe_time)
+        return env
+
+    def absorbing(self) -> Task:
+        """The same task, with terminal states absorbing until the horizon and paying the absorbing reward."""
+        if self.ending == "absorb":
+            return self
+        b = self.builder
+        name = _free("absorbed", (*self.state, *self.action))
+        over = b.read(Role.STATE, name, BOOL, 0, 1)
+
+        def following(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
+            reads = (b.read(*c.read, c.type, min(c.low), max(c.high)) for c in self.state)
+            held = (b.apply("where", over, read, node) for read, node in zip(reads, nodes, strict=True))
+            return (*held, b.apply("or", over, self.terminal))
+
+        flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
+        return dataclasses.replace(
+            self,
+            state=(*self.state, flag),
+            initial=(*self.initial, b.scalar(False)),
+            next=following(self.next),
+            raw_initial=(*self.raw_initial, b.scalar(False)),
+            raw_next=following(self.raw_next),
+            reward=b.cast(b.apply("where", over, self.absorbing_reward, self.reward), Kind.REAL),
+            terminal=b.scalar(False),
+            ending="absorb",
+        )
+
+    def observing_time(self) -> Task:
+        """The same task with the time, as steps taken, added to the observation.
+
+        Raises:
+            SpecError: (E713) when observations are declared finite and there is no horizon.
+        """
+        if self.observe_time:
+            return self
+        if self.horizon is None and self.observation.space in FINITE_SPACES:
+            message = f"without a horizon the time does not fit into a `{self.observation.space}` observation"
+            raise SpecError([Diagnostic("E713", None, message)])
+        high = float(self.horizon) if self.horizon is not None else math.inf
+        time = self.builder.read(Role.TIME, "t", Type(Kind.INT), 0, high)
+        clock = Component(_free("t", self.observation.components), Type(Kind.INT), (0,), (high,), doc="steps taken")
+        seen = Observation(
+            (*self.observation.components, clock),
+            (*self.observation.nodes, time),
+            "multi_discrete" if self.observation.space == "discrete" else self.observation.space,
+        )
+        return dataclasses.replace(self, observation=seen, observe_time=True)
+
+    @cached_property
+    def reset_words(self) -> Layout:
+        """Which of the random words of a reset each of its draws takes."""
+        return Layout.dealt(self.reset_draws)
+
+    @cached_property
+    def step_words(self) -> Layout:
+        """Which of the random words of a step each of its draws takes."""
+        return Layout.dealt(self.step_draws)
+
+    @property
+    def step_roots(self) -> tuple[Node, ...]:
+        """All that a step works out: next states, reward, end, observation."""
+        return (*self.next, self.reward, self.terminal, *self.next_observation)
+
+    @property
+    def reset_roots(self) -> tuple[Node, ...]:
+        """All that a reset works out: first states, observation."""
+        return (*self.initial, *self.first_observation)
+
+    @cached_property
+    def next_observation(self) -> tuple[Node, ...]:
+        """The observation after a step, over the STATE and TIME before it: what a step computes."""
+        b = self.builder
+        following = {c.name: node for c, node in zip(self.state, self.next, strict=True)}
+
+        def leaf(node: Node) -> Node | None:
+            match node:
+                case Read(role=Role.STATE, name=name):
+                    return following[name]
+                case Read(role=Role.TIME, type=type):
+                    return b.apply("add", b.read(Role.TIME, "t", type, node.low, node.high), b.scalar(1))
+                case _:
+                    return None
+
+        return rewrite(self.observation.nodes, leaf, b.remake)
+
+    @cached_property
+    def first_observation(self) -> tuple[Node, ...]:
+        """The observation at reset, over nothing: what a reset computes."""
+        b = self.builder
+        starting = {c.name: node for c, node in zip(self.state, self.initial, strict=True)}
+
+        def leaf(node: Node) -> Node | None:
+            match node:
+                case Read(role=Role.STATE, name=name):
+                    return starting[name]
+                case Read(role=Role.TIME):
+                    return b.scalar(0)
+                case _:
+                    return None
+
+        return rewrite(self.observation.nodes, leaf, b.remake)
+
+
+TaskLike: TypeAlias = Task | str | PathLike[str]
+"""What stands for a task wherever one is wanted: the task itself, its id, or the path of its spec."""
+
+
+def _free(name: str, components: Iterable[Component]) -> str:
+    """A name that no component has."""
+    taken = {c.name for c in components}
+    while name in taken:
+        name += "_"
+    return name
+
+
+def constant_value(node: Node) -> Any:
+    """The value of a constant node as Python data."""
+    assert isinstance(node, Const)
+    return node.value
