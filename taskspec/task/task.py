@@ -5,166 +5,38 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.draws.layout import Layout
-from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, rewrite
-from taskspec.lang.scope import Scope
-from taskspec.lang.subscripts import Moved
-from taskspec.lang.types import BOOL, Domain, Kind, Type
+from taskspec.lang.types import BOOL, Kind, Type
 from taskspec.source import Document
+from taskspec.task.parts import COUNTABLE as COUNTABLE
+from taskspec.task.parts import FINITE_SPACES as FINITE_SPACES
+from taskspec.task.parts import Claim as Claim
+from taskspec.task.parts import Component as Component
+from taskspec.task.parts import Ending as Ending
+from taskspec.task.parts import Example as Example
+from taskspec.task.parts import Figure as Figure
+from taskspec.task.parts import Followed as Followed
+from taskspec.task.parts import Observation as Observation
+from taskspec.task.parts import Parameter as Parameter
+from taskspec.task.parts import Soft as Soft
+from taskspec.task.parts import SpaceKind as SpaceKind
+from taskspec.task.parts import Surface as Surface
 
 if TYPE_CHECKING:
+    import gymnasium
+
     from taskspec.envs.env import Environment
     from taskspec.envs.options import RenderMode
     from taskspec.task.schema import Spec
-
-FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
-"""Spaces of observations that hold finite components only."""
-SpaceKind = Literal["auto", "box", "dict", "one_hot", "multi_discrete", "discrete"]
-Ending = Literal["terminate", "absorb"]
-COUNTABLE = 2**52
-
-
-@dataclass(frozen=True)
-class Component:
-    """A part of the state, the action or the observation.
-
-    `low` and `high` are inclusive bounds, one for each element in row-major order; for a choice they bound the index of
-    the label. `node` is what is observed (None for state and action components).
-    """
-
-    name: str
-    type: Type
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-    domain: Domain | None = None
-    symbol: str | None = None
-    doc: str | None = None
-
-    @property
-    def is_finite(self) -> bool:
-        """Whether it takes finitely many values, few enough to be counted without rounding."""
-        return self.type.kind is not Kind.REAL and all(abs(v) <= COUNTABLE for v in (*self.low, *self.high))
-
-    @property
-    def counts(self) -> tuple[int, ...]:
-        """For a finite component, how many values each element takes."""
-        return tuple(int(h - b) + 1 for b, h in zip(self.low, self.high, strict=True))
-
-    @property
-    def read(self) -> tuple[Role, str]:
-        return (Role.STATE, self.name)
-
-
-@dataclass(frozen=True)
-class Observation:
-    """What the agent sees: components with their expressions, and the kind of space that holds them."""
-
-    components: tuple[Component, ...]
-    nodes: tuple[Node, ...]
-    space: SpaceKind = "auto"
-    is_state: bool = False  # nothing was declared: the state itself is observed
-
-
-@dataclass(frozen=True)
-class Soft:
-    """The Boltzmann-rational expert at inverse temperature `beta`."""
-
-    beta: float
-
-
-@dataclass(frozen=True)
-class Claim:
-    """A statement about exact results: surface syntax, the parameter values to try, and how closely to test it."""
-
-    expr: s.Expr
-    text: str
-    cases: tuple[Mapping[str, Any], ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Followed:
-    """What an example says of one thing that follows: of which section, of which of its entries, and what."""
-
-    section: str
-    name: str | None
-    expr: s.Expr
-
-
-@dataclass(frozen=True)
-class Example:
-    """A worked example in surface syntax: what is given, what follows, and the parameter values that it is about."""
-
-    place: s.Place
-    given: Mapping[tuple[Role, str], s.Expr]
-    follows: tuple[Followed, ...]
-    t: int = 0
-    probability: s.Expr | None = None
-    cases: tuple[Mapping[str, Any], ...] = ()
-
-    @property
-    def acts(self) -> bool:
-        """Whether an action is taken, so that what is observed is observed after it."""
-        return any(role is Role.ACTION for role, _ in self.given)
-
-    @property
-    def steps(self) -> bool:
-        """Whether it is about a step, and not about a state alone."""
-        return self.acts or any(f.section in ("next", "reward", "terminal", "truncated") for f in self.follows)
-
-    @property
-    def starts(self) -> bool:
-        """Whether it is about the first state."""
-        return any(f.section == "initial" for f in self.follows)
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A parameter: its bound value, and how it was declared."""
-
-    name: str
-    kind: str
-    value: Any
-    default: Any
-    low: float | None = None
-    high: float | None = None
-    values: tuple[Any, ...] | None = None
-    symbol: str | None = None
-    doc: str | None = None
-
-
-@dataclass(frozen=True)
-class Figure:
-    """How the task is drawn: the kind, and what it shows as nodes over STATE.
-
-    `at` is a place, two numbers or one vector of two; `curve` a function of its first number; `values` the vector that bars show.
-    `highlight` has conditions, places or indices by the name of their colour, `map` the rows of a grid of letters.
-    """
-
-    kind: str
-    at: tuple[Node, ...] = ()
-    curve: Node | None = None
-    values: Node | None = None
-    highlight: Mapping[str, Node] = field(default_factory=dict)
-    map: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Surface:
-    """The parsed sections, for the printers and for whoever asks what the author wrote."""
-
-    sections: Mapping[str, Any]  # section -> expression, or name -> expression
-    scopes: Mapping[str, Scope] = field(default_factory=dict, repr=False)  # names visible per section
-    moved: tuple[Moved, ...] = ()  # indices that may lie outside their vectors
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,6 +94,41 @@ class Task:
         """The heading that the spec gives it, or its name."""
         return self.spec.title or self.name
 
+    @property
+    def summary(self) -> str:
+        """What the task is, in a sentence; empty where the spec does not say."""
+        return self.spec.summary or ""
+
+    @property
+    def capability(self) -> str | None:
+        """What the task tests in a learner, such as "exploration"."""
+        return self.spec.capability
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """The keys of the spec's variants: `load(task, key)` is one of them."""
+        return tuple(map(str, self.document.data.get("variants") or ()))
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """The variants in which the "expert" demonstrates and the "learner" acts; empty where the spec tells none apart."""
+        return {} if self.spec.roles is None else self.spec.roles.model_dump()
+
+    @property
+    def observation_space(self) -> gymnasium.Space[Any]:
+        """The Gymnasium space of observations."""
+        return self._space("observation_layout")
+
+    @property
+    def action_space(self) -> gymnasium.Space[Any]:
+        """The Gymnasium space of actions."""
+        return self._space("action_layout")
+
+    def _space(self, layout: str) -> gymnasium.Space[Any]:
+        find = getattr(importlib.import_module("taskspec.task.spaces"), layout)
+        found: gymnasium.Space[Any] = importlib.import_module("taskspec.envs.spaces").space(find(self))
+        return found
+
     @cached_property
     def written(self) -> dict[str, Any]:
         """The spec, its variant laid over it, as plain data; what it does not say is left out."""
@@ -261,7 +168,7 @@ class Task:
         self, *, render_mode: RenderMode | None = None, ending: Ending = "terminate", observe_time: bool = False
     ) -> Environment:
         """The scalar Gymnasium environment of this task (see `taskspec.envs.Environment` for the options)."""
-        # The one upward call: a convenience for people, resolved by name so that the layers stay layers.
+        # This and `_space` call upward: conveniences for people, resolved by name so that the layers stay layers.
         envs = importlib.import_module("taskspec.envs")
         env: Environment = envs.Environment(self, render_mode=render_mode, ending=ending, observe_time=observe_time)
         return env

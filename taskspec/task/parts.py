@@ -1,0 +1,153 @@
+"""The parts of a task: components, observations, claims, examples, parameters, figures. Plain immutable data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.scope import Scope
+from taskspec.lang.subscripts import Moved
+from taskspec.lang.types import Domain, Kind, Type
+
+FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
+"""Spaces of observations that hold finite components only."""
+SpaceKind = Literal["auto", "box", "dict", "one_hot", "multi_discrete", "discrete"]
+Ending = Literal["terminate", "absorb"]
+COUNTABLE = 2**52
+
+
+@dataclass(frozen=True)
+class Component:
+    """A part of the state, the action or the observation.
+
+    `low` and `high` are inclusive bounds, one for each element in row-major order; for a choice they bound the index of
+    the label. `node` is what is observed (None for state and action components).
+    """
+
+    name: str
+    type: Type
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+    domain: Domain | None = None
+    symbol: str | None = None
+    doc: str | None = None
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether it takes finitely many values, few enough to be counted without rounding."""
+        return self.type.kind is not Kind.REAL and all(abs(v) <= COUNTABLE for v in (*self.low, *self.high))
+
+    @property
+    def counts(self) -> tuple[int, ...]:
+        """For a finite component, how many values each element takes."""
+        return tuple(int(h - b) + 1 for b, h in zip(self.low, self.high, strict=True))
+
+    @property
+    def read(self) -> tuple[Role, str]:
+        return (Role.STATE, self.name)
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What the agent sees: components with their expressions, and the kind of space that holds them."""
+
+    components: tuple[Component, ...]
+    nodes: tuple[Node, ...]
+    space: SpaceKind = "auto"
+    is_state: bool = False  # nothing was declared: the state itself is observed
+
+
+@dataclass(frozen=True)
+class Soft:
+    """The Boltzmann-rational expert at inverse temperature `beta`."""
+
+    beta: float
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement about exact results: surface syntax, the parameter values to try, and how closely to test it."""
+
+    expr: s.Expr
+    text: str
+    cases: tuple[Mapping[str, Any], ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What an example says of one thing that follows: of which section, of which of its entries, and what."""
+
+    section: str
+    name: str | None
+    expr: s.Expr
+
+
+@dataclass(frozen=True)
+class Example:
+    """A worked example in surface syntax: what is given, what follows, and the parameter values that it is about."""
+
+    place: s.Place
+    given: Mapping[tuple[Role, str], s.Expr]
+    follows: tuple[Followed, ...]
+    t: int = 0
+    probability: s.Expr | None = None
+    cases: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def acts(self) -> bool:
+        """Whether an action is taken, so that what is observed is observed after it."""
+        return any(role is Role.ACTION for role, _ in self.given)
+
+    @property
+    def steps(self) -> bool:
+        """Whether it is about a step, and not about a state alone."""
+        return self.acts or any(f.section in ("next", "reward", "terminal", "truncated") for f in self.follows)
+
+    @property
+    def starts(self) -> bool:
+        """Whether it is about the first state."""
+        return any(f.section == "initial" for f in self.follows)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter: its bound value, and how it was declared."""
+
+    name: str
+    kind: str
+    value: Any
+    default: Any
+    low: float | None = None
+    high: float | None = None
+    values: tuple[Any, ...] | None = None
+    symbol: str | None = None
+    doc: str | None = None
+
+
+@dataclass(frozen=True)
+class Figure:
+    """How the task is drawn: the kind, and what it shows as nodes over STATE.
+
+    `at` is a place, two numbers or one vector of two; `curve` a function of its first number; `values` the vector that bars show.
+    `highlight` has conditions, places or indices by the name of their colour, `map` the rows of a grid of letters.
+    """
+
+    kind: str
+    at: tuple[Node, ...] = ()
+    curve: Node | None = None
+    values: Node | None = None
+    highlight: Mapping[str, Node] = field(default_factory=dict)
+    map: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The parsed sections, for the printers and for whoever asks what the author wrote."""
+
+    sections: Mapping[str, Any]  # section -> expression, or name -> expression
+    scopes: Mapping[str, Scope] = field(default_factory=dict, repr=False)  # names visible per section
+    moved: tuple[Moved, ...] = ()  # indices that may lie outside their vectors

@@ -1,0 +1,34 @@
+"""What a task tells of itself: its texts, its variants and roles, and its spaces."""
+
+from __future__ import annotations
+
+import pytest
+import yaml
+
+import taskspec
+from taskspec.registry import task_ids
+
+
+@pytest.mark.parametrize("task_id", [i for i in task_ids() if i.startswith("derail/")])
+def test_spaces_and_texts_are_those_of_the_environment_and_the_file(task_id: str) -> None:
+    task = taskspec.load(task_id)
+    env = taskspec.make(task)
+    assert (task.observation_space, task.action_space) == (env.observation_space, env.action_space)
+    written = yaml.safe_load(task.document.origin.text)
+    if task.variant is None:
+        assert (task.summary, task.capability) == (written["summary"], written["capability"])
+    assert list(task.variants) == list(written.get("variants", {}))
+    for variant in task.variants:
+        assert taskspec.load(task, variant).variant == variant
+
+
+def test_roles_are_the_variants_of_expert_and_learner() -> None:
+    task = taskspec.load("derail/InitShiftLearner-v0")
+    assert task.roles == {"expert": "InitShiftExpert", "learner": "InitShiftLearner"}
+    assert taskspec.load(task, task.roles["expert"]) == taskspec.load("derail/InitShiftExpert-v0")
+    assert taskspec.load("RiskyPath").roles == {}
+
+
+def test_spaces_follow_the_conventions() -> None:
+    task = taskspec.load("Branching").observing_time()
+    assert task.observation_space == taskspec.make("Branching", observe_time=True).observation_space

@@ -1,0 +1,68 @@
+"""The examples of the documentation pass the type checkers in their strict modes, as the programs of users should."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.test_docs import PAGES, ROOT, blocks
+
+UNTYPED = ("jax", "stable_baselines3", "imitation")
+"""Packages whose own types are incomplete, so that pyright knows nothing of what they give."""
+
+
+def programs(folder: Path, *, without: tuple[str, ...] = ()) -> list[Path]:
+    """The Python of every page as one program, but for what needs some packages."""
+    written = []
+    for page in PAGES:
+        found = [
+            block.body
+            for block in blocks(page.read_text(encoding="utf-8"))
+            if block.language == "python" and block.key != "skip" and block.value not in without
+        ]
+        if found:
+            path = folder / ("_".join(page.relative_to(ROOT).with_suffix("").parts) + ".py")
+            path.write_text("\n".join(found), encoding="utf-8")
+            written.append(path)
+    return written
+
+
+@pytest.mark.slow
+def test_the_examples_pass_mypy_in_its_strict_mode(tmp_path: Path) -> None:
+    pytest.importorskip("mypy")
+    assert len(programs(tmp_path)) > 10
+    (tmp_path / "bad.py").write_text('import taskspec\n\ntaskspec.make("RiskyPath", ending="stop").walk()\n')
+    (tmp_path / "mypy.ini").write_text(
+        "[mypy]\nstrict = True\n[mypy-taskspec.*]\nfollow_imports = silent\n"
+        f"[mypy-{','.join(f'{name}.*' for name in UNTYPED)}]\nignore_missing_imports = True\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", "--config-file=mypy.ini", "."],
+        cwd=tmp_path, capture_output=True, text=True, check=False, env={**os.environ, "MYPYPATH": str(ROOT)},
+    )  # fmt: skip
+    *found, _ = done.stdout.splitlines()
+    wrong = [line for line in found if "error:" in line]
+    assert all(line.startswith("bad.py:3:") for line in wrong), done.stdout
+    assert any("[arg-type]" in line for line in wrong) and any("[attr-defined]" in line for line in wrong), done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pyright") is None, reason="pyright is not installed")
+def test_the_examples_pass_pyright_in_its_strict_mode(tmp_path: Path) -> None:
+    programs(tmp_path, without=UNTYPED)
+    (tmp_path / "bad.py").write_text('import taskspec\n\ntaskspec.make("RiskyPath", ending="stop")\n')
+    options = {"typeCheckingMode": "strict", "extraPaths": [str(ROOT)], "pythonVersion": "3.11"}
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps(options))
+    done = subprocess.run(
+        ["pyright", "--outputjson", "--pythonpath", sys.executable, "."],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    found = json.loads(done.stdout)["generalDiagnostics"]
+    wrong = [(Path(d["file"]).name, d["range"]["start"]["line"], d["message"]) for d in found]
+    assert {name for name, _, _ in wrong} == {"bad.py"}, wrong
