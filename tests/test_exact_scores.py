@@ -300,14 +300,14 @@ def test_without_scipy_soundness_is_still_checked(monkeypatch: pytest.MonkeyPatc
     found = exact.check(shipped("branching"))
     assert found.diagnostics == ()
     assert found.skipped is not None
-    assert 'pip install "taskspec[exact]"' in found.skipped
+    assert 'pip install -e ".[exact]"' in found.skipped
 
 
 def test_a_missing_package_is_named_with_the_command(monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
     monkeypatch.setitem(sys.modules, "scipy.sparse", None)
-    with pytest.raises(SpecError, match=r"E705(.|\n)*pip install \"taskspec\[exact\]\""):
+    with pytest.raises(SpecError, match=r"E705(.|\n)*pip install -e \"\.\[exact\]\""):
         exact.extract(shipped("branching"))
 
 

@@ -195,7 +195,7 @@ def test_a_missing_package_is_missed_at_once(mode: str, monkeypatch: pytest.Monk
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(SpecError, match="E705") as caught:
         taskspec.make("RiskyPath", render_mode=mode)
-    assert "pip install 'taskspec[figures]'" in str(caught.value)
+    assert 'pip install -e ".[figures]"' in str(caught.value)
     taskspec.make("RiskyPath", render_mode="ansi")
 
 

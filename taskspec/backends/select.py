@@ -8,6 +8,7 @@ from typing import Any
 
 from taskspec.backends.vector import BACKENDS, Engine, Options
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.extras import install, missing
 from taskspec.task.task import Task
 
 _ENGINES = {
@@ -35,8 +36,7 @@ def choose(task: Task, backend: str) -> str:
         message = f"there is no backend {backend!r}; there are {', '.join(names)}"
         raise SpecError([Diagnostic("E713", None, message, suggest(str(backend), names))])
     if backend != "numpy" and find_spec(backend) is None:
-        hint = f'pip install "taskspec[{backend}]"'
-        raise SpecError([Diagnostic("E705", None, f"the backend {backend!r} needs the package {backend}", hint)])
+        raise missing(backend, install(backend), f"the backend {backend!r}")
     return backend
 
 

@@ -11,6 +11,7 @@ from taskspec.cli.bench_print import Progress, footer, percent
 from taskspec.cli.failures import refuse
 from taskspec.diagnostics import suggest
 from taskspec.envs import measure
+from taskspec.extras import need
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,20 +38,12 @@ class Result:
 
 def bench(names: Sequence[str], lanes: int | None, backend: str, rounds: int, seconds: float, json: bool) -> bool:
     """Measure, print, and say whether every target is met."""
-    _import_seals()
+    need("seals", "bench", "this benchmark")  # registers its environments
     pairs = _chosen(names)
     with Progress(len(pairs) * rounds, quiet=json) as progress:
         results = [_raced(pair, lanes, backend, rounds, seconds, progress) for pair in pairs]
     _print_json(results, lanes, backend, rounds, seconds) if json else _print(results, lanes)
     return all(result.met for result in results)
-
-
-def _import_seals() -> None:
-    try:
-        import seals  # noqa: F401  # registers its environments
-    except ImportError:
-        hint = 'pip install "taskspec[bench]"'
-        raise refuse("E705", "this benchmark needs seals 0.2.1, which is not installed", hint) from None
 
 
 def _chosen(names: Sequence[str]) -> list[measure.Pair]:

@@ -93,10 +93,10 @@ def write(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
 
 def _results(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
     """What rests on exact models: scores and documentation; left out, with a word, where scipy is missing."""
-    from importlib.util import find_spec
+    from taskspec.extras import install, is_installed
 
-    if find_spec("scipy") is None:
-        say('scores and documentation need scipy: pip install "taskspec[exact]"', err=True)
+    if not is_installed("scipy"):
+        say(f"scores and documentation need scipy: {install('exact')}", err=True)
         return []
     return [_scores(tasks, folder), *_docs(tasks, folder)]
 

@@ -58,11 +58,8 @@ The message is the spec's own.
         "missing-extra",
         "a feature whose packages are not installed",
         """
-The feature needs packages that are installed with an extra, which the message names.
-
-```console
-pip install "taskspec[numba]"
-```
+The feature needs packages that are installed with an extra. The message has the command: in a checkout it is
+`pip install -e ".[numba]"` or the like, elsewhere it names the distribution, which is `taskspec-rl`.
 """,
     ),
     Code(

@@ -26,6 +26,7 @@ from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.options import ENDINGS, Autoreset, RenderMode, invalid, lanes_of, one_of, positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.envs.state import plain_state
+from taskspec.extras import install_package
 from taskspec.registry import load
 from taskspec.task.task import Ending, TaskLike
 
@@ -36,7 +37,7 @@ if not hasattr(gymnasium.vector, "AutoresetMode"):
                 "E705",
                 None,
                 f"vector environments need Gymnasium 1.1 or later; this is {gymnasium.__version__}",
-                'pip install -U "gymnasium>=1.1", or use taskspec.envs.sb3, or SyncVectorEnv over taskspec.make',
+                f"{install_package('gymnasium>=1.1')}, or use taskspec.envs.sb3, or SyncVectorEnv over taskspec.make",
             )
         ]
     )

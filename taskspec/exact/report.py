@@ -17,10 +17,11 @@ from taskspec.exact.claims.claims import Verdict, verdicts
 from taskspec.exact.claims.examples import wrong_examples
 from taskspec.exact.lint import sense
 from taskspec.exact.lint.accept import Accepted, idle, set_aside
-from taskspec.exact.model.failure import is_installed, misused
+from taskspec.exact.model.failure import misused
 from taskspec.exact.scoring.returns import EPISODES, Results, Return, normalised
 from taskspec.exact.scoring.saved import read
 from taskspec.exact.simulation.points import Method
+from taskspec.extras import install, is_installed
 from taskspec.files import write_text
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
@@ -90,7 +91,7 @@ def check(
     found += [diagnostic for _, diagnostic in followed]
     wrong = frozenset(i for i, _ in followed)
     if not is_installed("scipy"):
-        skipped = 'sense and claims need scipy: pip install "taskspec[exact]"' if with_sense or claims else None
+        skipped = f"sense and claims need scipy: {install('exact')}" if with_sense or claims else None
         return Report(task, in_order(found), sound.method, cases, skipped=skipped, wrong_examples=wrong)
     results = Results(task) if task.claims else Results(task, limit=MODERATE)
     said: tuple[Verdict, ...] = ()

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any, NamedTuple, Protocol
 
 import jax.numpy as jnp
 import numpy as np
 
 from taskspec.backends.jax.program import JaxProgram, State
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.extras import need
 from taskspec.lang.types import INT_MAX
 from taskspec.task.spaces import FLOAT_MAX, Layout, single
 from taskspec.task.task import Component, Task
@@ -147,8 +146,4 @@ def _box(spaces: Any, low: tuple[float, ...], high: tuple[float, ...], shape: tu
 
 
 def _spaces() -> Any:
-    try:
-        return import_module("gymnax.environments.spaces")
-    except ModuleNotFoundError as error:
-        message = "spaces of gymnax need the package gymnax"
-        raise SpecError([Diagnostic("E705", None, message, "pip install gymnax")]) from error
+    return need("gymnax.environments.spaces", what="a space of gymnax")

@@ -1,11 +1,11 @@
-"""Why a task has no exact model, and the optional packages that exact results need."""
+"""Why a task has no exact model, and the optional package that exact models need."""
 
 from __future__ import annotations
 
-import importlib.util
 from typing import Any, NoReturn
 
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.extras import need
 
 
 def refuse(message: str, hint: str | None = None) -> NoReturn:
@@ -24,23 +24,9 @@ def scipy_sparse() -> Any:
     Raises:
         SpecError: (E705) with the command that installs it.
     """
-    return _needed("scipy.sparse", "exact", "exact models are sparse matrices of scipy")
+    return need("scipy.sparse", "exact", "an exact model")
 
 
 def scipy_module(name: str) -> Any:
     """A part of `scipy.sparse`, imported on first use."""
-    return _needed(f"scipy.sparse.{name}", "exact", "exact models are sparse matrices of scipy")
-
-
-def _needed(module: str, extra: str, why: str) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        name = module.partition(".")[0]
-        hint = f'pip install "taskspec[{extra}]"'
-        raise SpecError([Diagnostic("E705", None, f"{name} is not installed, and {why}", hint)]) from None
-
-
-def is_installed(module: str) -> bool:
-    """Whether an optional package can be imported, without importing it."""
-    return importlib.util.find_spec(module) is not None
+    return need(f"scipy.sparse.{name}", "exact", "an exact model")

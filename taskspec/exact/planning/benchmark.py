@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from taskspec.exact.model.extract import extract
-from taskspec.exact.model.failure import is_installed
 from taskspec.exact.model.model import Model
 from taskspec.exact.planning import solve
+from taskspec.extras import is_installed
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task

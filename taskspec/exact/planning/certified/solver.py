@@ -8,12 +8,12 @@ from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
-from taskspec.exact.model.failure import is_installed
 from taskspec.exact.model.model import Model
 from taskspec.exact.planning.certified.bounded import Bounded
 from taskspec.exact.planning.certified.enclosure import Enclosure
 from taskspec.exact.planning.certified.rational import Rational
 from taskspec.exact.planning.certified.readings import Inexact, Reader
+from taskspec.extras import is_installed
 
 Array = np.ndarray[Any, Any]
 LARGE, LONG = 500_000, 100_000_000
