@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Node
 from taskspec.lang.scope import Lazy, Scope, Value
 from taskspec.lang.types import Domain
 
-if TYPE_CHECKING:
-    from taskspec.lang.check import Checker
-
 
 def select(
-    checker: Checker, branches: Iterable[tuple[s.Expr, s.Expr]], otherwise: s.Expr, scope: Scope, want: Domain | None
+    checker: BaseChecker,
+    branches: Iterable[tuple[s.Expr, s.Expr]],
+    otherwise: s.Expr,
+    scope: Scope,
+    want: Domain | None,
 ) -> Value:
     """The first branch whose condition holds."""
     branches = tuple(branches)
@@ -29,7 +31,7 @@ def select(
     return Value(result, domain)
 
 
-def values(checker: Checker, exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Value]:
+def values(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Value]:
     """The values of alternatives."""
     wants = wanted(exprs, scope, want)
     return checker.each([partial(checker.value, e, scope, w) for e, w in zip(exprs, wants, strict=True)])
@@ -58,7 +60,7 @@ def _is_label(expr: s.Expr, scope: Scope) -> bool:
 
 
 def unify(
-    checker: Checker, values: Sequence[Value], exprs: Sequence[s.Expr], want: Domain | None = None
+    checker: BaseChecker, values: Sequence[Value], exprs: Sequence[s.Expr], want: Domain | None = None
 ) -> tuple[list[Node], Domain | None]:
     """Nodes of alternatives that may stand for each other: all of one choice, or all numbers."""
     domains = {v.domain for v in values}
@@ -69,7 +71,7 @@ def unify(
     return [checker.number_of(v, e) for v, e in zip(values, exprs, strict=True)], None
 
 
-def _need_labels(checker: Checker, odd: Sequence[s.Expr], want: Domain) -> NoReturn:
+def _need_labels(checker: BaseChecker, odd: Sequence[s.Expr], want: Domain) -> NoReturn:
     """Report the alternatives that are no labels, where the others are."""
     for expr in odd:
         labels = ", ".join(want.labels[:6]) + ", ..." * (len(want.labels) > 6)

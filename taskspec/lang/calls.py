@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 from taskspec.diagnostics import Collector, suggest
 from taskspec.lang import dists, sets, subscripts, tables
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.foreign import advice
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Shape
-
-if TYPE_CHECKING:
-    from taskspec.lang.check import Checker
 
 NO_DRAWS = "a definition draws nothing, so name the draw under `noise`"
 SET_FUNCTIONS = ("box", "range")
@@ -26,7 +24,7 @@ def is_function(name: str) -> bool:
     return name in FUNCTIONS or name in dists.DIST_NAMES or name in SET_FUNCTIONS
 
 
-def call(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
+def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
     """The value of a call."""
     binding = scope.lookup(expr.function)
     if isinstance(binding, FunctionDef):
@@ -56,13 +54,13 @@ def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
     collector.add("E303", expr.name_place, f"there is no function '{expr.function}'", hint)
 
 
-def _poison(checker: Checker, expr: s.Call, scope: Scope) -> NoReturn:
+def _poison(checker: BaseChecker, expr: s.Call, scope: Scope) -> NoReturn:
     """Give up on a call after looking for mistakes in its arguments too."""
     checker.numerics([e for e in expr.args if not isinstance(e, s.Weights | s.SetOf | s.Comprehension)], scope)
     checker.poison()
 
 
-def _no_keywords(checker: Checker, expr: s.Call) -> None:
+def _no_keywords(checker: BaseChecker, expr: s.Call) -> None:
     for name, value in expr.keywords:
         message = f"'{expr.function}' takes no keyword arguments"
         checker.collector.add("E305", _keyword(name, value), message, f"write it without `{name}=`")
@@ -77,7 +75,7 @@ def _keyword(name: str, value: s.Expr) -> s.Place:
     return s.Place(text, start, start + len(name)) if start >= 0 else value.place
 
 
-def _built_in(checker: Checker, expr: s.Call, scope: Scope) -> Node:
+def _built_in(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
     function = FUNCTIONS[expr.function]
     _no_keywords(checker, expr)
     nodes = checker.numerics(expr.args, scope)
@@ -100,7 +98,7 @@ def count_of(n: int) -> str:
     return f"{n} argument{'' if n == 1 else 's'}"
 
 
-def _own(checker: Checker, function: FunctionDef, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
+def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
     _no_keywords(checker, expr)
     checker.expand(expr)
     values = checker.each([(lambda e=e: checker.value(e, scope)) for e in expr.args])  # type: ignore[misc]
@@ -119,7 +117,7 @@ def _own(checker: Checker, function: FunctionDef, expr: s.Call, scope: Scope, wa
 # -- distributions ------------------------------------------------------------------------------------------------
 
 
-def _distribution(checker: Checker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
+def _distribution(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
     if scope.draws is not None:
         checker.fail("E311", expr, f"{expr.function} is a random draw; {scope.draws}")
     first = expr.args[0] if len(expr.args) == 1 and not expr.keywords else None
@@ -135,7 +133,7 @@ def _distribution(checker: Checker, expr: s.Call, scope: Scope, want: Domain | N
     return Value(dist.build(checker.builder, nodes, shape))
 
 
-def _categorical(checker: Checker, expr: s.Call, scope: Scope) -> Node:
+def _categorical(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
     nodes, shape = _bind(checker, dists.CATEGORICAL, expr, scope)
     p = nodes["p"]
     if len(p.type.shape) != 1:
@@ -149,7 +147,7 @@ def _categorical(checker: Checker, expr: s.Call, scope: Scope) -> Node:
     return dists.CATEGORICAL.build(checker.builder, {"p": p}, shape)
 
 
-def _bind(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, Node], Shape]:
+def _bind(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, Node], Shape]:
     """Arguments by name, defaults filled in, all of one shape or scalar; and the shape of the draw."""
     given, shape = _given(checker, dist, expr, scope)
     names = [a.name for a in dist.arguments]
@@ -174,7 +172,9 @@ def _bind(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tup
     return nodes, _draw_shape(checker, dist, nodes, shape, expr)
 
 
-def _given(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, s.Expr], Shape | None]:
+def _given(
+    checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope
+) -> tuple[dict[str, s.Expr], Shape | None]:
     names = [a.name for a in dist.arguments]
     if len(expr.args) > len(names):
         checker.fail("E304", expr, f"{dist.name}({', '.join(names)}) was given {count_of(len(expr.args))}")
@@ -194,7 +194,7 @@ def _given(checker: Checker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tu
     return given, shape
 
 
-def static_shape(checker: Checker, expr: s.Expr, scope: Scope) -> Shape:
+def static_shape(checker: BaseChecker, expr: s.Expr, scope: Scope) -> Shape:
     """A shape: a constant int or a short vector of them."""
     node = checker.constant(expr, scope, "a shape")
     if node.type.kind is Kind.REAL or len(node.type.shape) > 1 or node.type.size > 4:
@@ -205,7 +205,9 @@ def static_shape(checker: Checker, expr: s.Expr, scope: Scope) -> Shape:
     return shape
 
 
-def _draw_shape(checker: Checker, dist: dists.Dist, nodes: dict[str, Node], shape: Shape | None, expr: s.Call) -> Shape:
+def _draw_shape(
+    checker: BaseChecker, dist: dists.Dist, nodes: dict[str, Node], shape: Shape | None, expr: s.Call
+) -> Shape:
     if dist is dists.CATEGORICAL or not dist.shaped:
         return shape or ()
     shapes = {n.type.shape for n in nodes.values() if n.type.shape}
@@ -219,7 +221,9 @@ def _draw_shape(checker: Checker, dist: dists.Dist, nodes: dict[str, Node], shap
     return found.pop() if found else ()
 
 
-def _check_argument(checker: Checker, dist: dists.Dist, argument: dists.Argument, node: Const, expr: s.Call) -> None:
+def _check_argument(
+    checker: BaseChecker, dist: dists.Dist, argument: dists.Argument, node: Const, expr: s.Call
+) -> None:
     name, least, most = argument.name, min(node.flat), max(node.flat)
     if math.isinf(argument.high) and not all(math.isfinite(v) for v in node.flat):
         checker.fail("E408", expr, f"'{name}' of {dist.name} is not finite")
@@ -230,7 +234,7 @@ def _check_argument(checker: Checker, dist: dists.Dist, argument: dists.Argument
         checker.fail("E402", expr, f"a probability of {float(most):g} is above 1")
 
 
-def _check_parameters(checker: Checker, dist: dists.Dist, nodes: dict[str, Node], expr: s.Call) -> None:
+def _check_parameters(checker: BaseChecker, dist: dists.Dist, nodes: dict[str, Node], expr: s.Call) -> None:
     """Refuse impossible constants at once; values that depend on the state are checked by enumeration."""
     for argument in dist.arguments:
         node = nodes[argument.name]

@@ -7,58 +7,32 @@ and only what needs the value of a broken part is given up.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import NoReturn, TypeVar, assert_never
+from typing import assert_never
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError, nearest, suggest
 from taskspec.lang import alternatives, calls, comparisons, sets, subscripts, tables
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Const, Node
+from taskspec.lang.ir import Node
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Unavailable, Value
-from taskspec.lang.types import Domain, Kind, Refused, Type
+from taskspec.lang.types import Domain, Kind, Refused
 from taskspec.limits import how_to_raise, limits
 
-T = TypeVar("T")
 CONSTANTS = {"pi": math.pi, "inf": math.inf}
 _ARITHMETIC = {"+": "add", "-": "sub", "*": "mul", "/": "div", "//": "floordiv", "%": "mod"}
 _TRUTHS = {**dict.fromkeys(("yes", "on"), "write `true`"), **dict.fromkeys(("no", "off"), "write `false`")}
 
 
-class Poisoned(Exception):
-    """A part is broken and has been reported; what depends on it is given up."""
-
-
-class Checker:
+class Checker(BaseChecker):
     """Checks expressions of one task against scopes; nodes come from one builder, messages go to one collector."""
 
     def __init__(self, builder: Builder, collector: Collector) -> None:
-        self.builder = builder
-        self.collector = collector
-        self.moved: dict[int, subscripts.Moved] = {}  # by id of the node
-        self._expanded = self._checked = 0
+        super().__init__(builder, collector)
+        self._checked = 0
         self._most = limits().expressions
-        self._times = 1  # how often the present expression is written out by comprehensions around it
-
-    # -- entry ----------------------------------------------------------------------------------------------------
-
-    def check(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value | None:
-        """The value of an expression, or None when it is broken (and reported)."""
-        try:
-            return self.value(expr, scope, want)
-        except Poisoned:
-            return None
-
-    # -- the pass -------------------------------------------------------------------------------------------------
 
     def value(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value:
-        """The value of an expression; `want` is the domain whose labels it may name.
-
-        Raises:
-            Poisoned: when it is broken; every mistake in it has been reported.
-            SpecError: (E314) when there have been too many expressions by now.
-        """
         self._checked += 1
         if self._checked > self._most:
             message = f"the task has more than {self._most:,} expressions, each counted as often as it is written out"
@@ -107,91 +81,6 @@ class Checker:
                 self.fail("E306", expr, "a set is not a value", hint)
             case _:
                 assert_never(expr)
-
-    def numeric(self, expr: s.Expr, scope: Scope) -> Node:
-        """An expression that must be a number, a condition or a vector; a mapped choice gives the value it stands for."""
-        return self.number_of(self.value(expr, scope), expr)
-
-    def number_of(self, value: Value, expr: s.Expr) -> Node:
-        if value.domain is None:
-            return value.node
-        domain = value.domain
-        if domain.values is None or domain.value_type is None:
-            labels = ", ".join(domain.labels[:4]) + (", ..." if len(domain.labels) > 4 else "")
-            self.fail("E306", expr, f"this is a choice between labels ({labels}), not a number",
-                      "compare it (`x == label`), or give its labels values: `values: {label: value}`")  # fmt: skip
-        rows = Type(domain.value_type.kind, (len(domain.labels), *domain.value_type.shape))
-        flat = [v for row in domain.values for v in (row if isinstance(row, tuple) else (row,))]
-        return self.builder.structure("index", [self.builder.const(flat, rows), value.node])
-
-    def numerics(self, exprs: Iterable[s.Expr], scope: Scope) -> list[Node]:
-        """All of them, reporting the mistakes of each before giving up."""
-        return self.each([(lambda e=e: self.numeric(e, scope)) for e in exprs])  # type: ignore[misc]
-
-    def each(self, jobs: Sequence[Callable[[], T]]) -> list[T]:
-        """Results of all the jobs; every one runs, then a broken one gives up."""
-        results, broken = [], False
-        for job in jobs:
-            try:
-                results.append(job())
-            except Poisoned:
-                broken = True
-        if broken:
-            raise Poisoned
-        return results
-
-    def condition(self, expr: s.Expr, scope: Scope) -> Node:
-        """An expression that must be a single condition."""
-        node = self.numeric(expr, scope)
-        if node.type.kind is not Kind.BOOL:
-            hint = "compare it with something, e.g. `x != 0`" if node.type.is_scalar else None
-            self.fail("E306", expr, f"a condition is needed here, not {_article(node.type)}", hint)
-        if not node.type.is_scalar:
-            self.fail("E307", expr, f"one condition is needed here, not {node.type.size} at once",
-                      "comparing vectors compares element by element; write `all(...)` or `any(...)`")  # fmt: skip
-        return node
-
-    def constant(self, expr: s.Expr, scope: Scope, what: str) -> Const:
-        """An expression that must be known once parameters are."""
-        node = self.numeric(expr, scope)
-        if not isinstance(node, Const):
-            self.fail(
-                "E312",
-                expr,
-                f"{what} must be a constant: it may use parameters and constants, not the state",
-            )
-        return node
-
-    def integer(self, expr: s.Expr, scope: Scope, what: str) -> int:
-        node = self.constant(expr, scope, what)
-        if not node.type.is_scalar or node.type.kind is Kind.REAL:
-            self.fail("E306", expr, f"{what} must be an int, not {_article(node.type)}")
-        return int(node.value)
-
-    def fail(self, code: str, expr: s.Expr | s.Slice, message: str, hint: str | None = None) -> NoReturn:
-        self.collector.add(code, expr.place, message, hint)
-        raise Poisoned
-
-    def expand(self, expr: s.Expr, count: int = 1) -> None:
-        """Count what is written out on the author's behalf: calls of definitions, elements of comprehensions."""
-        self._expanded += count
-        most, wanted = limits().expansions, max(count * self._times, self._expanded)
-        if wanted > most:
-            message = f"definitions and comprehensions write out more than {most:,} expressions"
-            self.fail("E314", expr, message, how_to_raise("expansions", wanted))
-
-    @contextmanager
-    def repeated(self, count: int) -> Iterator[None]:
-        """What is checked inside is written out so many times."""
-        self._times *= count
-        try:
-            yield
-        finally:
-            self._times //= count
-
-    def poison(self) -> NoReturn:
-        """Give up on a part whose mistakes are reported."""
-        raise Poisoned
 
     # -- leaves ---------------------------------------------------------------------------------------------------
 
@@ -303,8 +192,3 @@ class Checker:
             self.fail("E307", expr, "the elements of this vector have different shapes",
                       "`concat(x, y)` lays vectors end to end")  # fmt: skip
         return self.builder.structure("vector", nodes)
-
-
-def _article(type: Type) -> str:
-    text = str(type)
-    return f"an {text}" if text[0] in "aeiou" else f"a {text}"

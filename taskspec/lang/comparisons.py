@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 from taskspec.lang import sets
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Node
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import Domain
-
-if TYPE_CHECKING:
-    from taskspec.lang.check import Checker
 
 _OPERATORS = {"==": "eq", "!=": "ne", "<": "lt", "<=": "le"}
 _TURNED = {">": "<", ">=": "<="}
 
 
-def compare(checker: Checker, expr: s.Compare, scope: Scope) -> Node:
+def compare(checker: BaseChecker, expr: s.Compare, scope: Scope) -> Node:
     """`a < b == c`: every pair of neighbours compared, and all of it must hold."""
     sides = [_Side(checker, side, scope) for side in (expr.first, *(side for _, side in expr.rest))]
     signs = [op for op, _ in expr.rest]
@@ -32,7 +29,7 @@ def compare(checker: Checker, expr: s.Compare, scope: Scope) -> Node:
 class _Side:
     """One side of a comparison, worked out once. A word that may be a label means what its neighbour makes of it."""
 
-    def __init__(self, checker: Checker, expr: s.Expr, scope: Scope) -> None:
+    def __init__(self, checker: BaseChecker, expr: s.Expr, scope: Scope) -> None:
         self.checker, self.expr, self.scope = checker, expr, scope
         self.word = expr.value if isinstance(expr, s.Quoted) else expr.id if isinstance(expr, s.Name) else ""
         self.may_be_label = isinstance(expr, s.Quoted) or (

@@ -6,20 +6,18 @@ Sets are enumerated as arrays, all candidates at once, so that a set of a millio
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from taskspec.lang import alternatives, batch
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Const, Node, Role, draws, reads
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
 from taskspec.limits import count as count_of
 from taskspec.limits import how_to_raise, limits
-
-if TYPE_CHECKING:
-    from taskspec.lang.check import Checker
 
 MOST_AXES = 32  # as many as arrays may have
 Array = np.ndarray[Any, Any]
@@ -34,7 +32,7 @@ class _Points:
 
 
 def uniform(
-    checker: Checker,
+    checker: BaseChecker,
     expr: s.SetOf | s.Comprehension,
     call: s.Expr,
     scope: Scope,
@@ -48,7 +46,7 @@ def uniform(
     return Value(b.structure("index", [table, index]), domain)
 
 
-def _table(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) -> tuple[Node, Domain | None]:
+def _table(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> tuple[Node, Domain | None]:
     """The elements of a set as the rows of a vector; equal constants count once, as in mathematics."""
     b = checker.builder
     if isinstance(expr, s.Comprehension):
@@ -63,7 +61,7 @@ def _table(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) ->
     return b.structure("vector", list(dict.fromkeys(b.cast(n, kind) for n in nodes))), domain
 
 
-def member(checker: Checker, value: Value, left: s.Expr, right: s.Expr, scope: Scope) -> Node:
+def member(checker: BaseChecker, value: Value, left: s.Expr, right: s.Expr, scope: Scope) -> Node:
     """`x in {a, b}`, `x in (a, b)` or `x in {y for y in ...}`, for the value of `x`, written as `left`."""
     b = checker.builder
     if isinstance(right, s.Vector):
@@ -88,7 +86,7 @@ def member(checker: Checker, value: Value, left: s.Expr, right: s.Expr, scope: S
     return found
 
 
-def unroll(checker: Checker, expr: s.Comprehension, scope: Scope) -> list[Node]:
+def unroll(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> list[Node]:
     """Elements of `[e for x in range(n)]`, one node each; the element may depend on the state."""
     if len(expr.clauses) != 1:
         checker.fail(
@@ -110,14 +108,14 @@ def unroll(checker: Checker, expr: s.Comprehension, scope: Scope) -> list[Node]:
     return nodes
 
 
-def _holds(checker: Checker, condition: s.Expr, scope: Scope) -> bool:
+def _holds(checker: BaseChecker, condition: s.Expr, scope: Scope) -> bool:
     node = checker.condition(condition, scope)
     if not isinstance(node, Const):
         checker.fail("E312", condition, "the condition of a vector's comprehension must be a constant")
     return bool(node.value)
 
 
-def _bind(checker: Checker, clause: s.Clause, row: Array, domain: Domain | None, expr: s.Expr) -> dict[str, Any]:
+def _bind(checker: BaseChecker, clause: s.Clause, row: Array, domain: Domain | None, expr: s.Expr) -> dict[str, Any]:
     b = checker.builder
     whole = _constant(checker, row)
     if len(clause.targets) == 1:
@@ -130,7 +128,7 @@ def _bind(checker: Checker, clause: s.Clause, row: Array, domain: Domain | None,
 # -- enumeration --------------------------------------------------------------------------------------------------
 
 
-def _enumerate(checker: Checker, expr: s.Comprehension, scope: Scope) -> _Points:
+def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Points:
     """The elements of a set comprehension, without repetitions, in the order of enumeration."""
     columns: dict[str, Array] = {}
     bindings: dict[str, Any] = {}
@@ -158,7 +156,7 @@ def _enumerate(checker: Checker, expr: s.Comprehension, scope: Scope) -> _Points
 
 
 def _add_columns(
-    checker: Checker,
+    checker: BaseChecker,
     clause: s.Clause,
     rows: Array,
     domain: Domain | None,
@@ -180,7 +178,7 @@ def _add_columns(
         bindings[name] = Value(checker.builder.read(Role.VARIABLE, name, type_, low, high), domain)
 
 
-def _over(checker: Checker, node: Node, columns: dict[str, Array], expr: s.Expr) -> Array:
+def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.Expr) -> Array:
     """A node evaluated for every candidate: (count, *shape)."""
     outside = {name for role, name in reads([node]) if role is not Role.VARIABLE} | {
         name for role, name in reads([node]) if role is Role.VARIABLE and name not in columns
@@ -194,7 +192,7 @@ def _over(checker: Checker, node: Node, columns: dict[str, Array], expr: s.Expr)
     return np.moveaxis(np.broadcast_to(result, (*result.shape[:-1], count)), -1, 0)
 
 
-def _candidates(checker: Checker, clause: s.Clause, scope: Scope) -> _Points:
+def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope) -> _Points:
     expr = clause.domain
     match expr:
         case s.Call(function="box", args=(low, high, n)):
@@ -217,7 +215,7 @@ def _candidates(checker: Checker, clause: s.Clause, scope: Scope) -> _Points:
     return _Points(batch.array(table)[..., 0], domain)
 
 
-def _box(checker: Checker, low: s.Expr, high: s.Expr, n: s.Expr, expr: s.Expr, scope: Scope) -> _Points:
+def _box(checker: BaseChecker, low: s.Expr, high: s.Expr, n: s.Expr, expr: s.Expr, scope: Scope) -> _Points:
     a, b, axes = (checker.integer(e, scope, "an argument of `box`") for e in (low, high, n))
     if axes < 1 or b < a:
         checker.fail("E407", expr, f"box({a}, {b}, {axes}) has no points")
@@ -231,7 +229,7 @@ def _box(checker: Checker, low: s.Expr, high: s.Expr, n: s.Expr, expr: s.Expr, s
     return _Points(rows)
 
 
-def _range(checker: Checker, expr: s.Call, scope: Scope) -> _Points:
+def _range(checker: BaseChecker, expr: s.Call, scope: Scope) -> _Points:
     if not 1 <= len(expr.args) <= 3:
         checker.fail("E304", expr, "range takes one to three arguments")
     bounds = [checker.integer(e, scope, "an argument of `range`") for e in expr.args]
@@ -248,12 +246,12 @@ def _length(values: range) -> int:
     return max(0, -((values.start - values.stop) // values.step))
 
 
-def _check_width(checker: Checker, expr: s.Expr, *ends: int) -> None:
+def _check_width(checker: BaseChecker, expr: s.Expr, *ends: int) -> None:
     if max(map(abs, ends)) >= INT_WIDEST:
         checker.fail("E318", expr, "ints have 64 bits; this set goes further")
 
 
-def _check_few(checker: Checker, limit: str, number: int, expr: s.Expr, what: str) -> None:
+def _check_few(checker: BaseChecker, limit: str, number: int, expr: s.Expr, what: str) -> None:
     """Refuse (E314) more of something than a limit allows."""
     most = getattr(limits(), limit)
     if number > most:
@@ -265,7 +263,7 @@ def _kind(array: Array) -> Kind:
     return {"b": Kind.BOOL, "i": Kind.INT}.get(array.dtype.kind, Kind.REAL)
 
 
-def _constant(checker: Checker, array: Array) -> Const:
+def _constant(checker: BaseChecker, array: Array) -> Const:
     kind = _kind(array)
     flat = array.ravel().tolist()
     return checker.builder.const(flat[0] if array.ndim == 0 else flat, Type(kind, array.shape))

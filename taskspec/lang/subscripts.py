@@ -6,30 +6,17 @@ negative; one that depends on the state, the action, the time or a draw is moved
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import BaseChecker, ClampedIndex
 from taskspec.lang.dists import DIST_NAMES
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import Kind, Refused
 
-if TYPE_CHECKING:
-    from taskspec.lang.check import Checker
 
-
-@dataclass(frozen=True, slots=True)
-class Moved:
-    """An index that may lie outside a vector of `length` elements: `node` is what `index` is moved to."""
-
-    node: Node
-    index: Node
-    length: int
-    place: s.Place
-
-
-def subscript(checker: Checker, expr: s.Subscript, scope: Scope) -> Node:
+def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
     """`x[i]`, `x[i, j]`, `x[a:b]`: constant indices are checked, others are brought into range."""
     node = checker.numeric(expr.value, scope)
     if len(expr.indices) > len(node.type.shape):
@@ -47,7 +34,7 @@ def subscript(checker: Checker, expr: s.Subscript, scope: Scope) -> Node:
     )
 
 
-def _row(checker: Checker, node: Node, index: s.Expr | s.Slice, scope: Scope) -> Node:
+def _row(checker: BaseChecker, node: Node, index: s.Expr | s.Slice, scope: Scope) -> Node:
     b, n = checker.builder, node.type.shape[0]
     if isinstance(index, s.Slice):
         start, count, step = _slice_bounds(checker, index, n, scope)
@@ -58,7 +45,7 @@ def _row(checker: Checker, node: Node, index: s.Expr | s.Slice, scope: Scope) ->
     return b.structure("index", [node, i])
 
 
-def _cell(checker: Checker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
+def _cell(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
     """One element of a matrix, through its rows laid end to end."""
     b, (rows, columns) = checker.builder, node.type.shape[:2]
     i, j = (_index(checker, x, n, scope) for x, n in zip(expr.indices, (rows, columns), strict=True))  # type: ignore[arg-type]
@@ -66,7 +53,7 @@ def _cell(checker: Checker, node: Node, expr: s.Subscript, scope: Scope) -> Node
     return b.structure("index", [flat, b.apply("add", b.apply("mul", i, b.scalar(columns)), j)])
 
 
-def _index(checker: Checker, expr: s.Expr, length: int, scope: Scope) -> Node:
+def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Node:
     node = checker.numeric(expr, scope)
     if node.type.kind is Kind.REAL:
         checker.fail("E306", expr, "an index must be an int, not a real", "`floor(x)` gives an int")
@@ -112,7 +99,7 @@ def _known_late(at: s.Name | s.Call, binding: Binding | None) -> bool:
             return isinstance(at, s.Call) and at.function in DIST_NAMES
 
 
-def argument(checker: Checker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:
+def argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:
     """The argument of a function that is an index of x; what cannot be one is left to the function."""
     varies = not isinstance(index, Const) or _varies(expr, scope)
     if not varies or x.type.is_scalar or not index.type.is_scalar or index.type.kind is Kind.REAL:
@@ -120,15 +107,15 @@ def argument(checker: Checker, index: Node, x: Node, expr: s.Expr, scope: Scope)
     return moved(checker, checker.builder.cast(index, Kind.INT), x.type.shape[0], expr)
 
 
-def moved(checker: Checker, index: Node, length: int, expr: s.Expr) -> Node:
+def moved(checker: BaseChecker, index: Node, length: int, expr: s.Expr) -> Node:
     """An index that depends on the state, moved to the nearest end of a vector if it lies outside; kept for the lints."""
     found = checker.builder.within(index, 0, length - 1)
     if found is not index:
-        checker.moved.setdefault(id(found), Moved(found, index, length, expr.place))
+        checker.moved.setdefault(id(found), ClampedIndex(found, index, length, expr.place))
     return found
 
 
-def _slice_bounds(checker: Checker, index: s.Slice, length: int, scope: Scope) -> tuple[int, int, int]:
+def _slice_bounds(checker: BaseChecker, index: s.Slice, length: int, scope: Scope) -> tuple[int, int, int]:
     parts = [
         None if part is None else checker.integer(part, scope, "the bounds of a slice")
         for part in (index.start, index.stop, index.step)

@@ -12,23 +12,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from taskspec.lang import alternatives
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import BOOLEAN_LABELS, Domain, Kind, Type
 from taskspec.limits import limits
 
-if TYPE_CHECKING:
-    from taskspec.lang.check import Checker
-
 TOLERANCE = 1e-9
 """How far a row of floating-point probabilities may be from 1; rows of fractions must sum to 1 exactly."""
 
 
-def check_row(checker: Checker, p: Node, expr: s.Expr) -> None:
+def check_row(checker: BaseChecker, p: Node, expr: s.Expr) -> None:
     """Refuse a constant row of probabilities that is not a distribution."""
     if not isinstance(p, Const):
         return
@@ -68,7 +66,7 @@ class _Outcomes:
     p: list[Node]
 
 
-def weighted(checker: Checker, expr: s.Weights, scope: Scope, want: Domain | None) -> Value:
+def weighted(checker: BaseChecker, expr: s.Weights, scope: Scope, want: Domain | None) -> Value:
     """A value drawn with the probabilities written beside each."""
     outcomes = _outcomes(checker, expr, scope, want)
     nodes, domain = alternatives.unify(checker, outcomes.values, outcomes.exprs, want)
@@ -78,7 +76,7 @@ def weighted(checker: Checker, expr: s.Weights, scope: Scope, want: Domain | Non
     return Value(b.structure("index", [b.structure("vector", nodes), index]), domain)
 
 
-def _outcomes(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None) -> _Outcomes:
+def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> _Outcomes:
     if not isinstance(expr, s.Weights):
         return _Outcomes([checker.value(expr, scope, want)], [expr], [checker.builder.const(1, Type(Kind.REAL))])
     if scope.draws is not None:
@@ -93,7 +91,7 @@ def _outcomes(checker: Checker, expr: s.Expr, scope: Scope, want: Domain | None)
     return _Outcomes(values, exprs, p)
 
 
-def _same_shape(checker: Checker, nodes: Sequence[Node], expr: s.Expr) -> None:
+def _same_shape(checker: BaseChecker, nodes: Sequence[Node], expr: s.Expr) -> None:
     shapes = sorted({n.type.shape for n in nodes})
     if len(shapes) > 1:
         checker.fail(
@@ -130,7 +128,7 @@ _Leaf = tuple[tuple["_Key", ...], s.Expr]
 _Key = int | None  # the value of one column, None for `else` or a cell that spans it
 
 
-def table(checker: Checker, expr: s.Table, scope: Scope, want: Domain | None) -> Value:
+def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None) -> Value:
     """The value of the first row that matches."""
     columns = checker.each([(lambda e=e: _column(checker, e, scope)) for e in expr.by])  # type: ignore[misc]
     leaves = _leaves(checker, expr.rows, columns, scope)
@@ -147,7 +145,7 @@ def table(checker: Checker, expr: s.Table, scope: Scope, want: Domain | None) ->
     return Value(_node(checker, columns, keys, outcomes, grid), domain)
 
 
-def _column(checker: Checker, expr: s.Expr, scope: Scope) -> _Column:
+def _column(checker: BaseChecker, expr: s.Expr, scope: Scope) -> _Column:
     value = checker.value(expr, scope)
     node = value.node
     if not node.type.is_scalar or node.type.kind is Kind.REAL:
@@ -165,7 +163,7 @@ def _column(checker: Checker, expr: s.Expr, scope: Scope) -> _Column:
     return _Column(expr, node, value.domain, range(int(low), int(high) + 1), ends)
 
 
-def _leaves(checker: Checker, rows: Sequence[s.Row], columns: Sequence[_Column], scope: Scope) -> list[_Leaf]:
+def _leaves(checker: BaseChecker, rows: Sequence[s.Row], columns: Sequence[_Column], scope: Scope) -> list[_Leaf]:
     """Cells with their keys, in written order; a cell that stops early spans the columns left."""
     if not columns:
         checker.fail("E307", rows[0].body if not isinstance(rows[0].body, tuple) else _some(rows[0]),
@@ -192,7 +190,7 @@ def _some(row: s.Row) -> s.Expr:
     return body
 
 
-def _key(checker: Checker, expr: s.Expr, column: _Column, scope: Scope) -> int:
+def _key(checker: BaseChecker, expr: s.Expr, column: _Column, scope: Scope) -> int:
     value = checker.value(expr, scope, column.domain)
     node = checker.number_of(value, expr) if value.domain is not None and value.domain != column.domain else value.node
     if not isinstance(node, Const) or not node.type.is_scalar:
@@ -212,7 +210,7 @@ def _known(column: _Column) -> str | None:
 
 
 def _grid(
-    checker: Checker, expr: s.Table, columns: Sequence[_Column], keys: Sequence[tuple[_Key, ...]], scope: Scope
+    checker: BaseChecker, expr: s.Table, columns: Sequence[_Column], keys: Sequence[tuple[_Key, ...]], scope: Scope
 ) -> list[int] | None:
     """For every combination of column values the number of its cell; None where the combinations are endless or many.
 
@@ -241,7 +239,7 @@ def _grid(
 
 
 def _lacking(
-    checker: Checker, expr: s.Table, columns: Sequence[_Column], values: Sequence[int], scope: Scope
+    checker: BaseChecker, expr: s.Table, columns: Sequence[_Column], values: Sequence[int], scope: Scope
 ) -> s.Expr:
     """The key of the innermost row for some column values in which no row follows for the next of them, or the table."""
     place: s.Expr = expr
@@ -278,7 +276,7 @@ _Cell = tuple[list[Node], list[Node]]
 
 
 def _node(
-    checker: Checker,
+    checker: BaseChecker,
     columns: Sequence[_Column],
     keys: Sequence[tuple[_Key, ...]],
     outcomes: Sequence[_Cell],
@@ -296,7 +294,7 @@ def _node(
 
 
 def _look_up(
-    checker: Checker,
+    checker: BaseChecker,
     columns: Sequence[_Column],
     keys: Sequence[tuple[_Key, ...]],
     cells: Sequence[Node],
@@ -318,7 +316,7 @@ def _look_up(
     return result
 
 
-def _code(checker: Checker, columns: Sequence[_Column]) -> Node:
+def _code(checker: BaseChecker, columns: Sequence[_Column]) -> Node:
     """The number of the present combination of column values, row-major."""
     b = checker.builder
     code: Node = b.scalar(0)
@@ -329,7 +327,7 @@ def _code(checker: Checker, columns: Sequence[_Column]) -> Node:
     return code
 
 
-def _condition(checker: Checker, columns: Sequence[_Column], key: tuple[_Key, ...]) -> Node:
+def _condition(checker: BaseChecker, columns: Sequence[_Column], key: tuple[_Key, ...]) -> Node:
     b = checker.builder
     result: Node = b.scalar(True)
     for column, value in zip(columns, key, strict=True):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from taskspec.lang import syntax as s
-from taskspec.lang.check import Checker, Poisoned
+from taskspec.lang.basechecker import Poisoned
+from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import Domain, Kind, Refused

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors, suggest
-from taskspec.lang.check import Poisoned
+from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Const
 from taskspec.lang.scope import FunctionDef, Scope
 from taskspec.lang.types import BOOL, REAL, Refused

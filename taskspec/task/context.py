@@ -8,8 +8,9 @@ from typing import Any
 
 from taskspec.diagnostics import Collector
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.builder import Builder
-from taskspec.lang.check import Checker, Poisoned
+from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Binding, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Refused

@@ -15,9 +15,10 @@ from taskspec import draws
 from taskspec.diagnostics import Collector, Placed, suggest
 from taskspec.draws.layout import Layout
 from taskspec.draws.sample import sampler
+from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.builder import Builder
 from taskspec.lang.calls import static_shape
-from taskspec.lang.check import Checker, Poisoned
+from taskspec.lang.check import Checker
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Node, plain
 from taskspec.lang.scope import Scope, Value

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from taskspec.diagnostics import suggest
-from taskspec.lang.check import Poisoned
+from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Node
 from taskspec.lang.scope import Scope
 from taskspec.lang.types import Refused

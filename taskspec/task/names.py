@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.calls import NO_DRAWS
-from taskspec.lang.check import Poisoned
 from taskspec.lang.ir import Draw, Node, Role, reads
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.subscripts import named

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Scope
-from taskspec.lang.subscripts import Moved
 from taskspec.lang.types import Domain, Kind, Type
 
 FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
@@ -150,4 +150,4 @@ class Surface:
 
     sections: Mapping[str, Any]  # section -> expression, or name -> expression
     scopes: Mapping[str, Scope] = field(default_factory=dict, repr=False)  # names visible per section
-    moved: tuple[Moved, ...] = ()  # indices that may lie outside their vectors
+    moved: tuple[ClampedIndex, ...] = ()  # indices that may lie outside their vectors

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from taskspec.diagnostics import suggest
 from taskspec.lang import syntax as s
-from taskspec.lang.check import Poisoned
+from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Scope, Value

@@ -13,9 +13,9 @@ from taskspec.draws.layout import Layout
 from taskspec.exact.lint.case import Case
 from taskspec.exact.model.space import Reads, shown, words
 from taskspec.exact.simulation.rollout import visited
+from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Apply, Node, Role, children, reads, walk
-from taskspec.lang.subscripts import Moved
 from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]
@@ -41,7 +41,7 @@ def _expert(task: Task) -> tuple[Node, ...]:
     return task.expert if isinstance(task.expert, tuple) else ()
 
 
-def _report(m: Moved, index: int, reads: Reads, task: Task, collector: Collector) -> None:
+def _report(m: ClampedIndex, index: int, reads: Reads, task: Task, collector: Collector) -> None:
     components = ((r, c) for r, cs in ((Role.STATE, task.state), (Role.ACTION, task.action)) for c in cs)
     where = [f"{c.name} = {shown(c, reads[r, c.name][..., 0])}" for r, c in components if (r, c.name) in reads]
     where += [f"t = {words(int(v[0]))}" for (r, _), v in reads.items() if r is Role.TIME]
@@ -81,8 +81,8 @@ def _batches(found: Mapping[Any, Array], lanes: int) -> Iterator[Reads]:
 
 
 def _outside(
-    roots: Sequence[Node], found: Sequence[Moved], points: Reads, task: Task
-) -> Iterator[tuple[Moved, int, Reads, Task]]:
+    roots: Sequence[Node], found: Sequence[ClampedIndex], points: Reads, task: Task
+) -> Iterator[tuple[ClampedIndex, int, Reads, Task]]:
     """The indices that lie outside at a point where they matter: the value, and what is read there."""
     lanes = max((v.shape[-1] for v in points.values()), default=1)
     layout = Layout.of(roots)

@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators.entry import Function, Infix
 from taskspec.lang.operators.levels import Brackets, Level
+from taskspec.lang.operators.nodes import NodeMaker
 from taskspec.lang.operators.samples import INTS, MIXED
 from taskspec.lang.types import INT, Kind, Refused, Type
 
-if TYPE_CHECKING:
-    from taskspec.lang.builder import Builder
 
-
-def _clip(b: Builder, args: list[Node]) -> Node:
+def _clip(b: NodeMaker, args: list[Node]) -> Node:
     x, low, high = args
     return b.apply("min2", b.apply("max2", x, low), high)
 
 
-def _product(b: Builder, args: list[Node]) -> Node:
+def _product(b: NodeMaker, args: list[Node]) -> Node:
     for arg in args:
         if len(arg.type.shape) != 1:
             raise Refused(f"`dot` needs two vectors, not {arg.type}")
     return b.apply("sum", b.apply("mul", *args))
 
 
-def _norm1(b: Builder, args: list[Node]) -> Node:
+def _norm1(b: NodeMaker, args: list[Node]) -> Node:
     return b.apply("sum", b.apply("abs", args[0]))
 
 
-def _norm2(b: Builder, args: list[Node]) -> Node:
+def _norm2(b: NodeMaker, args: list[Node]) -> Node:
     return b.apply("sqrt", b.apply("sum", b.apply("mul", args[0], args[0])))
 
 
@@ -46,24 +42,24 @@ def _need_index(name: str, node: Node) -> Node:
     return node
 
 
-def at(b: Builder, name: str, x: Node, index: Node) -> Node:
+def at(b: NodeMaker, name: str, x: Node, index: Node) -> Node:
     """An index into the first axis of x, brought into range."""
     return b.position(b.cast(_need_index(name, index), Kind.INT), _need_vector(name, x))
 
 
-def _reverse(b: Builder, args: list[Node]) -> Node:
+def _reverse(b: NodeMaker, args: list[Node]) -> Node:
     n = _need_vector("reverse", args[0])
     return b.structure("slice", args, (n - 1, n, -1)) if n else args[0]
 
 
-def _concat(b: Builder, args: list[Node]) -> Node:
+def _concat(b: NodeMaker, args: list[Node]) -> Node:
     parts = [b.structure("reshape", [a], (1,)) if a.type.is_scalar else a for a in args]
     if len({a.type.shape[1:] for a in parts}) > 1:
         raise Refused("the parts of `concat` have different row shapes", "E307")
     return b.structure("concat", parts)
 
 
-def _put(b: Builder, args: list[Node]) -> Node:
+def _put(b: NodeMaker, args: list[Node]) -> Node:
     x, index, value = args
     i = at(b, "put", x, index)
     value = b.stretch(value, x.type.shape[1:])
@@ -73,12 +69,12 @@ def _put(b: Builder, args: list[Node]) -> Node:
     return b.structure("put", [b.cast(x, kind), i, b.cast(value, kind)])
 
 
-def _swap(b: Builder, args: list[Node]) -> Node:
+def _swap(b: NodeMaker, args: list[Node]) -> Node:
     x, i, j = args
     return b.structure("swap", [x, at(b, "swap", x, i), at(b, "swap", x, j)])
 
 
-def _onehot(b: Builder, args: list[Node]) -> Node:
+def _onehot(b: NodeMaker, args: list[Node]) -> Node:
     index, n = args
     assert isinstance(n, Const)
     if n.type != INT or n.value < 1:
@@ -88,7 +84,7 @@ def _onehot(b: Builder, args: list[Node]) -> Node:
     return b.cast(b.apply("eq", positions, _need_index("onehot", index)), Kind.INT)
 
 
-def _len(b: Builder, args: list[Node]) -> Node:
+def _len(b: NodeMaker, args: list[Node]) -> Node:
     return b.scalar(_need_vector("len", args[0]))
 
 

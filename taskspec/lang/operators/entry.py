@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from taskspec.lang.ir import Apply, Node
 from taskspec.lang.operators.levels import ENCLOSED, Brackets
+from taskspec.lang.operators.nodes import NodeMaker
 from taskspec.lang.operators.signatures import Promote, TypeRule, to_result
 from taskspec.lang.ranges import EVERYTHING, Args, Interval
 
-if TYPE_CHECKING:
-    from taskspec.lang.builder import Builder
-
-Build = Callable[["Builder", list[Node]], Node]
+Build = Callable[[NodeMaker, list[Node]], Node]
 Linear = Callable[[Sequence[bool]], bool]
 """Whether a value is linear in something, from which arguments are; those are linear, and the others do not depend on it."""
 

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from taskspec.lang.ir import Node
 from taskspec.lang.operators import bounding, linearity
 from taskspec.lang.operators.entry import Array, Build, Function, Operator, Scalar, applies
 from taskspec.lang.operators.levels import Brackets, Level
+from taskspec.lang.operators.nodes import NodeMaker
 from taskspec.lang.operators.samples import INTS, MASKS, MIXED, NAN_VECTORS, VECTORS
 from taskspec.lang.operators.signatures import as_they_are, conditions, number, reduction
 from taskspec.lang.types import Kind
-
-if TYPE_CHECKING:
-    from taskspec.lang.builder import Builder
 
 Number = Any
 Vector = Sequence[Number]
@@ -54,7 +52,7 @@ def max_(x: Vector) -> Number:
 def _extreme(two: str, many: str) -> Build:
     """Of the arguments one after the other, or of the elements of a single one."""
 
-    def build(b: Builder, args: list[Node]) -> Node:
+    def build(b: NodeMaker, args: list[Node]) -> Node:
         if len(args) == 1:
             return b.apply(many, args[0])
         result = args[0]
