@@ -64,10 +64,10 @@ FORGETFUL = """
 import gc, json
 import numpy as np
 import taskspec
-from taskspec.backends.numba import compile, engine
+from taskspec.backends.numba import engine, loading
 
 def forget():
-    compile.load.cache_clear()
+    loading.load.cache_clear()
     engine.compile_numba.cache_clear()
     gc.collect()
 

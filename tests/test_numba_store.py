@@ -15,8 +15,7 @@ import pytest
 
 pytest.importorskip("numba")
 
-from taskspec.backends.numba import compile as compiling
-from taskspec.backends.numba import store
+from taskspec.backends.numba import loading, store
 
 WORKERS = """
 import sys
@@ -38,13 +37,13 @@ for i in range(40):
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where kernels are kept; every load looks there, and compiling is stood in for."""
     monkeypatch.setenv("TASKSPEC_CACHE", str(tmp_path))
-    monkeypatch.setattr(compiling, "_linked", lambda code: code)
-    monkeypatch.setattr(compiling, "import_module", lambda name: Compiler)
+    monkeypatch.setattr(loading, "_linked", lambda code: code)
+    monkeypatch.setattr(loading, "import_module", lambda name: Compiler)
     Compiler.made = 0
-    compiling.load.cache_clear()
-    compiling._say_once.cache_clear()
+    loading.load.cache_clear()
+    loading._say_once.cache_clear()
     yield tmp_path / "numba"
-    compiling.load.cache_clear()
+    loading.load.cache_clear()
 
 
 class Compiler:
@@ -60,9 +59,9 @@ class Compiler:
 
 def load(source: str = "a") -> tuple[bytes, bool]:
     """What is run for a source, and whether it was compiled just now."""
-    compiling.load.cache_clear()
+    loading.load.cache_clear()
     before = Compiler.made
-    code: Any = compiling.load(source)
+    code: Any = loading.load(source)
     return code, Compiler.made > before
 
 

@@ -16,9 +16,10 @@ from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import parse
 from taskspec.printers import latex, mathematics, mathml, plain, read_tex
 from taskspec.printers import tree as m
+from taskspec.printers.expressions import condition
 from taskspec.printers.latex import escape
 from taskspec.printers.names import nowhere
-from taskspec.printers.notation import Notation, condition
+from taskspec.printers.notation import Notation
 from taskspec.printers.substitute import substitute
 from taskspec.printers.symbols import symbol
 from taskspec.printers.text import text

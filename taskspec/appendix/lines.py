@@ -12,8 +12,8 @@ from taskspec.appendix.writing import Writing, unchanged
 from taskspec.lang import syntax as s
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
+from taskspec.printers.expressions import ExpressionWriter
 from taskspec.printers.names import expression
-from taskspec.printers.notation import Writer
 from taskspec.printers.text import text
 from taskspec.task.names import signature
 from taskspec.task.schema import Component as DeclaredComponent
@@ -219,7 +219,7 @@ def _transition(w: Writing, name: str, expr: s.Expr) -> Iterator[Inlines]:
     alone = len(w.task.state) == 1
     if alone and isinstance(expr, s.Table) and piecewise.has_arrows(expr, name, actions):
         action = w.whole(actions)
-        for line in piecewise.arrows(Writer(w.notation, name), expr, name, action, actions[0]):
+        for line in piecewise.arrows(ExpressionWriter(w.notation, name), expr, name, action, actions[0]):
             yield (Formula(line),)
     else:
         yield (Formula(w.equation(w.symbol(name, primed=True), expr, name)),)

@@ -11,9 +11,10 @@ from typing import Any
 from taskspec.appendix.draws import is_draw, shows_chances, take_apart
 from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
+from taskspec.printers.expressions import condition, mathematics
 from taskspec.printers.idioms import interval
 from taskspec.printers.names import expression, of_task
-from taskspec.printers.notation import Notation, condition, mathematics
+from taskspec.printers.notation import Notation
 from taskspec.printers.pieces import prime
 from taskspec.printers.substitute import substitute
 from taskspec.task.names import signature

@@ -5,10 +5,10 @@ Mathematics goes through one tree (`printers.tree`), so that the two forms canno
 
 from __future__ import annotations
 
+from taskspec.printers.expressions import mathematics as mathematics
 from taskspec.printers.latex import latex as latex
 from taskspec.printers.mathml import mathml as mathml
 from taskspec.printers.notation import Notation as Notation
-from taskspec.printers.notation import mathematics as mathematics
 from taskspec.printers.plain import plain as plain
 from taskspec.printers.tex import read as read_tex
 from taskspec.printers.text import text as text

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
@@ -12,10 +11,8 @@ from taskspec.lang.operators import INFIX
 from taskspec.lang.operators.levels import Level
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
+from taskspec.printers.notation import Writer
 from taskspec.printers.pieces import Piece, applied, fill, indicator, operands
-
-if TYPE_CHECKING:
-    from taskspec.printers.notation import Writer
 
 _VECTORS = frozenset({"sort", "argsort", "cumsum", "reverse", "concat", "swap", "put"})
 _INDICES = "ijkmlnrqu"

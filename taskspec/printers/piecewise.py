@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
+from taskspec.printers.notation import Writer
 from taskspec.printers.pieces import operands
 from taskspec.printers.text import text
-
-if TYPE_CHECKING:
-    from taskspec.printers.notation import Writer
 
 Keys = tuple[s.Expr | None, ...]
 _OTHERWISE = m.Words("otherwise")

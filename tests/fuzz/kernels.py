@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends.numba import compile as numba_compile
-from taskspec.backends.numba import kernelloop
+from taskspec.backends.numba import kernelloop, loading
 from taskspec.backends.numba.kernelmemory import Program
 from taskspec.draws.layout import words_of
 from taskspec.lang.types import INT_MAX, Kind
@@ -27,7 +26,7 @@ from taskspec.task.task import Task
 Array = Any
 DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 SEEN: dict[str, Any] = {"f32s": np.float32, "f64s": np.float64, "i64s": np.int64, "flags": np.bool_, "u32s": np.uint32}
-FOLDER = Path(numba_compile.__file__).parent
+FOLDER = Path(loading.__file__).parent
 
 
 class OutsideError(Exception):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+_TEMPLATES = Path(__file__).parent.parent / "templates"
 
 
 @lru_cache(maxsize=1)
 def html_environment() -> Environment:
     """For HTML: whatever is not marked as markup is escaped."""
     return Environment(
-        loader=PackageLoader("taskspec.appendix"), autoescape=True, undefined=StrictUndefined,
+        loader=FileSystemLoader(_TEMPLATES), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
     )  # fmt: skip
 
@@ -20,7 +23,7 @@ def html_environment() -> Environment:
 def text_environment() -> Environment:
     """For LaTeX and Markdown, with marks that neither uses; every value has been escaped for its language."""
     return Environment(
-        loader=PackageLoader("taskspec.appendix"), autoescape=False, undefined=StrictUndefined,
+        loader=FileSystemLoader(_TEMPLATES), autoescape=False, undefined=StrictUndefined,
         block_start_string="<%", block_end_string="%>", variable_start_string="<<", variable_end_string=">>",
         comment_start_string="<#", comment_end_string="#>",
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,

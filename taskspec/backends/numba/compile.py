@@ -1,158 +1,46 @@
-"""Kernels as machine code: compiled once by Numba, kept on disk, and loaded without Numba by the processes that follow.
-
-Importing Numba and what it imports takes longer than everything else that a warm start does. A kernel has plain numbers
-as arguments and needs nothing of Numba's while it runs, so that LLVM's loader is enough.
-"""
+"""Compiles the source of a generated kernel into machine code."""
 
 from __future__ import annotations
 
-import ctypes
-import hashlib
-import logging
-import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-from functools import lru_cache
-from importlib import import_module
-from importlib.metadata import version
-from pathlib import Path
+import linecache
 from typing import Any
 
 import llvmlite.binding as llvm
-import numpy as np
+import numba
+from numba import types
 
-import taskspec
-from taskspec.backends.numba import store
-from taskspec.backends.numba.store import Store
-from taskspec.visible import visible
-
-Array = np.ndarray[Any, Any]
-_LIBRARY = ("basics", "build", "draws", "lanes", "operators")
-_UNREACHED = (
-    "NRT_Free", "numba_do_raise", "numba_gil_ensure", "numba_gil_release", "numba_runtime_build_excinfo_struct", "numba_unpickle",
-)  # fmt: skip
-"""Functions of Numba that report exceptions, which the code of a kernel names but, since it raises none, never calls."""
+from taskspec.backends.numba.target import target_machine
 
 
-def cache_folder() -> Path:
-    """`$TASKSPEC_CACHE`, or `taskspec` in the user's cache folder."""
-    own = os.environ.get("TASKSPEC_CACHE")
-    if own:
-        return Path(own)
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA", str(Path.home()))
-    else:
-        base = os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache"))
-    return Path(base) / "taskspec"
+def machine_code(source: str) -> bytes:
+    """The object file of a generated module, with its function `kernel`, which CPython can call.
+
+    The code raises no exceptions: what would report them is not there when it is loaded without Numba.
+    """
+    file = "<taskspec kernel>"
+    namespace: dict[str, Any] = {"apart": apart}
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
+    compiled = numba.cfunc(types.uint64(types.uint64, types.uint64), error_model="numpy")(namespace["kernel"])
+    text = compiled.inspect_llvm()
+    if "picklebuf" in text:  # what Numba calls the arguments of an exception
+        raise AssertionError(f"a kernel that may raise an exception:\n{source}")
+    module = llvm.parse_assembly(text)
+    module.get_function(compiled.native_name).name = "kernel"
+    return target_machine().emit_object(module)
 
 
-@lru_cache(maxsize=64)
-def load(source: str) -> Kernel:
-    """The kernel of a generated module, from the cache if it has been compiled before on such a machine."""
-    with _kept() as kept:
-        name = f"{_name(source)}.o"
-        code = None if kept is None else kept.read(name)
-        if code is None:
-            code = import_module("taskspec.backends.numba.build").machine_code(source)
-            if kept is not None:
-                kept.write(name, code)
-    return _linked(code)
+def apart(function: Any) -> Any:
+    """Compile with the promise that no two array arguments share memory, which saves the loop from checking."""
+    compiled = numba.njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    compiler: Any = getattr(compiled, "_compiler", None)
+    plain = getattr(compiler, "_customize_flags", None)
+    if plain is not None:  # private to Numba, hence optional
 
+        def customized(flags: Any) -> Any:
+            flags = plain(flags)
+            flags.noalias = True
+            return flags
 
-@contextmanager
-def _kept() -> Iterator[Store | None]:
-    """What earlier processes compiled; None where nothing can be kept. If that is for safety, it is said."""
-    with ExitStack() as stack:
-        found = None
-        try:
-            found = stack.enter_context(store.opened(cache_folder() / "numba")) if store.SUPPORTED else None
-        except store.NotPrivateError as error:
-            _say_once(f"taskspec: compiled kernels are not kept, since {visible(str(error))}")
-        except OSError:
-            pass
-        yield found
-
-
-@lru_cache
-def _say_once(message: str) -> None:
-    logging.getLogger("taskspec").warning(message)
-
-
-def _name(source: str) -> str:
-    """A name for all that the machine code follows from."""
-    machine = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
-    versions = (taskspec.__version__, version("numba"), version("llvmlite"), str(object.__basicsize__))
-    made_of = (source, _library(), *versions, *machine)
-    return hashlib.sha256("\0".join(made_of).encode()).hexdigest()[:32]
-
-
-@lru_cache(maxsize=1)
-def _library() -> str:
-    """The text of the functions that kernels are made of."""
-    here = Path(__file__).parent
-    return "\0".join((here / f"{name}.py").read_text(encoding="utf-8") for name in _LIBRARY)
-
-
-# -- in memory ----------------------------------------------------------------------------------------------------
-
-
-def target_machine() -> llvm.TargetMachine:
-    """This machine, as a target of code that is loaded at run time. An engine that is made with it becomes its owner."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    triple = llvm.get_process_triple()
-    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    return llvm.Target.from_triple(triple).create_target_machine(
-        cpu=cpu, features=features, opt=3, reloc="default", codemodel="jitdefault", jit=True
-    )
-
-
-Run = Callable[[Array], int]
-"""Runs a kernel over the memory that it is bound to, with an array of actions."""
-
-
-@dataclass(frozen=True)
-class Kernel:
-    """The machine code of a generated module."""
-
-    _method: _PyMethodDef
-    _engine: llvm.ExecutionEngine  # the code is its own, and goes when it does
-
-    def bound(self, memory: Array) -> Run:
-        """The kernel as a built-in function of the array of actions, for a vector of addresses, uint64.
-
-        The kernel and whatever the addresses point to must be kept while it is used.
-        """
-        run: Run = _new_function(ctypes.byref(self._method), memory, None)
-        return run
-
-
-class _PyMethodDef(ctypes.Structure):
-    """CPython's structure of that name."""
-
-    _fields_ = (
-        ("ml_name", ctypes.c_char_p),
-        ("ml_meth", ctypes.c_void_p),
-        ("ml_flags", ctypes.c_int),
-        ("ml_doc", ctypes.c_char_p),
-    )
-
-
-_METH_O = 0x8
-_new_function = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p)(
-    ("PyCFunction_NewEx", ctypes.pythonapi)
-)
-
-
-def _linked(code: bytes) -> Kernel:
-    """The function `kernel` of an object file."""
-    never = ctypes.cast(ctypes.pythonapi.Py_FatalError, ctypes.c_void_p).value
-    for name in _UNREACHED:
-        if llvm.address_of_symbol(name) is None:
-            llvm.add_symbol(name, never)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    return Kernel(_PyMethodDef(b"run", engine.get_function_address("kernel"), _METH_O, None), engine)
+        compiler._customize_flags = customized
+    return compiled

@@ -10,9 +10,9 @@ import numpy as np
 
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.buffers import Array, Buffers
-from taskspec.backends.numba.compile import Kernel, Run, load
 from taskspec.backends.numba.kernelmemory import BAD, CHECK, CHECKED_STEP, GAP, RESET, STEP, WHAT, Program
 from taskspec.backends.numba.kernelstep import generate
+from taskspec.backends.numba.loading import Kernel, Run, load
 from taskspec.backends.vector import Mode, NotRunningError, Options
 from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
