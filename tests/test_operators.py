@@ -98,7 +98,7 @@ def by_lane(b: Builder, node: Node, arguments: Sequence[Argument], words: Sequen
     source = "\n".join(
         [f"def form({', '.join(parameters)}):", *(f"    {x}" for x in lane.lines), f"    return {result}"]
     )
-    namespace = {**scalars.NAMESPACE, **lane.constants}
+    namespace = {**scalars.namespace(), **lane.constants}
     exec(source, namespace)
     values = [a.flat[0] if a.type.is_scalar else a.flat for a in arguments]
     return namespace["form"](*values, *words)  # type: ignore[no-any-return]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from taskspec.lang import syntax as s
-from taskspec.lang.dists import DIST_NAMES
+from taskspec.lang.dists import is_distribution
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Drawn:
 
 def is_draw(expr: s.Expr) -> bool:
     """Whether an expression is a distribution as a whole."""
-    return isinstance(expr, s.Weights) or (isinstance(expr, s.Call) and expr.function in DIST_NAMES)
+    return isinstance(expr, s.Weights) or (isinstance(expr, s.Call) and is_distribution(expr.function))
 
 
 def shows_chances(expr: s.Expr) -> bool:
@@ -39,7 +39,7 @@ def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
             return tuple(go(x) for x in node)
         if isinstance(node, s.Place) or not dataclasses.is_dataclass(node) or isinstance(node, type):
             return node
-        if isinstance(node, s.Call) and node.function in DIST_NAMES and not shows_chances(node):
+        if isinstance(node, s.Call) and is_distribution(node.function) and not shows_chances(node):
             name = f"{prefix}_{len(found) + 1}"
             found.append((name, node))
             return s.Name(name, False, node.place)

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
-from taskspec.backends.vector import BACKENDS, Engine, Options
+from taskspec.backends.vector import Engine, Options
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.extras import install, missing
 from taskspec.task.task import Task
 
-_ENGINES = {
-    "numpy": ("taskspec.backends.numpy.engine", "NumpyEngine"),
-    "numba": ("taskspec.backends.numba", "NumbaEngine"),
-    "jax": ("taskspec.backends.jax", "JaxEngine"),
+
+@dataclass(frozen=True, slots=True)
+class Backend:
+    """Where the engine of a backend is, and the package that it needs besides NumPy."""
+
+    module: str
+    engine: str
+    needs: str | None = None
+
+
+BACKENDS: dict[str, Backend] = {
+    "numpy": Backend("taskspec.backends.numpy.engine", "NumpyEngine"),
+    "numba": Backend("taskspec.backends.numba", "NumbaEngine", needs="numba"),
+    "jax": Backend("taskspec.backends.jax", "JaxEngine", needs="jax"),
 }
 
 
@@ -35,8 +46,9 @@ def choose(task: Task, backend: str) -> str:
         names = ("auto", *BACKENDS)
         message = f"there is no backend {backend!r}; there are {', '.join(names)}"
         raise SpecError([Diagnostic("E713", None, message, suggest(str(backend), names))])
-    if backend != "numpy" and find_spec(backend) is None:
-        raise missing(backend, install(backend), f"the backend {backend!r}")
+    needs = BACKENDS[backend].needs
+    if needs is not None and find_spec(needs) is None:
+        raise missing(needs, install(backend), f"the backend {backend!r}")
     return backend
 
 
@@ -46,5 +58,5 @@ def _suits_numba(task: Task) -> bool:
 
 
 def _make(backend: str) -> Any:
-    module, name = _ENGINES[backend]
-    return getattr(import_module(module), name)
+    entry = BACKENDS[backend]
+    return getattr(import_module(entry.module), entry.engine)

@@ -11,7 +11,6 @@ from taskspec.task.spaces import Layout
 
 Mode = Literal["next_step", "same_step", "disabled"]
 """When an environment whose episode has ended is reset: by the next step, by the same step, by the caller only."""
-BACKENDS = ("numpy", "numba", "jax")
 Backend = Literal["auto", "numpy", "numba", "jax"]
 
 

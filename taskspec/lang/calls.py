@@ -21,7 +21,7 @@ SET_FUNCTIONS = ("box", "range")
 
 def is_function(name: str) -> bool:
     """Whether the language itself has a function or distribution of this name."""
-    return name in FUNCTIONS or name in dists.DIST_NAMES or name in SET_FUNCTIONS
+    return name in FUNCTIONS or dists.is_distribution(name) or name in SET_FUNCTIONS
 
 
 def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
@@ -38,7 +38,7 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
         _poison(checker, expr, scope)
     if expr.function in FUNCTIONS:
         return Value(_built_in(checker, expr, scope))
-    if expr.function in dists.DIST_NAMES:
+    if dists.is_distribution(expr.function):
         return _distribution(checker, expr, scope, want)
     if expr.function in SET_FUNCTIONS:
         checker.fail("E306", expr, f"`{expr.function}(...)` is a set, not a value",
@@ -50,7 +50,7 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
 def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
     """Report a function that does not exist."""
     own = (n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef))
-    hint = advice(expr.function) or suggest(expr.function, (*FUNCTIONS, *dists.DIST_NAMES, *own))
+    hint = advice(expr.function) or suggest(expr.function, (*FUNCTIONS, *dists.DISTS, dists.CATEGORICAL.name, *own))
     collector.add("E303", expr.name_place, f"there is no function '{expr.function}'", hint)
 
 

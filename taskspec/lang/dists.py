@@ -263,4 +263,7 @@ CATEGORICAL = Dist(
     "`Categorical({value: p, ...})` draws a value; `Categorical(p)` with a vector of probabilities draws an index.",
     r"\operatorname{Categorical}({p})", _has_one_weight, samples=({"p": (0.25, 0.0, 0.75)}, {"p": (0.5, 0.5)}, {"p": (1.0,)}),
 )  # fmt: skip
-DIST_NAMES = (*DISTS, CATEGORICAL.name)
+
+
+def is_distribution(name: str) -> bool:
+    return name in DISTS or name == CATEGORICAL.name

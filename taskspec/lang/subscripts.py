@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker, ClampedIndex
-from taskspec.lang.dists import DIST_NAMES
+from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import Kind, Refused
@@ -96,7 +96,7 @@ def _known_late(at: s.Name | s.Call, binding: Binding | None) -> bool:
         case FunctionDef(arguments=arguments, body=body, scope=scope):
             return _varies(body, scope.child({a: Unavailable("", "") for a in arguments}))
         case _:
-            return isinstance(at, s.Call) and at.function in DIST_NAMES
+            return isinstance(at, s.Call) and is_distribution(at.function)
 
 
 def argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:

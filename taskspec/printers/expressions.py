@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import assert_never
 
 from taskspec.lang import syntax as s
-from taskspec.lang.dists import DIST_NAMES
+from taskspec.lang.dists import is_distribution
 from taskspec.lang.operators import FUNCTIONS, INFIX
 from taskspec.lang.operators.levels import Level
 from taskspec.printers import idioms, piecewise
@@ -148,7 +148,7 @@ class ExpressionWriter(Writer):
     # -- calls ----------------------------------------------------------------------------------------------------
 
     def _call(self, expr: s.Call) -> Piece:
-        if expr.function in DIST_NAMES:
+        if is_distribution(expr.function):
             return idioms.distribution(self, expr)
         written = idioms.IDIOMS.get(expr.function)
         found = written(self, expr) if written is not None else None

@@ -58,7 +58,7 @@ def by_lane(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], points
         for r, _ in zip(roots, values, strict=True)
     ]
     lines = [f"def form({', '.join(n for _, n in types)}):", *(f"    {x}" for x in lane.lines)]
-    space = {**scalars.NAMESPACE, **lane.constants}
+    space = {**scalars.namespace(), **lane.constants}
     exec("\n".join([*lines, f"    return {', '.join(shown)},"]), space)
     found = [space["form"](*(p[k] if t.shape else p[k][0] for k, t in types.items())) for p in points]
     return [np.array([f[i] for f in found], object).T.reshape(r.type.size, len(points)) for i, r in enumerate(roots)]

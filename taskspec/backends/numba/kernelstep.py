@@ -13,7 +13,7 @@ from taskspec.backends.numba.kernelloop import Shown, action_rows, advance, begi
 from taskspec.backends.numba.kernelmemory import BAD, CHECK, CHECKED_STEP, RESET, STEP, WHAT, Program, Row
 from taskspec.backends.vector import Mode
 from taskspec.draws.layout import Layout as WordLayout
-from taskspec.lang.operators import TABLE
+from taskspec.lang.operators import OPERATORS
 from taskspec.task.spaces import Layout
 from taskspec.task.task import Task
 
@@ -36,7 +36,7 @@ _IMPORT = (
         f"from taskspec.backends.numba.{module} import *  # noqa: F403"
         for module in ("basics", "draws", "operators", "lanes")
     )
-    + f"\nfrom math import {', '.join(sorted({name for operator in TABLE for name in operator.kernel.names}))}"
+    + f"\nfrom math import {', '.join(sorted({name for operator in OPERATORS.values() for name in operator.kernel.names}))}"
 )
 
 

@@ -109,7 +109,7 @@ def compile_scalar(task: Task) -> Scalar:
     source, constants = generate(Parts(task, invariants, cold, reset, step, observation, action))
     file = f"<taskspec {task.id} {task.content_hash[:12]}>"
     namespace = {
-        **scalars.NAMESPACE,
+        **scalars.namespace(),
         **constants,
         "np": np,
         "index": operator.index,

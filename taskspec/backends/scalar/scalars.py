@@ -7,15 +7,18 @@ from bisect import bisect_right
 from typing import Any
 
 from taskspec import draws
-from taskspec.lang.operators import TABLE
+from taskspec.lang.operators import OPERATORS
 
-NAMESPACE: dict[str, Any] = {
-    "nan": math.nan,
-    "inf": math.inf,
-    **{name: function for operator in TABLE for name, function in operator.scalar.names.items()},
-    "bisect_right": bisect_right,
-    "bernoulli": draws.bernoulli,
-    "poisson": draws.poisson,
-    "dirichlet": draws.dirichlet,
-    "weighted_categorical": draws.weighted_categorical,
-}
+
+def namespace() -> dict[str, Any]:
+    """Names and what they are: numbers, the functions of the operator table, and draws."""
+    return {
+        "nan": math.nan,
+        "inf": math.inf,
+        **{name: function for operator in OPERATORS.values() for name, function in operator.scalar.names.items()},
+        "bisect_right": bisect_right,
+        "bernoulli": draws.bernoulli,
+        "poisson": draws.poisson,
+        "dirichlet": draws.dirichlet,
+        "weighted_categorical": draws.weighted_categorical,
+    }

@@ -16,7 +16,7 @@ from taskspec.exact.model.space import Reads
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
 from taskspec.lang.check import Checker
-from taskspec.lang.dists import DIST_NAMES
+from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Const, Node, draws
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import Domain, Kind, Refused
@@ -164,10 +164,10 @@ def _distributions(expr: s.Expr, section: Section, guards: tuple[Node, ...]) -> 
             for value, _ in pairs:
                 yield from _distributions(value, section, guards)
         case s.Call(function=name, args=args, keywords=keywords):
-            if name in DIST_NAMES:
+            if is_distribution(name):
                 yield Written(expr, guards)
             for part in (*args, *(value for _, value in keywords)):
-                if not (name in DIST_NAMES and isinstance(part, s.Weights)):
+                if not (is_distribution(name) and isinstance(part, s.Weights)):
                     yield from _distributions(part, section, guards)
         case _:
             for part in parts(expr):
@@ -227,7 +227,7 @@ def _rows(
 def _has_draws(expr: s.Expr) -> bool:
     return (
         isinstance(expr, s.Weights)
-        or any(isinstance(n, s.Call) and n.function in DIST_NAMES for n in s.names(expr))
+        or any(isinstance(n, s.Call) and is_distribution(n.function) for n in s.names(expr))
         or _weighted(expr)
     )
 
