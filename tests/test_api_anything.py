@@ -125,6 +125,7 @@ def test_the_first_observations_of_a_task_are_those_of_its_id() -> None:
         ("scipy", "from taskspec.exact import scores; scores('RiskyPath')", "exact"),
         ("matplotlib", "import taskspec; taskspec.make('RiskyPath', render_mode='rgb_array')", "figures"),
         ("matplotlib", "from taskspec.appendix import figure; figure('RiskyPath', 'a.png')", "figures"),
+        ("pygame", "import taskspec; from taskspec.envs import keyboard; keyboard.play(taskspec.make('Sort'))", "play"),
         ("markdown_it", "from taskspec.appendix import write; write(['RiskyPath'], ['html'], 'out')", "docs"),
     ],
 )

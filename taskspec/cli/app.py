@@ -18,6 +18,7 @@ from taskspec.cli.explain import explain
 from taskspec.cli.mutate import mutate
 from taskspec.cli.new import new
 from taskspec.cli.options import flowed
+from taskspec.cli.play import play
 from taskspec.cli.reference import reference
 from taskspec.cli.run import run as run_command
 from taskspec.cli.schema import schema
@@ -36,6 +37,7 @@ COMMANDS = (
     ("build", build, WRITE),
     ("schema", schema, WRITE),
     ("run", run_command, USE),
+    ("play", play, USE),
     ("solve", solve, USE),
     ("score", score, USE),
     ("docs", docs, PRINT),

@@ -182,4 +182,17 @@ The disk is full, the folder may not be written to, or a file that was to be new
 reason that the operating system gives. What was there before is as it was.
 """,
     ),
+    Code(
+        "E717",
+        "no-display",
+        "a window where there is no display",
+        """
+`taskspec play` opens a window, and there is nowhere to show it: a machine without a screen, or a connection
+that does not carry one. A film needs none.
+
+```console
+taskspec run Branching --render gif --output branching.gif
+```
+""",
+    ),
 )

@@ -6,17 +6,19 @@ read, set, copied and pickled. It enforces order, horizon and valid actions itse
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import os
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args
 
 import gymnasium
+from gymnasium.envs.registration import EnvSpec
 
 from taskspec import draws
 from taskspec.backends.scalar.program import Clock, Failures, Lane, Scalar, compile_scalar
 from taskspec.draws.sample import sampler
-from taskspec.envs import picture, window
+from taskspec.envs import keyboard, picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.options import ENDINGS, RenderMode, one_of, seed_of
 from taskspec.envs.spaces import space
@@ -38,8 +40,9 @@ class Environment(gymnasium.Env[Any, Any]):
 
     Args:
         task: the task, its id or its path.
-        render_mode: None; "ansi" for text; "rgb_array" for pixels (480, 640, 3) of uint8; "human" for a window that follows
-            every reset and step. The last two need the extra `figures`.
+        render_mode: None; "ansi" for text; "rgb_array" for pixels (480, 640, 3) of uint8; "rgb_array_list" for a list of them,
+            one for every state of the episode since the last `render`; "human" for a window that follows every reset and
+            step. All but "ansi" need the extra `figures`.
         ending: "terminate", or "absorb": terminal states absorb until the horizon and pay the absorbing reward.
         observe_time: whether the number of steps taken is added to the observation.
 
@@ -47,7 +50,7 @@ class Environment(gymnasium.Env[Any, Any]):
         SpecError: E705, when a way to render needs packages that are not installed; E713, for another option.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["ansi", "rgb_array", "human"], "render_fps": 4}  # type: ignore[misc]
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": list(get_args(RenderMode)), "render_fps": 4}  # type: ignore[misc]
 
     def __init__(
         self,
@@ -60,17 +63,19 @@ class Environment(gymnasium.Env[Any, Any]):
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         one_of("ending", ending, ENDINGS)
-        if render_mode in ("rgb_array", "human"):
+        if render_mode not in (None, "ansi"):
             window.require()
         task = load(task)
         task = task.absorbing() if ending == "absorb" else task
         self.task = task.observing_time() if observe_time else task
         self.render_mode = render_mode
         self._window: window.Window | None = None
+        self._frames: list[window.Frame] = []
         self._program: Scalar = compile_scalar(self.task)
         self.observation_space = space(self._program.observation)
         self.action_space = space(self._program.action)
         self._seed: int | None = None
+        self._spec: EnvSpec | None = None
         self._start(0, Clock())
 
     # -- Gymnasium ------------------------------------------------------------------------------------------------
@@ -106,12 +111,14 @@ class Environment(gymnasium.Env[Any, Any]):
         return self._lane.step(action)  # replaced on each instance by the generated function itself
 
     def render(self) -> Any:
-        """The present state: as text ("ansi"), as an array of pixels ("rgb_array"), or in the window ("human": None)."""
+        """The present state: as text ("ansi"), as pixels ("rgb_array", "rgb_array_list"), or in the window ("human": None)."""
         match self.render_mode:
             case "ansi":
                 return picture.text(self.task, self.state, self.time)
             case "rgb_array":
                 return window.frame(self.task, self.state, self.time)
+            case "rgb_array_list":
+                return self._taken()
             case "human":
                 self._show()
 
@@ -122,10 +129,39 @@ class Environment(gymnasium.Env[Any, Any]):
         self._window = None
         super().close()
 
+    def _taken(self) -> list[window.Frame]:
+        if self._seed is None:
+            raise NotRunningError("E707: there is nothing to see before the first reset()")
+        frames, self._frames = self._frames, []
+        return frames
+
     def _show(self) -> None:
+        if self.render_mode == "rgb_array_list":
+            kept = [] if self.time == 0 else self._frames
+            self._frames = [*kept, window.frame(self.task, self.state, self.time)]
+            return
         if self._window is None:
             self._window = window.Window(self.task.id, self.metadata["render_fps"])
         self._window.show(window.frame(self.task, self.state, self.time))
+
+    def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
+        """Keys, by the numbers of their characters, to actions, as `gymnasium.utils.play` wants them.
+
+        Raises:
+            SpecError: E713, where the actions are infinite, or more than there are keys.
+        """
+        return keyboard.keys_to_action(self.task)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How Gymnasium made it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, value: EnvSpec | None) -> None:
+        # Gymnasium leaves the horizon out unless its own wrapper enforces it, which is not needed here.
+        known = value is not None and value.max_episode_steps is None
+        self._spec = dataclasses.replace(value, max_episode_steps=self.task.horizon) if value and known else value
 
     def __repr__(self) -> str:
         return f"<Environment of {self.task!r}>"
@@ -191,7 +227,7 @@ class Environment(gymnasium.Env[Any, Any]):
         failures = Failures(self._bad_action, self._not_running)
         self._lane: Lane = self._program.start(seed, failures, clock)
         reset = functools.partial(Environment.reset, self)
-        if self.render_mode == "human":
+        if self.render_mode in ("human", "rgb_array_list"):
             self.__dict__.update(step=self._shown(self._lane.step), reset=self._shown(reset))
             return
         # Attributes of the instance: calling the generated function directly saves a fifth of a step.
@@ -200,7 +236,7 @@ class Environment(gymnasium.Env[Any, Any]):
             self.__dict__["reset"] = _plain_reset(self._lane.reset, reset)
 
     def _shown(self, move: Callable[..., Any]) -> Callable[..., Any]:
-        """`step` or `reset` that updates the window."""
+        """`step` or `reset` that updates the window, or keeps the frame."""
 
         def moved(*args: Any, **options: Any) -> Any:
             result = move(*args, **options)

@@ -11,8 +11,8 @@ from taskspec.limits import count, how_to_raise, limits
 from taskspec.task.task import Ending, Task
 
 ENDINGS = get_args(Ending)
-RenderMode: TypeAlias = Literal["ansi", "rgb_array", "human"]
-"""What `render` gives: text, pixels, or a window."""
+RenderMode: TypeAlias = Literal["ansi", "rgb_array", "rgb_array_list", "human"]
+"""What `render` gives: text, pixels, the pixels of all states since the last call, or a window."""
 Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]
 """Values of Gymnasium's `AutoresetMode`: when an episode that has ended begins anew."""
 

@@ -1,0 +1,58 @@
+"""`taskspec play`: a person in the place of a policy, with the keyboard."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from taskspec.cli.console import say
+from taskspec.cli.options import Parameters, TaskArgument, Variant
+
+if TYPE_CHECKING:
+    from taskspec.task.task import Task
+
+
+def play(
+    task: TaskArgument,
+    variant: Variant = None,
+    parameters: Parameters = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Of the first episode; random unless given.")] = None,
+    fps: Annotated[int, typer.Option("--fps", min=1, help="Steps per second while a key is held.")] = 4,
+) -> None:
+    """Play a task with the keyboard, in a window; Escape ends it."""
+    from taskspec.cli.targets import task_of
+    from taskspec.envs import Environment, keyboard
+    from taskspec.envs.options import seed_of
+
+    found = task_of(task, variant, parameters or [])
+    env = Environment(found, render_mode="rgb_array")
+    _print_keys(found)
+    try:
+        env.reset(seed=None if seed is None else seed_of(seed))
+        keyboard.play(env, _Teller(found), fps)
+    finally:
+        env.close()
+
+
+def _print_keys(task: Task) -> None:
+    from taskspec.envs import keyboard
+
+    width = max(len(key) for key, _ in keyboard.legend(task))
+    say("\n".join([task.id, *(f"  {key:<{width}}  {name}" for key, name in keyboard.legend(task))]))
+
+
+class _Teller:
+    """Says how every episode ended."""
+
+    def __init__(self, task: Task) -> None:
+        self.discount, self.factor = task.discount, 1.0
+        self.total, self.steps = 0.0, 0
+
+    def __call__(self, before: Any, after: Any, action: Any, reward: float, ended: bool, cut: bool, info: Any) -> None:
+        self.total += self.factor * float(reward)
+        self.factor *= self.discount
+        self.steps += 1
+        if ended or cut:
+            say(f"return {self.total:g} in {self.steps} steps, {'terminated' if ended else 'truncated'}")
+            self.total, self.steps, self.factor = 0.0, 0, 1.0
