@@ -99,7 +99,7 @@ def _misused(message: str, hint: str) -> SpecError:
 
 
 @dataclass(frozen=True)
-class Row:
+class LimitRow:
     """A limit as it is printed."""
 
     name: str
@@ -108,9 +108,9 @@ class Row:
     fixed: bool
 
 
-def table() -> tuple[Row, ...]:
+def table() -> tuple[LimitRow, ...]:
     """Every limit with its default."""
-    return tuple(Row(f.name, f.default, **f.metadata) for f in fields(Limits))  # type: ignore[arg-type]
+    return tuple(LimitRow(f.name, f.default, **f.metadata) for f in fields(Limits))  # type: ignore[arg-type]
 
 
 def how_to_raise(name: str, needed: float) -> str | None:

@@ -13,7 +13,7 @@ import pytest
 
 from taskspec import registry
 from taskspec.appendix import Facts, claims, gather, page, write
-from taskspec.appendix.facts import Score, Verdict
+from taskspec.appendix.facts import ScoreFact, VerdictFact
 from taskspec.appendix.prose import Formula, Inlines, Mark, Text
 from taskspec.appendix.write import gather_pages
 from taskspec.appendix.writing import Writing
@@ -150,8 +150,8 @@ def test_make_line_names_what_differs_from_the_defaults() -> None:
 
 def test_facts_are_shown_where_there_are_some() -> None:
     task = registry.load("derail/RiskyPath-v0")
-    returns = {"optimal return": Score(4), "random return": Score(-1.234567, 0.02, 100)}
-    found = page(task, Facts(returns, [Verdict(False, "fails")]))
+    returns = {"optimal return": ScoreFact(4), "random return": ScoreFact(-1.234567, 0.02, 100)}
+    found = page(task, Facts(returns, [VerdictFact(False, "fails")]))
     scores, stated = found.section("scores"), found.section("claims")
     assert scores is not None
     assert stated is not None

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from taskspec.backends.emit.arrayform import ArrayForm, Scratch, arrays
-from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.lanevalues import LaneValue
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.engine import _NAMESPACE as NUMPY
 from taskspec.envs.conformance import Agreement
@@ -73,7 +73,7 @@ def on_numba(b: Builder, root: Node, reads: Values) -> np.ndarray:
     names, loads, arguments = {}, [], []
     for (role, name), value in reads.items():
         rows = value.reshape(-1, value.shape[-1])
-        names[role, name] = Value([f"x_{name}_{k}" for k in range(len(rows))])
+        names[role, name] = LaneValue([f"x_{name}_{k}" for k in range(len(rows))])
         arguments += [(f"r_{name}_{k}", np.ascontiguousarray(row)) for k, row in enumerate(rows)]
         loads += [f"x_{name}_{k} = r_{name}_{k}[j]" for k in range(len(rows))]
     lane = KernelLane(names, {}, b.certain, unrolled=EVERYTHING)

@@ -106,7 +106,7 @@ def test_draws_are_equal_to_the_bit_inside_scan(base: str, unrolled: bool, monke
     keys = np.random.default_rng(list(DRAWN).index(base)).integers(0, 2**32, (2, LANES), dtype=np.uint32)
 
     def step(n: Any, _: Any) -> Any:
-        words = library.Words(keys[0], keys[1], n, draws.STEP, each * SIZE)
+        words = library.RandomWords(keys[0], keys[1], n, draws.STEP, each * SIZE)
         return n + 1, (drawn(words), words.rows(0, each * SIZE))
 
     start = jnp.zeros(LANES, jnp.uint32)

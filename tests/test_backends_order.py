@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec.envs.conformance import Agreement, Reference
+from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import read
 from taskspec.task.build import build
@@ -94,7 +94,7 @@ CASES = list(enumerate(specs()))
 def test_the_scalar_environment_pays_and_shows_what_the_state_was(start: int) -> None:
     for number, parts in CASES[start::16]:
         task = task_of(*parts, number)
-        env, reference = task.make(), Reference(task)
+        env, reference = task.make(), ReferenceEnv(task)
         env.action_space.seed(number)
         assert identical(env.reset(seed=number)[0], reference.reset(seed=number)[0]), parts
         for _ in range(12):
@@ -110,7 +110,7 @@ def test_the_scalar_environment_pays_and_shows_what_the_state_was(start: int) ->
 @pytest.mark.parametrize("start", range(16))
 def test_numpy_pays_and_shows_what_the_state_was(start: int) -> None:
     for number, parts in CASES[start::16]:
-        agreement = Agreement(task_of(*parts, number), "numpy", 3, MODES[number % 3], number, Reference, states=True)
+        agreement = Agreement(task_of(*parts, number), "numpy", 3, MODES[number % 3], number, ReferenceEnv, states=True)
         agreement.tolerance = 0
         agreement.run(10)
 
@@ -126,7 +126,7 @@ EVERY_BACKEND = [
 def test_compiled_backends_pay_and_show_what_the_state_was(backend: str, number: int) -> None:
     pytest.importorskip(backend)
     task = task_of(*dict(CASES)[number], number)
-    Agreement(task, backend, 3, MODES[number % 3], number, Reference, states=True).run(10)
+    Agreement(task, backend, 3, MODES[number % 3], number, ReferenceEnv, states=True).run(10)
 
 
 def test_nothing_handed_out_changes_with_the_next_step() -> None:

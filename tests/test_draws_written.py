@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec.envs.conformance import Agreement, Reference
+from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.exact import extract
 from taskspec.exact.planning import solve
@@ -151,7 +151,7 @@ def test_tables_and_cases_draw_what_they_write() -> None:
 @pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
 def test_backends_draw_them_alike(backend: str) -> None:
     pytest.importorskip(backend)
-    Agreement(task_of(TABLES), backend, 40, "SameStep", 3, Reference, states=True).run(6)
+    Agreement(task_of(TABLES), backend, 40, "SameStep", 3, ReferenceEnv, states=True).run(6)
 
 
 def test_samples_of_a_chain_have_the_frequency_of_one_draw() -> None:

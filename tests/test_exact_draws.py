@@ -9,7 +9,7 @@ import pytest
 
 from taskspec import draws, source
 from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import Layout
+from taskspec.draws.layout import WordLayout
 from taskspec.draws.sample import sampler
 from taskspec.exact.model import outcomes
 from taskspec.exact.model.outcomes import branches, count, is_finite
@@ -65,7 +65,7 @@ def node_of(kind: str, zero: str, expression: str) -> Any:
 @pytest.mark.parametrize(("kind", "zero", "expression"), DRAWN)
 def test_a_batch_equals_its_lanes(kind: str, zero: str, expression: str) -> None:
     node, lanes = node_of(kind, zero, expression), 40
-    layout = Layout.of([node])
+    layout = WordLayout.of([node])
     words = draws.lanes_block(draws.lane_seeds(5, lanes), draws.STEP, 3, layout.count)
     k = np.arange(lanes) % 3
     (together,) = batch.evaluate([node], {(Role.STATE, "k"): k}, batch_sampler(layout, words))
@@ -105,7 +105,7 @@ def test_outcomes_have_the_frequencies_of_samples(
     assert len(table) <= count(found, {}) * (3 if "Uniform" in expression else 1)
     if many:
         return
-    layout = Layout.of([node])
+    layout = WordLayout.of([node])
     words = draws.lanes_block(draws.lane_seeds(0, size), draws.STEP, 0, layout.count)
     (seen,) = batch.evaluate([node], {(Role.STATE, "k"): np.array([value])}, batch_sampler(layout, words))
     for key, p in table.items():

@@ -20,7 +20,7 @@ from taskspec.lang.check import Checker
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
-from taskspec.lang.syntax import Text
+from taskspec.lang.syntax import SourceText
 from taskspec.task.build import build
 from taskspec.task.task import Task
 
@@ -257,7 +257,7 @@ class Written:
         self.task = task(ANY)
 
     def node(self, text: str) -> Node:
-        parsed = parse_into(Text(text, lambda start, end: None), Collector())
+        parsed = parse_into(SourceText(text, lambda start, end: None), Collector())
         assert parsed is not None
         value = Checker(self.task.builder, Collector()).check(parsed, self.task.surface.scopes["reward"])
         assert value is not None

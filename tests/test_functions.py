@@ -14,14 +14,14 @@ from taskspec.lang.ir import Const
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import parse
 from taskspec.lang.scope import Scope
-from taskspec.lang.syntax import Text
+from taskspec.lang.syntax import SourceText
 
 SAMPLES = [(f.name, sample) for f in FUNCTIONS.values() for sample in f.samples]
 
 
 def constant(expression: str) -> Const:
     origin = Origin("<test>", expression)
-    text = Text(expression, lambda start, end: Span(origin, 1, start + 1, 1, end + 1))
+    text = SourceText(expression, lambda start, end: Span(origin, 1, start + 1, 1, end + 1))
     collector = Collector()
     value = Checker(Builder(), collector).check(parse(text), Scope({}))
     collector.raise_if_errors()

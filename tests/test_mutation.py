@@ -12,14 +12,14 @@ from typer.testing import CliRunner
 from taskspec import source
 from taskspec.cli.app import app
 from taskspec.mutation import CLASSES, Original, judge, judgements, mutants, same_task
-from taskspec.mutation.expressions import Names, changes
+from taskspec.mutation.expressions import Replacements, changes
 from taskspec.mutation.mutants import written
 from taskspec.task.build import build
 from taskspec.task.task import Task
 
 ROOT = Path(__file__).parents[1]
 SPECS = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/*.yaml")])
-NAMES = Names({"s": ["n"], "n": ["s"], "calm": ["cross"]}, frozenset({"s"}))
+NAMES = Replacements({"s": ["n"], "n": ["s"], "calm": ["cross"]}, frozenset({"s"}))
 
 # Every change of an expression, counted by hand.
 CHANGES: dict[str, set[str]] = {

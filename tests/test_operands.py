@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from taskspec.envs.conformance import Reference
+from taskspec.envs.conformance import ReferenceEnv
 from taskspec.envs.vector import VectorEnvironment
 from tests.operands.forms import FORMS, LAST_DIGIT, ORIGINS, PLAIN, SHAPES, expressions
 from tests.operands.specs import HORIZON, Held, task_of, typed
@@ -27,7 +27,7 @@ class Walk:
     def __init__(self, held: Sequence[Held], backend: str, lanes: int = LANES, **how: Any) -> None:
         self.held, self.backend, self.lanes = held, backend, lanes
         self.task = task_of(held, **how)
-        self.references = [Reference(self.task) for _ in range(lanes)]
+        self.references = [ReferenceEnv(self.task) for _ in range(lanes)]
         self.wrong: list[str] = []
 
     def run(self) -> list[str]:
@@ -54,7 +54,7 @@ class Walk:
             return env.step(np.arange(self.lanes) + step & 1)
         return (env.reset()[0], 0.0, False, False) if late else env.step(step & 1)
 
-    def compare(self, reference: Reference, found: list[Any], step: int, late: bool) -> bool:
+    def compare(self, reference: ReferenceEnv, found: list[Any], step: int, late: bool) -> bool:
         """Whether the episode has ended; one that had begins anew, as `NextStep` has it."""
         if late:
             self.same(found[0], reference.reset()[0], f"reset in step {step}")

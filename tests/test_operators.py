@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 
 from taskspec import draws
-from taskspec.backends.emit.lane import Lane
-from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.lane import LaneEmitter
+from taskspec.backends.emit.lanevalues import LaneValue
 from taskspec.backends.scalar import scalars
 from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import Layout, words_of
+from taskspec.draws.layout import WordLayout, words_of
 from taskspec.draws.sample import sampler
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
@@ -86,12 +86,12 @@ def by_reference(node: Node, arguments: Sequence[Argument]) -> Flat:
 def by_lane(b: Builder, node: Node, arguments: Sequence[Argument], words: Sequence[int] = ()) -> Flat:
     """The node as generated code, in a module of its own."""
     names = {
-        (Role.VARIABLE, f"a{i}"): Value([f"a{i}"]) if a.type.is_scalar else Value(packed=f"a{i}")
+        (Role.VARIABLE, f"a{i}"): LaneValue([f"a{i}"]) if a.type.is_scalar else LaneValue(packed=f"a{i}")
         for i, a in enumerate(arguments)
     }
-    layout = Layout.of([node])
+    layout = WordLayout.of([node])
     word_names = {d.site: [f"w{layout.first[d.site] + k}" for k in range(words_of(d))] for d in layout.draws}
-    lane = Lane(names, word_names, b.certain)
+    lane = LaneEmitter(names, word_names, b.certain)
     (value,) = lane.emit([node])
     result = f"({value.atoms[0]},)" if node.type.is_scalar and value.atoms else f"tuple({lane.packed(node)})"
     parameters = [f"a{i}" for i in range(len(arguments))] + [f"w{k}" for k in range(layout.count)]
@@ -302,7 +302,7 @@ def test_samples_of_distributions(name: str, sample: dict[str, Any], shape: tupl
     if name == CATEGORICAL.name:
         arguments = {"p": b.cast(arguments["p"], Kind.REAL)}
     node = dist.build(b, arguments, shape)
-    layout = Layout.of([node])
+    layout = WordLayout.of([node])
     words = draws.block(5, draws.STEP, 0, COUNT, layout.count)
     flats = {(Role.VARIABLE, f"b{i}"): a.flat for i, a in enumerate(row)}
     arrays = {(Role.VARIABLE, f"b{i}"): np.array(a.flat).reshape(*a.type.shape, 1) for i, a in enumerate(row)}

@@ -174,8 +174,8 @@ def tabulated(rows: dict[str, Any]) -> s.Table:
     def body(inner: Any) -> Any:
         return parse(nowhere(inner)) if isinstance(inner, str) else lines(inner)
 
-    def lines(some: dict[str, Any]) -> tuple[s.Row, ...]:
-        return tuple(s.Row(None if k == "else" else parse(nowhere(k)), body(v), PLACE) for k, v in some.items())
+    def lines(some: dict[str, Any]) -> tuple[s.TableRow, ...]:
+        return tuple(s.TableRow(None if k == "else" else parse(nowhere(k)), body(v), PLACE) for k, v in some.items())
 
     return s.Table((parse(nowhere("x")), parse(nowhere("y"))), lines(rows), PLACE)
 

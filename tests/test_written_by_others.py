@@ -12,7 +12,7 @@ import pytest
 
 import taskspec
 from taskspec import draws
-from taskspec.draws.layout import Layout
+from taskspec.draws.layout import WordLayout
 from taskspec.exact import verdicts
 from taskspec.registry import entries
 
@@ -88,7 +88,7 @@ def test_blackjack_is_played_as_gymnasiums() -> None:
     theirs: Any = gym.make("Blackjack-v1").unwrapped
     ours = make("blackjack")
     task = ours.task
-    layout = Layout.of((*task.next, task.reward, task.terminal, *task.next_observation))
+    layout = WordLayout.of((*task.next, task.reward, task.terminal, *task.next_observation))
     card, dealt = (next(d for d in layout.draws if d.type.size == n) for n in (1, 12))
     rng = np.random.default_rng(0)
     ours.reset(seed=11)

@@ -15,21 +15,25 @@ from taskspec.task.task import Example, Followed
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ExampleTable:
     """A heading for each column, and rows of cells."""
 
     header: tuple[str, ...]
     rows: tuple[tuple[Inlines, ...], ...]
 
 
-def table(w: Writing, wrong: frozenset[int] = frozenset()) -> Table | None:
+def table(w: Writing, wrong: frozenset[int] = frozenset()) -> ExampleTable | None:
     """The examples of a task without columns that stay empty; None where there are none."""
     written = w.spec.examples
     columns = [(title, tuple(make(w, e) for e in w.task.examples)) for title, make in _COLUMNS if w.task.examples]
     columns.append(("", tuple(inlines(entry.doc) for entry in written)))
     columns.append(("", tuple(_mark(i in wrong) for i in range(len(written)))))
     kept = [(title, cells) for title, cells in columns if any(cells)]
-    return Table(tuple(t for t, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True))) if kept else None
+    return (
+        ExampleTable(tuple(t for t, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True)))
+        if kept
+        else None
+    )
 
 
 def _mark(wrong: bool) -> Inlines:

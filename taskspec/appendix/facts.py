@@ -6,16 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from taskspec.exact import Results as Analysis
-from taskspec.exact import Return, verdicts, wrong_examples
-from taskspec.exact import Verdict as Decision
+from taskspec.exact import Results, Return, Verdict, verdicts, wrong_examples
 from taskspec.exact.scoring.statuses import CLAIMS
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
 
 @dataclass(frozen=True, slots=True)
-class Score:
+class ScoreFact:
     """A return; `error` is its standard error when it was estimated from `episodes`.
 
     `tested` counts the episodes on which the abstraction was tested that it comes from.
@@ -32,7 +30,7 @@ class Score:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class VerdictFact:
     """What became of a claim; `holds` is None when it was not checked."""
 
     holds: bool | None = None
@@ -43,8 +41,8 @@ class Verdict:
 class Facts:
     """What a page tells beyond the task itself; `verdicts` follow the order of the task's claims."""
 
-    scores: Mapping[str, Score] = field(default_factory=dict)
-    verdicts: Sequence[Verdict] = ()
+    scores: Mapping[str, ScoreFact] = field(default_factory=dict)
+    verdicts: Sequence[VerdictFact] = ()
     states: int | None = None
     wrong_examples: frozenset[int] = frozenset()  # by number
 
@@ -56,7 +54,7 @@ def gather(task: TaskLike) -> Facts:
         SpecError: (E705) without scipy.
     """
     task = load(task)
-    found = Analysis(task)
+    found = Results(task)
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
     shown = {f"{name} return": _score(value) for name, value in returns.items() if value is not None}
     states = None if found.model is None else int(found.model.entered.sum())
@@ -64,11 +62,11 @@ def gather(task: TaskLike) -> Facts:
     return Facts(shown, tuple(_by_claim(task, verdicts(task, found))), states, wrong)
 
 
-def _score(found: Return) -> Score:
-    return Score(found.value, found.error, found.episodes, found.tested)
+def _score(found: Return) -> ScoreFact:
+    return ScoreFact(found.value, found.error, found.episodes, found.tested)
 
 
-def _by_claim(task: Task, decisions: Iterable[Decision]) -> Iterable[Verdict]:
+def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterable[VerdictFact]:
     """One verdict for each claim: it holds when it holds in all its cases."""
     waiting = iter(decisions)
     for claim in task.claims:
@@ -76,8 +74,8 @@ def _by_claim(task: Task, decisions: Iterable[Decision]) -> Iterable[Verdict]:
         yield _together(found)
 
 
-def _together(found: Sequence[Decision]) -> Verdict:
+def _together(found: Sequence[Verdict]) -> VerdictFact:
     order = list(CLAIMS)
     worst = max(found, key=lambda d: order.index(d.status))
     shown = CLAIMS[worst.status].shown.format(episodes=max(d.episodes for d in found))
-    return Verdict(True if worst.holds else None if worst.status == "undecided" else False, shown)
+    return VerdictFact(True if worst.holds else None if worst.status == "undecided" else False, shown)

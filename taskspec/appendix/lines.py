@@ -7,7 +7,7 @@ from itertools import groupby
 from typing import Any
 
 from taskspec.appendix.draws import is_draw
-from taskspec.appendix.prose import Code, Formula, Inline, Inlines, Text, inlines, listing
+from taskspec.appendix.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing
 from taskspec.appendix.writing import Writing, unchanged
 from taskspec.lang import syntax as s
 from taskspec.printers import piecewise
@@ -16,7 +16,7 @@ from taskspec.printers.expressions import ExpressionWriter
 from taskspec.printers.names import expression
 from taskspec.printers.text import text
 from taskspec.task.names import signature
-from taskspec.task.schema import Component as DeclaredComponent
+from taskspec.task.schema import ComponentEntry
 from taskspec.task.task import Component, Soft
 
 _SPACES = {
@@ -38,7 +38,7 @@ def parameters(w: Writing) -> Iterator[Inlines]:
     for p in w.task.parameters:
         content: list[Inline] = [formula(w.symbol(p.name), m.Sym("="), setting(w.values.get(p.name, p.value)))]
         if w.symbol(p.name) != m.Ident(p.name):
-            content += [Text(" ("), Code(p.name), Text(")")]
+            content += [Text(" ("), CodeSpan(p.name), Text(")")]
         content += [Text(", "), *inlines(p.doc)] if p.doc else []
         yield (*content, *_range(w, p.name))
 
@@ -97,7 +97,7 @@ def _numbered(components: tuple[Component, ...]) -> Inlines:
 
 
 def _components(
-    w: Writing, declared: Mapping[str, DeclaredComponent], components: tuple[Component, ...]
+    w: Writing, declared: Mapping[str, ComponentEntry], components: tuple[Component, ...]
 ) -> Iterator[Inlines]:
     """What each component is, and what its labels stand for."""
     for c in components:

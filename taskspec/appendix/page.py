@@ -15,7 +15,7 @@ from typing import Any
 from taskspec.appendix import sections
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import Block, Cite, Inlines, blocks, inlines
-from taskspec.appendix.sections import Line, Section
+from taskspec.appendix.sections import Section, SectionLine
 from taskspec.appendix.writing import Writing
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
@@ -98,6 +98,6 @@ def _beside(section: Section, concrete: Section | None) -> Section:
     return replace(section, lines=tuple(lines))
 
 
-def _line_beside(line: Line, concrete: Line) -> Line:
+def _line_beside(line: SectionLine, concrete: SectionLine) -> SectionLine:
     found = concrete.content if concrete.content != line.content else ()
     return replace(line, values=(*line.values, found))

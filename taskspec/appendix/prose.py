@@ -37,7 +37,7 @@ class Formula:
 
 
 @dataclass(frozen=True, slots=True)
-class Code:
+class CodeSpan:
     text: str
 
 
@@ -71,7 +71,7 @@ class Mark:
     text: str
 
 
-Inline = Text | Formula | Code | Emph | Link | Cite | Mark
+Inline = Text | Formula | CodeSpan | Emph | Link | Cite | Mark
 Inlines = tuple[Inline, ...]
 
 
@@ -162,7 +162,7 @@ def _inlines(tokens: Iterator[Token], close: str | None) -> Iterator[Inline]:
             case "softbreak" | "hardbreak":
                 yield Text(" ")
             case "code_inline":
-                yield Code(token.content)
+                yield CodeSpan(token.content)
             case "math_inline" | "math_inline_double":
                 yield Formula(read_tex(token.content), display=token.type.endswith("double"))
             case "em_open" | "strong_open":

@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 from taskspec.appendix import claims, examples, lines
-from taskspec.appendix.examples import Table
+from taskspec.appendix.examples import ExampleTable
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import Cite, Formula, Inline, Inlines, Mark, Text, inlines
 from taskspec.appendix.writing import Writing
@@ -18,7 +18,7 @@ from taskspec.printers import tree as m
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class SectionLine:
     """A line of a section, and the same with each column of values (empty where nothing changes)."""
 
     content: Inlines
@@ -32,10 +32,10 @@ class Section:
 
     key: str
     title: str
-    lines: tuple[Line, ...]
+    lines: tuple[SectionLine, ...]
     lead: bool = True
     run_on: bool = False  # short lines, which may follow each other with semicolons
-    table: Table | None = None
+    table: ExampleTable | None = None
 
 
 Maker = Callable[[Writing], Iterator[Inlines]]
@@ -56,8 +56,10 @@ _SECTIONS: tuple[tuple[str, str, Maker, bool], ...] = (
 
 def all_sections(w: Writing, facts: Facts) -> list[Section]:
     """Every section that has something to say."""
-    found = [Section(key, title, tuple(Line(x) for x in make(w)), lead) for key, title, make, lead in _SECTIONS]
-    grids = Section("maps", "Maps", tuple(Line((Text(name),), verbatim=text) for name, text in lines.grids(w)), False)
+    found = [Section(key, title, tuple(SectionLine(x) for x in make(w)), lead) for key, title, make, lead in _SECTIONS]
+    grids = Section(
+        "maps", "Maps", tuple(SectionLine((Text(name),), verbatim=text) for name, text in lines.grids(w)), False
+    )
     found.insert(1, grids)
     found += [
         Section("scores", _scores_title(facts), tuple(_scores(facts)), False, run_on=True),
@@ -82,22 +84,22 @@ def _scores_title(facts: Facts) -> str:
     return "Exact scores" if all(s.exact for s in facts.scores.values()) else "Scores"
 
 
-def _scores(facts: Facts) -> Iterator[Line]:
+def _scores(facts: Facts) -> Iterator[SectionLine]:
     for name, score in facts.scores.items():
         if not score.episodes:
             told = f" ({NUMBERS['tested'].shown.format(episodes=score.tested)})" if score.tested else ""
-            yield Line((Text(f"{name} "), Formula(number(score.value)), *([Text(told)] if told else [])))
+            yield SectionLine((Text(f"{name} "), Formula(number(score.value)), *([Text(told)] if told else [])))
             continue
         if score.error == 0:
             value = number(round(float(score.value), 6))
-            yield Line((Text(f"{name} "), Formula(value), Text(f" (in all of {score.episodes} episodes)")))
+            yield SectionLine((Text(f"{name} "), Formula(value), Text(f" (in all of {score.episodes} episodes)")))
             continue
         value, error = _rounded(score.value, score.error)
-        yield Line(
+        yield SectionLine(
             (Text(f"{name} "), Formula(value), Text(" ± "), Formula(error), Text(f" (from {score.episodes} episodes)"))
         )
     if facts.states is not None:
-        yield Line((Text("states that can be reached "), Formula(number(facts.states))))
+        yield SectionLine((Text("states that can be reached "), Formula(number(facts.states))))
 
 
 def _rounded(value: int | float | Fraction, error: float) -> tuple[m.Math, m.Math]:
@@ -142,14 +144,14 @@ def _terminates(value: Fraction) -> bool:
     return d == 1 and value.denominator <= 10**6
 
 
-def _claims(w: Writing, facts: Facts) -> Iterator[Line]:
+def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
     verdicts = list(facts.verdicts)
     for i, claim in enumerate(w.task.claims):
         found = verdicts[i] if i < len(verdicts) else None
         content: list[Inline] = [*claims.claim(w, claim), *_cases(claim.cases)]
         if found is not None and found.holds is not None:
             content += [Text(" "), Mark(found.holds, found.words)]
-        yield Line(tuple(content))
+        yield SectionLine(tuple(content))
 
 
 def _cases(cases: tuple[Mapping[str, Any], ...]) -> Inlines:
@@ -166,12 +168,12 @@ def _setting(value: Any) -> str:
 # -- where it comes from ----------------------------------------------------------------------------------------------
 
 
-def _errata(w: Writing) -> Iterator[Line]:
+def _errata(w: Writing) -> Iterator[SectionLine]:
     for entry in w.spec.errata:
         content: Inlines = (*_sentence(entry.source), Text(" Here: "), *inlines(entry.here))
         if entry.because:
             content += (Text(", because "), *inlines(entry.because))
-        yield Line((*content, Text(".")))
+        yield SectionLine((*content, Text(".")))
 
 
 def _sentence(text: str) -> Inlines:
@@ -181,6 +183,6 @@ def _sentence(text: str) -> Inlines:
     return inlines(ended[:1].upper() + ended[1:])
 
 
-def _sources(w: Writing) -> Iterator[Line]:
+def _sources(w: Writing) -> Iterator[SectionLine]:
     for entry in w.spec.sources:
-        yield Line((Cite(entry.key, entry.where),))
+        yield SectionLine((Cite(entry.key, entry.where),))

@@ -18,9 +18,7 @@ from taskspec.printers.notation import Notation
 from taskspec.printers.pieces import prime
 from taskspec.printers.substitute import substitute
 from taskspec.task.names import signature
-from taskspec.task.schema import Component as DeclaredComponent
-from taskspec.task.schema import Parameter as DeclaredParameter
-from taskspec.task.schema import Spec
+from taskspec.task.schema import ComponentEntry, ParameterEntry, Spec
 from taskspec.task.task import Task
 
 
@@ -68,7 +66,7 @@ class Writing:
         apart = take_apart(expr, self._free("xi"))
         parts: list[m.Math] = [left, m.Sym("="), self.math(apart.expr, of)]
         for name, draw in apart.draws:
-            parts += [m.Sym(","), m.Space("wide"), self.symbol(name), m.Sym("∼"), self.math(draw)]
+            parts += [m.Sym(","), m.Gap("wide"), self.symbol(name), m.Sym("∼"), self.math(draw)]
         return m.Row(tuple(parts))
 
     def _free(self, name: str) -> str:
@@ -76,7 +74,7 @@ class Writing:
 
     # -- sets -----------------------------------------------------------------------------------------------------
 
-    def domain(self, name: str, entry: DeclaredComponent | DeclaredParameter) -> m.Math:
+    def domain(self, name: str, entry: ComponentEntry | ParameterEntry) -> m.Math:
         """The set of values of a component or parameter."""
         several = {key: ends for key in ("low", "high") if isinstance(ends := getattr(entry, key), list)}
         if several:  # a bound for each element
@@ -89,7 +87,7 @@ class Writing:
             return inner
         return m.Script(inner, sup=m.joined((self.declared(n) for n in lengths), "×"))
 
-    def _scalar(self, name: str, entry: DeclaredComponent | DeclaredParameter) -> m.Math:
+    def _scalar(self, name: str, entry: ComponentEntry | ParameterEntry) -> m.Math:
         low, high = (None if end is None else self.declared(end) for end in (entry.low, entry.high))
         match entry.type:
             case "bool":
@@ -102,7 +100,7 @@ class Writing:
             case _:
                 return _reals(low, high)
 
-    def space(self, components: Mapping[str, DeclaredComponent]) -> m.Math:
+    def space(self, components: Mapping[str, ComponentEntry]) -> m.Math:
         """The product of the components' sets, equal neighbours as a power."""
         return self._product([self.domain(name, entry) for name, entry in components.items()])
 

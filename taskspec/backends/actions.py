@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
 Array = np.ndarray[Any, Any]
@@ -22,7 +22,7 @@ Reader = Callable[[Any], tuple[Array, ...]]
 """From a batch of actions to one array (*shape, lanes) for every action component, bool, int64 or float64."""
 
 
-def reader(task: Task, layout: Layout, lanes: int) -> Reader:
+def reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     """The reader of a task's actions for a number of lanes; it raises `BadActionError`."""
     return _READERS[layout.form](task, layout, lanes)
 
@@ -34,7 +34,7 @@ def _array(actions: Any, shape: tuple[int, ...], kinds: str) -> Array:
     return array
 
 
-def _discrete(task: Task, layout: Layout, lanes: int) -> Reader:
+def _discrete(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     (c,) = task.action
     low, high, is_bool = int(c.low[0]), int(c.high[0]), c.type.kind is Kind.BOOL
     smallest, largest = np.minimum.reduce, np.maximum.reduce
@@ -50,7 +50,7 @@ def _discrete(task: Task, layout: Layout, lanes: int) -> Reader:
     return read
 
 
-def _multi_discrete(task: Task, layout: Layout, lanes: int) -> Reader:
+def _multi_discrete(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     counts, largest = layout.counts, np.maximum.reduce
     starts = np.array(layout.starts, np.int64)[:, None]
     shifted = bool(starts.any())
@@ -65,7 +65,7 @@ def _multi_discrete(task: Task, layout: Layout, lanes: int) -> Reader:
     return read
 
 
-def _box(task: Task, layout: Layout, lanes: int) -> Reader:
+def _box(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     low, high = np.array(layout.limits).T[..., None]
     whole = np.array([c.type.kind is not Kind.REAL for c in task.action for _ in range(c.type.size)])
 
@@ -100,7 +100,7 @@ def _component(c: Component, rows: Array) -> Array:
             return shaped.astype(np.float64, copy=False)
 
 
-_READERS: dict[str, Callable[[Task, Layout, int], Reader]] = {
+_READERS: dict[str, Callable[[Task, SpaceLayout, int], Reader]] = {
     "discrete": _discrete,
     "multi_discrete": _multi_discrete,
     "box": _box,

@@ -16,7 +16,7 @@ from taskspec import draws
 from taskspec.backends.buffers import Buffers
 from taskspec.backends.lowering.hoist import Hoisted
 from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import Layout
+from taskspec.draws.layout import WordLayout
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
 from taskspec.lang.ir import draws as draws_below
@@ -99,7 +99,7 @@ class Ahead:
 class Ready:
     """The start of the next episode of every lane, worked out for many lanes at once and copied when one ends."""
 
-    def __init__(self, roots: Sequence[Node], layout: Layout, buffers: Buffers) -> None:
+    def __init__(self, roots: Sequence[Node], layout: WordLayout, buffers: Buffers) -> None:
         # What is observed at first is often the state itself: such values are kept once.
         self._roots, self._buffers = tuple(dict.fromkeys(roots)), buffers
         self._places = [self._roots.index(root) for root in roots]
@@ -139,7 +139,7 @@ class Ready:
         self._stale[stale] = False
 
 
-def evaluated(nodes: Sequence[Node], layout: Layout, words: Array) -> list[Array]:
+def evaluated(nodes: Sequence[Node], layout: WordLayout, words: Array) -> list[Array]:
     """Values of nodes that depend on draws alone, (*shape, columns), from words (count, columns)."""
     values = batch.evaluate(nodes, {}, batch_sampler(layout, words))
     columns = words.shape[-1]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
 Array = np.ndarray[Any, Any]
@@ -28,11 +28,11 @@ class Values:
     `parts` are the raw arrays, (*shape, lanes): one for every key of a dict, otherwise a single one.
     """
 
-    layout: Layout
+    layout: SpaceLayout
     parts: tuple[Array, ...]
 
     @classmethod
-    def empty(cls, layout: Layout, lanes: int, gap: int = 0) -> Values:
+    def empty(cls, layout: SpaceLayout, lanes: int, gap: int = 0) -> Values:
         """Zeros of a layout, with so many numbers between the rows of an array."""
         if layout.form == "dict":
             return cls(layout, tuple(_entry(c, lanes, gap) for c in layout.components))
@@ -109,7 +109,7 @@ class Buffers:
     ended: Array
 
     @classmethod
-    def of(cls, task: Task, layout: Layout, lanes: int, gap: int = 0) -> Buffers:
+    def of(cls, task: Task, layout: SpaceLayout, lanes: int, gap: int = 0) -> Buffers:
         """Zeros, for a task whose observations have the given layout.
 
         With a gap of so many numbers between rows they are not a power of two apart. Rows that are share the few places

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 from taskspec.backends.buffers import Array, Buffers
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 
 Mode = Literal["next_step", "same_step", "disabled"]
 """When an environment whose episode has ended is reset: by the next step, by the same step, by the caller only."""
 Backend = Literal["auto", "numpy", "numba", "jax"]
 
 
-class NotRunningError(Exception):
+class LanesNotRunningError(Exception):
     """A step before the first reset, or (mode "disabled") of lanes whose episodes have ended."""
 
 
@@ -26,8 +26,8 @@ class Engine(Protocol):
     """
 
     buffers: Buffers
-    observation: Layout
-    action: Layout
+    observation: SpaceLayout
+    action: SpaceLayout
     source: str
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
@@ -41,7 +41,7 @@ class Engine(Protocol):
 
         Raises:
             BadActionError: an action is not in the action space; nothing has changed.
-            NotRunningError: an episode is over, or none has begun; nothing has changed.
+            LanesNotRunningError: an episode is over, or none has begun; nothing has changed.
         """
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:

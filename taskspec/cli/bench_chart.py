@@ -22,7 +22,7 @@ SMALL, LARGE = 4.0, 8.5
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class Marker:
     """How a program is drawn. Colours are those of Okabe and Ito, which all eyes tell apart; shapes tell as much
     without them, and marks of others are hollow."""
 
@@ -33,16 +33,16 @@ class Mark:
 
 
 MARKS = {
-    "scalar": Mark("taskspec, one environment", "D", "#E69F00"),
-    "numpy": Mark("taskspec on NumPy", "s", "#56B4E9"),
-    "numba": Mark("taskspec on Numba", "o", "#0072B2"),
-    "jax": Mark("taskspec on JAX", "v", "#CC79A7"),
-    "jax-scan": Mark("taskspec on JAX, in scan", "^", "#009E73"),
-    "seals": Mark("seals", "D", "#000000", ours=False),
-    "SyncVectorEnv": Mark("seals in SyncVectorEnv", "s", "#000000", ours=False),
-    "gymnax": Mark("gymnax, in scan", "^", "#000000", ours=False),
-    "CartPoleVectorEnv": Mark("CartPoleVectorEnv of Gymnasium", "p", "#000000", ours=False),
-    "EnvPool": Mark("EnvPool", "o", "#000000", ours=False),
+    "scalar": Marker("taskspec, one environment", "D", "#E69F00"),
+    "numpy": Marker("taskspec on NumPy", "s", "#56B4E9"),
+    "numba": Marker("taskspec on Numba", "o", "#0072B2"),
+    "jax": Marker("taskspec on JAX", "v", "#CC79A7"),
+    "jax-scan": Marker("taskspec on JAX, in scan", "^", "#009E73"),
+    "seals": Marker("seals", "D", "#000000", ours=False),
+    "SyncVectorEnv": Marker("seals in SyncVectorEnv", "s", "#000000", ours=False),
+    "gymnax": Marker("gymnax, in scan", "^", "#000000", ours=False),
+    "CartPoleVectorEnv": Marker("CartPoleVectorEnv of Gymnasium", "p", "#000000", ours=False),
+    "EnvPool": Marker("EnvPool", "o", "#000000", ours=False),
 }
 LEVELS = (-0.22, 0.0, 0.22)
 """Where in its row, by turns, a program is drawn, so that marks of two that are as fast do not hide each other."""
@@ -95,7 +95,7 @@ def _programs(rates: Sequence[Rate]) -> list[str]:
 def _legend(programs: Sequence[str], sizes: Mapping[int, float]) -> list[Any]:
     """A column of our programs, one of others, one of numbers of lanes; filled up to the same length."""
     line = need("matplotlib.lines", "figures").Line2D
-    middle, plain = (SMALL + LARGE) / 2, Mark("", "o", "#999999")
+    middle, plain = (SMALL + LARGE) / 2, Marker("", "o", "#999999")
     found = [[line([], [], label=MARKS[p].label, **_style(MARKS[p], middle)) for p in programs if MARKS[p].ours is ours]
              for ours in (True, False)]  # fmt: skip
     found.append([line([], [], label=_lanes(n), **_style(plain, size)) for n, size in sizes.items()])
@@ -128,7 +128,7 @@ def _sizes(rates: Sequence[Rate]) -> dict[int, float]:
     return {n: SMALL + i * step for i, n in enumerate(lanes)}
 
 
-def _style(mark: Mark, size: float) -> dict[str, Any]:
+def _style(mark: Marker, size: float) -> dict[str, Any]:
     return {
         "marker": mark.shape, "color": mark.color, "markersize": size, "linestyle": "none", "markeredgewidth": 0.9,
         "markerfacecolor": mark.color if mark.ours else "white",

@@ -8,7 +8,7 @@ from itertools import groupby
 from types import TracebackType
 from typing import Any
 
-from taskspec.envs.measure import Memory, Rate, Start, machine
+from taskspec.envs.measure import MemoryUse, Rate, Start, machine
 
 MILLION = 1e6
 CLOCKS = {"processor": "processor time, one core", "wall": "time as it passes"}
@@ -42,21 +42,23 @@ class Progress:
 def matrix(rates: Sequence[Rate]) -> Any:
     """Million steps per second: a row for each task, a column for each program and number of lanes."""
     from taskspec.cli.console import columns
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     places = list(dict.fromkeys((r.contestant.program, r.contestant.lanes) for r in rates))
     headers = [f"{short(program)}\n{lanes}" for program, lanes in places]
     table = columns("million steps/s\nlanes", *headers, "\n±", right=range(1, len(places) + 2))
     for task, mine in groupby(rates, lambda r: r.contestant.task):
         found = {(r.contestant.program, r.contestant.lanes): r for r in mine}
-        table.add_row(Text(task, style="name"), *(cell(found.get(place)) for place in places), widest(found.values()))
+        table.add_row(
+            VisibleText(task, style="name"), *(cell(found.get(place)) for place in places), widest(found.values())
+        )
     return table
 
 
 def sections(rates: Sequence[Rate]) -> Any:
     """Million steps per second: a heading for each task, a row for each program, a column for each number of lanes."""
     from taskspec.cli.console import columns
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     lanes = sorted({r.contestant.lanes for r in rates})
     beside = any(r.contestant.rival for r in rates)
@@ -64,7 +66,7 @@ def sections(rates: Sequence[Rate]) -> Any:
     table = columns(*headers, right=range(1, len(lanes) + 2))
     for task, mine in groupby(rates, lambda r: r.contestant.task):
         group = list(mine)
-        table.add_row(Text(task, style="name"))
+        table.add_row(VisibleText(task, style="name"))
         for program in dict.fromkeys(r.contestant.program for r in group):
             found = {r.contestant.lanes: r for r in group if r.contestant.program == program}
             cells = [cell(found.get(n)) for n in lanes]
@@ -79,12 +81,12 @@ def short(program: str) -> str:
 
 
 def cell(rate: Rate | None) -> Any:
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     if rate is None:
         return ""
     text = millions(rate.median)
-    return text if rate.met else Text(f"✗{text}", style="bad")
+    return text if rate.met else VisibleText(f"✗{text}", style="bad")
 
 
 def millions(steps_per_second: float) -> str:
@@ -119,15 +121,15 @@ def _ratios(rates: Iterable[Rate], group: Sequence[Rate]) -> str:
     return f"{words} on {found[0][0]}" if found else ""
 
 
-def starts(found: Sequence[Start], memories: Sequence[Memory]) -> Any:
+def starts(found: Sequence[Start], memories: Sequence[MemoryUse]) -> Any:
     """Seconds to the first step, and bytes for each lane."""
     from taskspec.cli.console import columns
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     sizes = {(m.task, m.program): m for m in memories}
     table = columns("first step after", "cold s", "warm s", "bytes/lane", right=(1, 2, 3))
     for task, mine in groupby(found, lambda s: s.task):
-        table.add_row(Text(task, style="name"))
+        table.add_row(VisibleText(task, style="name"))
         for s in mine:
             size = sizes.get((s.task, s.program))
             table.add_row(f"  {s.program}", f"{s.cold:.2f}", f"{s.warm:.2f}", f"{size.per_lane:,.0f}" if size else "")

@@ -69,16 +69,23 @@ def _raced(
 
 def _print(results: Sequence[Result], lanes: int | None) -> None:
     from taskspec.cli.console import columns, console
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     target = ["target"] if lanes is None else []
     table = columns("", "task", "taskspec", "±", "seals", "±", "ratio", "spread", *target, right=range(2, 9))
     for r in results:
-        mark = Text("") if r.target is None else Text("✓", style="good") if r.met else Text("✗", style="bad")
+        mark = (
+            VisibleText("")
+            if r.target is None
+            else VisibleText("✓", style="good")
+            if r.met
+            else VisibleText("✗", style="bad")
+        )
         low, high = min(r.ratios), max(r.ratios)
         table.add_row(
-            mark, Text(r.pair.theirs, style="name"), f"{statistics.median(r.ours):,.0f}", percent(measure.spread(r.ours)),
-            f"{statistics.median(r.theirs):,.0f}", percent(measure.spread(r.theirs)), Text(f"{r.ratio:.1f}×", style="title"),
+            mark, VisibleText(r.pair.theirs, style="name"), f"{statistics.median(r.ours):,.0f}", percent(measure.spread(r.ours)),
+            f"{statistics.median(r.theirs):,.0f}", percent(measure.spread(r.theirs)),
+            VisibleText(f"{r.ratio:.1f}×", style="title"),
             f"{low:.0f}–{high:.0f}", *([] if r.target is None else [f"{r.target:.0f}×"]),
         )  # fmt: skip
     out = console(wide=True)

@@ -18,7 +18,7 @@ from taskspec.envs import measure
 
 if TYPE_CHECKING:
     from taskspec.cli.bench_print import Progress
-    from taskspec.envs.measure import Contestant, Memory, Rate, Start
+    from taskspec.envs.measure import Contestant, MemoryUse, Rate, Start
     from taskspec.envs.measure.race import Drive
     from taskspec.task.task import Task
 
@@ -56,7 +56,7 @@ class Found:
     suite: list[Rate] = field(default_factory=list)
     others: list[Rate] = field(default_factory=list)
     starts: list[Start] = field(default_factory=list)
-    memories: list[Memory] = field(default_factory=list)
+    memories: list[MemoryUse] = field(default_factory=list)
     missing: dict[str, str] = field(default_factory=dict)
     errors: list[TaskspecError] = field(default_factory=list)
 
@@ -66,7 +66,7 @@ class Found:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class BenchPlan:
     """Groups of contestants that take turns, and programs of tasks whose start is measured."""
 
     suite: list[list[Contestant]]
@@ -118,23 +118,23 @@ def _check(wanted: Wanted) -> None:
         need("matplotlib", "figures")
 
 
-def _own() -> Plan:
+def _own() -> BenchPlan:
     """The project's own table."""
     from taskspec.registry import load
 
     backends = [b for b in ("numpy", "numba", "jax") if b == "numpy" or measure.installed(b)]
     starts = [(load(f"derail/{name}-v0"), b) for name in measure.STARTS for b in ("scalar", *backends)]
-    return Plan(measure.own(load), measure.games(load), starts)
+    return BenchPlan(measure.own(load), measure.games(load), starts)
 
 
-def _chosen(wanted: Wanted) -> Plan:
+def _chosen(wanted: Wanted) -> BenchPlan:
     """The tasks that were named, each on its programs, for every number of lanes."""
     groups, starts = [], []
     for task in _tasks(wanted):
         programs = _programs(task, wanted.programs)
         groups.append([c for p in programs for c in _contestants(task, p, wanted)])
         starts += [(task, p) for p in dict.fromkeys(p.removesuffix("-scan") for p in programs)]
-    return Plan([], groups, starts)
+    return BenchPlan([], groups, starts)
 
 
 def _tasks(wanted: Wanted) -> Iterator[Task]:
@@ -207,7 +207,7 @@ def _made(contestant: Contestant, found: Found) -> Drive | None:
     return None
 
 
-def _start(plan: Plan, found: Found, progress: Progress) -> None:
+def _start(plan: BenchPlan, found: Found, progress: Progress) -> None:
     """Starts of processes, and memory of what was started."""
     for task, program in plan.starts:
         before = time.perf_counter()

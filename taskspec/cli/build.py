@@ -14,7 +14,7 @@ from taskspec.cli.options import Targets
 from taskspec.files import write_text
 
 if TYPE_CHECKING:
-    from taskspec.cli.checking import Report
+    from taskspec.cli.checking import FileReport
     from taskspec.task.task import Task
 
 DOCS = {
@@ -53,7 +53,7 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
         out.print(line("wrote ", (str(path), "name"), (f"  {what}", "quiet")))
 
 
-def _print_problems(reports: Sequence[Report]) -> None:
+def _print_problems(reports: Sequence[FileReport]) -> None:
     from taskspec.cli import failures
 
     problems = [d for report in reports for d in report.diagnostics]
@@ -62,21 +62,25 @@ def _print_problems(reports: Sequence[Report]) -> None:
         say("")
 
 
-def _tasks(reports: Sequence[Report]) -> list[Task]:
+def _tasks(reports: Sequence[FileReport]) -> list[Task]:
     return [each.task for report in reports for each in report.tasks if each.task is not None]
 
 
-def _table(reports: Sequence[Report], width: int) -> Any:
+def _table(reports: Sequence[FileReport], width: int) -> Any:
     """Every task with its size and how it was checked."""
     from taskspec.cli.check import mark
     from taskspec.cli.console import columns
     from taskspec.cli.records import horizon, size
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     headers = ["", "task", "size", *(["horizon"] if width >= WIDE else []), "sound by", "claims"]
     table = columns(*headers, right=(2, 3) if width >= WIDE else (2,))
     for each in (each for report in reports for each in report.tasks):
-        cells = [mark(each.diagnostics), Text(each.title, style="name"), "" if each.task is None else size(each.task)]
+        cells = [
+            mark(each.diagnostics),
+            VisibleText(each.title, style="name"),
+            "" if each.task is None else size(each.task),
+        ]
         if width >= WIDE:
             cells.append("" if each.task is None else horizon(each.task))
         table.add_row(*cells, each.finding.how, each.finding.claims_words)

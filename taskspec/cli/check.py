@@ -14,7 +14,7 @@ from taskspec.cli.options import Json, Parameters, Targets, Variant
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.cli.checking import Checked, Report
+    from taskspec.cli.checking import Checked, FileReport
     from taskspec.cli.targets import File
     from taskspec.exact import Verdict
 
@@ -70,7 +70,7 @@ def _narrowed(file: File, variant: str | None) -> File:
 # -- text ---------------------------------------------------------------------------------------------------------
 
 
-def _print_text(reports: Sequence[Report], errors: int, warnings: int, seconds: float) -> None:
+def _print_text(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> None:
     from taskspec.cli import failures
     from taskspec.cli.console import console
 
@@ -86,27 +86,27 @@ def _print_text(reports: Sequence[Report], errors: int, warnings: int, seconds: 
     out.print(verdict(reports, errors, warnings, seconds))
 
 
-def table_of(reports: Sequence[Report]) -> Table:
+def table_of(reports: Sequence[FileReport]) -> Table:
     """What was checked, file by file, and how."""
     from taskspec.cli.console import columns
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     built = any(each.task is not None for report in reports for each in report.tasks)
     shown = any(each.finding.examples for report in reports for each in report.tasks)
     headers = ["sound by", "ranges", "claims", *(["examples"] if shown else [])]
     table = columns("", "", *(headers if built else ("", "", "")), fold=(1,))
     for report in reports:
-        table.add_row(mark(report.diagnostics), Text(report.path, style="title"))
+        table.add_row(mark(report.diagnostics), VisibleText(report.path, style="title"))
         for each in report.tasks:
             found = each.finding
             ranges = f"{found.cases} tried" if found.cases else ""
-            name = Text(f"  {each.title}", style="name")
+            name = VisibleText(f"  {each.title}", style="name")
             row = [found.how, ranges, found.claims_words, *([found.examples_words] if shown else [])]
             table.add_row(mark(each.diagnostics), name, *row)
     return table
 
 
-def remarks(reports: Sequence[Report]) -> list[str]:
+def remarks(reports: Sequence[FileReport]) -> list[str]:
     """What was left out, and why, each reason once."""
     skipped = [each.finding.skipped for report in reports for each in report.tasks]
     return list(dict.fromkeys(reason for reason in skipped if reason))
@@ -115,15 +115,15 @@ def remarks(reports: Sequence[Report]) -> list[str]:
 def mark(diagnostics: Sequence[Any]) -> Any:
     """A sign for errors, for warnings, for neither."""
     from taskspec.cli.checking import counts
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     errors, warnings = counts(diagnostics)
     if errors:
-        return Text("✗", style="bad")
-    return Text("!", style="warn") if warnings else Text("✓", style="good")
+        return VisibleText("✗", style="bad")
+    return VisibleText("!", style="warn") if warnings else VisibleText("✓", style="good")
 
 
-def verdict(reports: Sequence[Report], errors: int, warnings: int, seconds: float) -> Any:
+def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> Any:
     """The last line: how many tasks, how many problems, how long."""
     from taskspec.cli.console import line
 
@@ -147,7 +147,7 @@ def plural(count: int, noun: str) -> str:
 # -- for programs -------------------------------------------------------------------------------------------------
 
 
-def _print_json(reports: Sequence[Report], errors: int, warnings: int, seconds: float) -> None:
+def _print_json(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> None:
     from taskspec.cli.console import write_json
 
     found = [d for report in reports for d in report.diagnostics]
@@ -167,7 +167,7 @@ def records(diagnostics: Sequence[Any]) -> Any:
     return loads(render(diagnostics, "json"))
 
 
-def _accepted(reports: Sequence[Report]) -> list[dict[str, Any]]:
+def _accepted(reports: Sequence[FileReport]) -> list[dict[str, Any]]:
     found = [a for report in reports for a in report.accepted]
     warnings = records([a.warning for a in found])
     return [warning | {"because": a.because} for warning, a in zip(warnings, found, strict=True)]
@@ -196,7 +196,7 @@ def _claim(verdict: Verdict) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _print_github(reports: Sequence[Report], errors: int, warnings: int, seconds: float) -> None:
+def _print_github(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> None:
     from taskspec.cli.console import console
     from taskspec.diagnostics import render
 

@@ -42,7 +42,7 @@ class Checked:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class FileReport:
     """One file: its tasks, each of its problems once, and the warnings that it accepts."""
 
     path: str
@@ -51,15 +51,15 @@ class Report:
     accepted: tuple[Accepted, ...] = ()
 
 
-def check_file(file: File, parameters: Mapping[str, Any] | None = None, prove: Examine = examine) -> Report:
+def check_file(file: File, parameters: Mapping[str, Any] | None = None, prove: Examine = examine) -> FileReport:
     """Check all that a file defines; nothing is raised for what is wrong with it."""
     path = str(file.path)
     try:
         variants = variants_of(file)
     except SpecError as error:
-        return Report(path, (), error.diagnostics)
+        return FileReport(path, (), error.diagnostics)
     checked = settled([check_task(file, variant, parameters, prove) for variant in variants])
-    return Report(path, checked, once(checked), accepted_by(checked))
+    return FileReport(path, checked, once(checked), accepted_by(checked))
 
 
 def check_task(file: File, variant: str | None, parameters: Mapping[str, Any] | None, prove: Examine) -> Checked:

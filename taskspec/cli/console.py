@@ -16,7 +16,7 @@ from taskspec.visible import visible, visible_json
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.cli.terminal import Console, Text
+    from taskspec.cli.terminal import Console, VisibleText
 
 STYLES = {
     "title": "bold",
@@ -103,11 +103,11 @@ def say(text: str, err: bool = False, nl: bool = True) -> None:
     typer.echo(visible(text), err=err, nl=nl)
 
 
-def line(*parts: tuple[str, str] | str) -> Text:
+def line(*parts: tuple[str, str] | str) -> VisibleText:
     """A line of text in several styles: `("words", "style")` or plain words."""
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
-    text = Text(no_wrap=False)
+    text = VisibleText(no_wrap=False)
     for part in parts:
         text.append(*((part,) if isinstance(part, str) else part))
     return text

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.table import Table
 
-from taskspec.cli.terminal import Text
+from taskspec.cli.terminal import VisibleText
 from taskspec.lang import syntax as s
 from taskspec.printers import text as written
 
@@ -21,9 +21,9 @@ _TOKENS = re.compile(
 _STYLES = {"word": "bright_blue", "call": "magenta", "number": "green"}
 
 
-def colored(text: str) -> Text:
+def colored(text: str) -> VisibleText:
     """An expression with its words, functions and numbers in colour."""
-    line = Text(text)
+    line = VisibleText(text)
     for found in _TOKENS.finditer(text):
         assert found.lastgroup is not None
         line.stylize(_STYLES[found.lastgroup], *found.span())
@@ -42,7 +42,7 @@ def body(expr: s.Expr) -> RenderableType:
             return colored(written(expr))
 
 
-def _table_rows(rows: tuple[s.Row, ...], depth: int) -> Iterator[list[str]]:
+def _table_rows(rows: tuple[s.TableRow, ...], depth: int) -> Iterator[list[str]]:
     """Rows of a decision table: the keys, blank where one cell is for all of them, and the cell."""
     for row in rows:
         key = "else" if row.key is None else written(row.key)

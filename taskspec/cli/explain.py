@@ -85,11 +85,13 @@ def _print_one(code: Code) -> None:
 
 def _print_all(codes: list[Code]) -> None:
     from taskspec.cli.console import columns, console
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     table = columns("", "", "", fold=(2,))
     for prefix, members in groupby(codes, lambda c: c.code[:2]):
-        table.add_row(Text(prefix + "xx", style="title"), Text(CLASSES.get(prefix, ""), style="title"))
+        table.add_row(VisibleText(prefix + "xx", style="title"), VisibleText(CLASSES.get(prefix, ""), style="title"))
         for code in members:
-            table.add_row(Text(f"  {code.code}", style="name"), code.slug, Text(code.title, style="quiet"))
+            table.add_row(
+                VisibleText(f"  {code.code}", style="name"), code.slug, VisibleText(code.title, style="quiet")
+            )
     console(wide=True).print(table)

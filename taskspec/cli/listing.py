@@ -82,7 +82,7 @@ def _wide(tasks: list[Task], width: int) -> Table:
 
     from taskspec.cli.console import columns
     from taskspec.cli.records import defaults, horizon, size
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     headers = ("task", "isolates", "parameters", "size", "horizon")
     rows = [(task.id, _words(task, "capability"), defaults(task), size(task), horizon(task)) for task in tasks]
@@ -91,7 +91,7 @@ def _wide(tasks: list[Task], width: int) -> Table:
     table = columns(*headers, *(["summary"] if room >= ROOM else []), right=(3, 4), fold=(2,))
     table.columns[0].style = "name"
     for task, row in zip(tasks, rows, strict=True):
-        summary = Text(_words(task, "summary"), style="quiet")
+        summary = VisibleText(_words(task, "summary"), style="quiet")
         summary.truncate(max(room, 1), overflow="ellipsis")
         table.add_row(*row, *([summary] if room >= ROOM else []))
     return table
@@ -107,11 +107,11 @@ def _narrow(tasks: list[Task]) -> Table:
     """For 80 columns: the capability is a heading, so that rows have room."""
     from taskspec.cli.console import columns
     from taskspec.cli.records import defaults, horizon, size
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     table = columns("task", "parameters", "size", "horizon", right=(2, 3), fold=(1,))
     for title, members in groupby(tasks, lambda task: _words(task, "capability") or "other"):
-        table.add_row(Text(title, style="title"))
+        table.add_row(VisibleText(title, style="title"))
         for task in members:
-            table.add_row(Text(f"  {task.id}", style="name"), defaults(task), size(task), horizon(task))
+            table.add_row(VisibleText(f"  {task.id}", style="name"), defaults(task), size(task), horizon(task))
     return table

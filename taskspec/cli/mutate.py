@@ -74,14 +74,16 @@ def _print_text(found: Mapping[Path, Sequence[Judged]], classes: Sequence[str]) 
 def _table(found: Mapping[Path, Sequence[Judged]]) -> Any:
     """How many changes there are of each class, spec by spec."""
     from taskspec.cli.console import columns
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
     from taskspec.mutation import CLASSES
 
     counts = {path: Counter(j.kind for _, j in judged) for path, judged in found.items()}
     kinds = [kind for kind in CLASSES if any(count[kind] for count in counts.values()) or kind == "silent"]
     table = columns("", "changes", *kinds, right=range(1, len(kinds) + 2))
     for path, count in counts.items():
-        table.add_row(Text(path.name, style="title"), f"{count.total():,}", *(f"{count[kind]:,}" for kind in kinds))
+        table.add_row(
+            VisibleText(path.name, style="title"), f"{count.total():,}", *(f"{count[kind]:,}" for kind in kinds)
+        )
     if len(counts) > 1:
         total = sum(counts.values(), Counter())
         table.add_row("", f"{total.total():,}", *(f"{total[kind]:,}" for kind in kinds))

@@ -16,7 +16,7 @@ from rich.table import Table
 from taskspec.cli.equations import body, colored
 from taskspec.cli.records import domain_words, show_value, space_words
 from taskspec.cli.targets import near
-from taskspec.cli.terminal import Text
+from taskspec.cli.terminal import VisibleText
 from taskspec.printers import text as written
 from taskspec.task.schema import Erratum, Source
 from taskspec.task.spaces import action_layout, observation_layout
@@ -37,7 +37,7 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
     spec = task.spec
     yield _title(task, width)
     if spec.summary:
-        yield Text(_words(spec.summary), style="italic")
+        yield VisibleText(_words(spec.summary), style="italic")
     if spec.description:
         yield _indented(Markdown(_words(spec.description)), top=1)
     yield from _section("Parameters", _parameters(task.parameters))
@@ -49,7 +49,7 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
     yield from _section("Examples", _examples(task))
     yield from _section("Errata", _errata(spec.errata))
     yield from _section("Sources", _sources(spec.sources))
-    yield Text()
+    yield VisibleText()
     yield _foot(task)
 
 
@@ -58,8 +58,8 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
 
 def _title(task: Task, width: int) -> RenderableType:
     title = visible(task.title)
-    left = Text.assemble((task.id, "bold cyan"), "  ", (title, "bold"))
-    right = Text(visible(task.spec.capability or ""), style="quiet")
+    left = VisibleText.assemble((task.id, "bold cyan"), "  ", (title, "bold"))
+    right = VisibleText(visible(task.spec.capability or ""), style="quiet")
     line = Table.grid(expand=True, padding=(0, 2, 0, 0))
     line.add_column(ratio=1)
     line.add_column(justify="right")
@@ -70,7 +70,7 @@ def _title(task: Task, width: int) -> RenderableType:
 def _section(title: str, content: RenderableType | None, note: str = "") -> Iterable[RenderableType]:
     if content is None:
         return
-    yield Text.assemble("\n", (title, "head"), (f"  {note}" if note else "", "quiet"))
+    yield VisibleText.assemble("\n", (title, "head"), (f"  {note}" if note else "", "quiet"))
     yield _indented(content)
 
 
@@ -101,7 +101,7 @@ def _parameters(parameters: Sequence[Parameter]) -> RenderableType | None:
         return None
     table = _grid()
     for p in parameters:
-        value = Text(show_value(p.value), style="bold green" if p.value != p.default else "green")
+        value = VisibleText(show_value(p.value), style="bold green" if p.value != p.default else "green")
         table.add_row(p.name, value, domain_words(p), visible(p.doc or ""))
     return table
 
@@ -118,7 +118,7 @@ def _components(components: Sequence[Component]) -> RenderableType:
 def _observation(task: Task) -> RenderableType:
     if task.observation.is_state:
         clock = ", and the time" if task.observe_time else ""
-        return Text(f"the state{clock}", style="quiet")
+        return VisibleText(f"the state{clock}", style="quiet")
     expressions = task.surface.sections.get("observation", {})
     return _lines(_named(expressions))
 
@@ -169,7 +169,7 @@ def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
             yield key.replace("_", " "), [_Shown("", body(sections[key]))]
     yield "horizon", [_Shown("", _horizon(task))]
     if task.discount != 1:
-        yield "discount", [_Shown("", Text(f"{task.discount:g}"))]
+        yield "discount", [_Shown("", VisibleText(f"{task.discount:g}"))]
     yield "expert", _expert(task)
 
 
@@ -177,7 +177,7 @@ def _named(expressions: Mapping[str, Any]) -> list[_Shown]:
     return [_Shown(name, body(expr)) for name, expr in expressions.items() if expr is not None]
 
 
-def _horizon(task: Task) -> Text:
+def _horizon(task: Task) -> VisibleText:
     raw = task.spec.horizon
     steps = "none" if task.horizon is None else f"{task.horizon:,}"
     return colored(steps if isinstance(raw, int) or task.horizon is None else f"{raw} = {steps}")
@@ -186,11 +186,11 @@ def _horizon(task: Task) -> Text:
 def _expert(task: Task) -> list[_Shown]:
     match task.expert:
         case None:
-            return [_Shown("", Text("not given", style="quiet"))]
+            return [_Shown("", VisibleText("not given", style="quiet"))]
         case "optimal":
-            return [_Shown("", Text("optimal, by planning on the exact model"))]
+            return [_Shown("", VisibleText("optimal, by planning on the exact model"))]
         case Soft(beta=beta):
-            return [_Shown("", Text(f"Boltzmann-rational with β = {beta:g}, by planning on the exact model"))]
+            return [_Shown("", VisibleText(f"Boltzmann-rational with β = {beta:g}, by planning on the exact model"))]
     found = task.surface.sections["expert"]
     return _named(found) if isinstance(found, Mapping) else [_Shown(task.action[0].name, body(found))]
 
@@ -200,7 +200,7 @@ def _constant(value: Any) -> RenderableType:
         grid = value["grid"]
         rows = grid.splitlines() if isinstance(grid, str) else grid
         legend = "  ".join(f"{letter} {visible(str(meaning))}" for letter, meaning in value.get("legend", {}).items())
-        return Text("\n".join([*(visible(str(row)) for row in rows), legend]))
+        return VisibleText("\n".join([*(visible(str(row)) for row in rows), legend]))
     text = visible(str(value))
     return colored(text if len(text) <= 300 else text[:300] + " …")
 
@@ -214,7 +214,7 @@ def _claims(task: Task) -> RenderableType | None:
     lines = []
     for claim in task.claims:
         cases = "; ".join(", ".join(f"{k}={show_value(v)}" for k, v in case.items()) for case in claim.cases)
-        lines.append(Text.assemble(colored(visible(claim.text)), (f"  for {cases}" if cases else "", "quiet")))
+        lines.append(VisibleText.assemble(colored(visible(claim.text)), (f"  for {cases}" if cases else "", "quiet")))
     return Group(*lines)
 
 
@@ -228,7 +228,7 @@ def _examples(task: Task) -> RenderableType | None:
         follows += [] if example.probability is None else [f"with probability {written(example.probability)}"]
         cases = "; ".join(", ".join(f"{k}={show_value(v)}" for k, v in case.items()) for case in example.cases)
         text = f"{', '.join(given)} → {', '.join(follows)}".removeprefix(" → ")
-        lines.append(Text.assemble(colored(visible(text)), (f"  for {cases}" if cases else "", "quiet")))
+        lines.append(VisibleText.assemble(colored(visible(text)), (f"  for {cases}" if cases else "", "quiet")))
     return Group(*lines) if lines else None
 
 
@@ -258,15 +258,15 @@ def _errata(errata: Sequence[Erratum]) -> RenderableType | None:
 def _sources(sources: Sequence[Source]) -> RenderableType | None:
     if not sources:
         return None
-    lines = [Text.assemble((visible(x.key), "cyan"), f"  {visible(x.where or '')}") for x in sources]
+    lines = [VisibleText.assemble((visible(x.key), "cyan"), f"  {visible(x.where or '')}") for x in sources]
     return Group(*lines)
 
 
-def _foot(task: Task) -> Text:
+def _foot(task: Task) -> VisibleText:
     from taskspec.task.merge import variant_names
 
     others = [name for name in variant_names(task.document.data) if name != task.name]
     lines = [f"{near(Path(task.document.origin.name))}  {task.content_hash[:12]}"]
     if others:
         lines.append(f"the same spec defines {', '.join(others)}")
-    return Text("\n".join(lines), style="quiet")
+    return VisibleText("\n".join(lines), style="quiet")

@@ -12,13 +12,12 @@ import numpy as np
 
 from taskspec.cli.failures import refuse
 from taskspec.diagnostics import suggest
-from taskspec.draws.layout import Layout
+from taskspec.draws.layout import WordLayout
 from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Layout as ValueLayout
-from taskspec.task.spaces import action_layout, pack
+from taskspec.task.spaces import SpaceLayout, action_layout, pack
 from taskspec.task.task import Component, Task
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ def expert_policy(env: Environment, seed: int) -> Policy:
 def _expression_expert(env: Environment, nodes: tuple[Node, ...], seed: int) -> Policy:
     """Expressions over the state and the time, by the reference interpreter."""
     task, layout = env.task, action_layout(env.task)
-    words, rng = Layout.of(nodes), np.random.default_rng(seed)
+    words, rng = WordLayout.of(nodes), np.random.default_rng(seed)
 
     def act(observation: Any) -> Any:
         state = env.state
@@ -223,7 +222,7 @@ def _element(c: Component, item: Any) -> Any:
     return float(item) if c.type.kind is Kind.REAL else int(item)
 
 
-def _needs(task: Task, layout: ValueLayout) -> str:
+def _needs(task: Task, layout: SpaceLayout) -> str:
     from taskspec.cli.records import domain_words, space_words
 
     listed = ", ".join(f"{c.name}: {domain_words(c)}" for c in task.action)

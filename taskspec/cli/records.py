@@ -8,7 +8,7 @@ from typing import Any
 
 from taskspec.cli.console import number
 from taskspec.lang.types import Domain, Kind
-from taskspec.task.spaces import Layout, action_layout, observation_layout
+from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
 from taskspec.task.task import Component, Parameter, Soft, Task
 
 _SETS = {Kind.BOOL: "𝔹", Kind.INT: "ℤ", Kind.REAL: "ℝ"}
@@ -107,7 +107,7 @@ def horizon(task: Task) -> str:
     return "none" if task.horizon is None else f"{task.horizon:,}"
 
 
-def space(layout: Layout) -> dict[str, Any]:
+def space(layout: SpaceLayout) -> dict[str, Any]:
     """A Gymnasium space as data."""
     match layout.form:
         case "discrete":
@@ -124,7 +124,7 @@ def space(layout: Layout) -> dict[str, Any]:
             return {"space": "Box", "shape": list(layout.shape), "low": low, "high": high}
 
 
-def space_words(layout: Layout) -> str:
+def space_words(layout: SpaceLayout) -> str:
     """A Gymnasium space in a few words: `Discrete(21)`, `Box(50) in [0, 1]`."""
     found = space(layout)
     match found:

@@ -12,14 +12,14 @@ from taskspec.cli.console import say
 from taskspec.files import write_text
 
 
-class Page(StrEnum):
+class ReferencePage(StrEnum):
     """Which page."""
 
     language = "language"
     errors = "errors"
 
 
-Which = Annotated[Page, typer.Argument(help="Which page.", show_default=False)]
+Which = Annotated[ReferencePage, typer.Argument(help="Which page.", show_default=False)]
 Output = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="Write to this file.", dir_okay=False, show_default=False),
@@ -30,7 +30,7 @@ def reference(page: Which, output: Output = None) -> None:
     """Print the language reference, or the guide to all errors, as Markdown."""
     from taskspec.cli import manual
 
-    text = manual.language() if page is Page.language else manual.errors()
+    text = manual.language() if page is ReferencePage.language else manual.errors()
     if output is None:
         say(text, nl=False)
         return

@@ -101,7 +101,7 @@ class Summary:
     seconds: float
 
 
-class Clock:
+class Stopwatch:
     """Seconds since it was made."""
 
     def __init__(self) -> None:

@@ -79,7 +79,7 @@ def run(
     return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o film.gif[/] films them.
     """
     from taskspec.cli import film
-    from taskspec.cli.rollouts import Clock, summarize
+    from taskspec.cli.rollouts import Stopwatch, summarize
     from taskspec.cli.targets import task_of
 
     kind = film.kind_of(render, output)
@@ -88,7 +88,7 @@ def run(
     found = task_of(task, variant, parameters or [])
     count = episodes or (1 if kind else EPISODES)
     path = output or Path(f"{found.name}.{kind}")
-    clock = Clock()
+    clock = Stopwatch()
     with film.watching(kind, path) as watch:
         done = list(_episodes(found, policy, seed, count, max_steps, kind, watch, quiet=json))
     summary = summarize(done, clock.seconds)
@@ -160,7 +160,7 @@ def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
 
     from taskspec.cli.console import console, line, number
     from taskspec.cli.records import defaults
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     out = console()
     settings = f" {defaults(task)}" if task.parameters else ""
@@ -171,10 +171,10 @@ def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
     table.add_row("  return", _mean(summary))
     if summary.deviation > 0:
         spread = f"{number(summary.lowest)} to {number(summary.highest)}, standard deviation {summary.deviation:.3g}"
-        table.add_row("", Text(spread, style="quiet"))
+        table.add_row("", VisibleText(spread, style="quiet"))
     if task.discount != 1:
         plain = f"discounted by {task.discount:g} a step; {number(summary.undiscounted)} without"
-        table.add_row("", Text(plain, style="quiet"))
+        table.add_row("", VisibleText(plain, style="quiet"))
     table.add_row("  length", f"{number(summary.length, 2)} steps")
     table.add_row("  episodes", _endings(summary))
     out.print(table)

@@ -165,14 +165,14 @@ def _print_scores(task: Task, found: Scores) -> None:
 def _score_table(found: Scores) -> Table:
     from rich.table import Table
 
-    from taskspec.cli.terminal import Text
+    from taskspec.cli.terminal import VisibleText
 
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(style="quiet")
     table.add_column(justify="right", style="title")
     for name in ("optimal", "expert", "random", "worst"):
         value: Return | None = getattr(found, name)
-        table.add_row(f"  {name}", *_return(value), Text(_remark(found, name), style="quiet"))
+        table.add_row(f"  {name}", *_return(value), VisibleText(_remark(found, name), style="quiet"))
     return table
 
 

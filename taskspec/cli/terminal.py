@@ -12,13 +12,13 @@ from rich.segment import Segment
 from taskspec.visible import visible
 
 
-class Text(rich.text.Text):
+class VisibleText(rich.text.Text):
     """Styled text, visible before its width is measured."""
 
     def __init__(self, text: str = "", *args: Any, **options: Any) -> None:
         super().__init__(visible(text), *args, **options)
 
-    def append(self, text: Any, style: Any = None) -> Text:
+    def append(self, text: Any, style: Any = None) -> VisibleText:
         super().append(visible(text) if isinstance(text, str) else text, style)
         return self
 

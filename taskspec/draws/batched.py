@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.draws.layout import Layout, poisson_bound, row_table, words_of
+from taskspec.draws.layout import WordLayout, poisson_bound, row_table, words_of
 from taskspec.draws.sample import bernoulli_threshold
 from taskspec.lang.ir import Const, Draw, plain
 
 Array = np.ndarray[Any, Any]
 
 
-def batch_sampler(layout: Layout, words: Array) -> Callable[[Draw, list[Array]], Array]:
+def batch_sampler(layout: WordLayout, words: Array) -> Callable[[Draw, list[Array]], Array]:
     """A sampler for `lang.batch`: every draw over a block of words, uint32 (count, N), as `draws.sample` gives it."""
 
     def sample(draw: Draw, args: list[Array]) -> Array:

@@ -1,8 +1,8 @@
 """Which random words a draw takes: the words of a phase, dealt out to its draws in the order they were written.
 
-A step and a reset are phases of their own. Each has a `Layout` (`Task.step_words`, `Task.reset_words`) over all the draws that
-its sections write, those included whose values turn out not to matter: what a word is for depends on the text of the spec alone,
-and on no simplification.
+A step and a reset are phases of their own. Each has a `WordLayout` (`Task.step_words`, `Task.reset_words`) over all the draws
+that its sections write, those included whose values turn out not to matter: what a word is for depends on the text of the spec
+alone, and on no simplification.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def row_table(p: Node) -> tuple[Const, Node] | None:
 
 
 @dataclass(frozen=True)
-class Layout:
+class WordLayout:
     """The draws of a phase and the first word of each, by site; `count` words in all."""
 
     draws: tuple[Draw, ...]
@@ -56,12 +56,12 @@ class Layout:
     count: int
 
     @classmethod
-    def of(cls, roots: Iterable[Node]) -> Layout:
+    def of(cls, roots: Iterable[Node]) -> WordLayout:
         """The layout of the draws that some expressions are made of."""
         return cls.dealt(draws_below(roots))
 
     @classmethod
-    def dealt(cls, draws: Iterable[Draw]) -> Layout:
+    def dealt(cls, draws: Iterable[Draw]) -> WordLayout:
         """Words for each of the draws, in the order of their sites."""
         found, first, count = tuple(sorted(draws, key=lambda d: d.site)), {}, 0
         for draw in found:

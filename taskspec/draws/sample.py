@@ -7,14 +7,14 @@ from fractions import Fraction
 from typing import Any
 
 from taskspec import draws
-from taskspec.draws.layout import Layout, poisson_bound, row_table, words_of
+from taskspec.draws.layout import WordLayout, poisson_bound, row_table, words_of
 from taskspec.lang.ir import Const, Draw
 
 Flat = tuple[Any, ...]
 Words = Sequence[int]
 
 
-def sampler(layout: Layout, words: Words) -> Callable[[Draw, list[Flat]], Flat]:
+def sampler(layout: WordLayout, words: Words) -> Callable[[Draw, list[Flat]], Flat]:
     """A sampler for `lang.evaluate`: gives every draw of a phase the value of its words."""
 
     def sample(draw: Draw, args: list[Flat]) -> Flat:

@@ -1,7 +1,7 @@
 """A test kit for environments: what every one of ours must do, to be run on any backend and on any task.
 
 `check_environment` tries a scalar environment against the contract of Gymnasium and ours; `Agreement` walks a vector
-environment next to scalar ones, or next to `Reference`, which is the reference interpreter behind the same interface. They
+environment next to scalar ones, or next to `ReferenceEnv`, which is the reference interpreter behind the same interface. They
 raise AssertionError with what is wrong.
 """
 
@@ -73,7 +73,7 @@ def _plain(seen: Any) -> Any:
     return np.asarray(seen).tolist()
 
 
-class Reference:
+class ReferenceEnv:
     """One environment of a task, stepped by the reference interpreter: slow, and what all others are compared with."""
 
     def __init__(self, task: Task) -> None:

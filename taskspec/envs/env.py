@@ -16,7 +16,7 @@ import gymnasium
 from gymnasium.envs.registration import EnvSpec
 
 from taskspec import draws
-from taskspec.backends.scalar.program import Clock, Failures, Lane, Scalar, compile_scalar
+from taskspec.backends.scalar.program import Clock, Failures, Lane, ScalarProgram, compile_scalar
 from taskspec.draws.sample import sampler
 from taskspec.envs import keyboard, picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
@@ -71,7 +71,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self._window: window.Window | None = None
         self._frames: list[window.Frame] = []
-        self._program: Scalar = compile_scalar(self.task)
+        self._program: ScalarProgram = compile_scalar(self.task)
         self.observation_space = space(self._program.observation)
         self.action_space = space(self._program.action)
         self._seed: int | None = None

@@ -14,8 +14,7 @@ import numpy as np
 from taskspec import draws
 from taskspec.backends import select
 from taskspec.backends.actions import BadActionError
-from taskspec.backends.vector import Backend, Options
-from taskspec.backends.vector import NotRunningError as EngineNotRunning
+from taskspec.backends.vector import Backend, LanesNotRunningError, Options
 from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.options import positive, seed_of, uncopied
 from taskspec.envs.spaces import space
@@ -70,7 +69,7 @@ class Sb3VecEnv(VecEnv):
             ended = self._engine.step(self._actions)
         except BadActionError:
             raise ActionError(f"E706: {self._actions!r} are not actions of {self.task.id}") from None
-        except EngineNotRunning:
+        except LanesNotRunningError:
             raise NotRunningError("E707: step() before the first reset(); call reset() first") from None
         b = self._engine.buffers
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]

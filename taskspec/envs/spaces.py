@@ -9,11 +9,11 @@ import numpy as np
 from gymnasium import spaces
 
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Layout, single
+from taskspec.task.spaces import SpaceLayout, single
 from taskspec.task.task import Component
 
 
-def space(layout: Layout) -> gymnasium.Space[Any]:
+def space(layout: SpaceLayout) -> gymnasium.Space[Any]:
     """The space that holds the values of a layout."""
     match layout.form:
         case "discrete":

@@ -19,8 +19,7 @@ from taskspec import draws
 from taskspec.backends import select
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.buffers import Array
-from taskspec.backends.vector import Backend, Mode, Options
-from taskspec.backends.vector import NotRunningError as EngineNotRunning
+from taskspec.backends.vector import Backend, LanesNotRunningError, Mode, Options
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.options import ENDINGS, Autoreset, RenderMode, invalid, lanes_of, one_of, positive, seed_of, uncopied
@@ -146,7 +145,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             ended = self._engine.step(actions)
         except BadActionError:
             raise self._bad_actions(actions) from None
-        except EngineNotRunning:
+        except LanesNotRunningError:
             raise self._not_running() from None
         infos = self._final() if ended and self._same_step else {}
         if self._reuse:

@@ -27,7 +27,7 @@ OVERLAP, COVER, FAR = 20.0, 1.0, 0.02
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class Placement:
     labels: tuple[Label, ...]
     overlaps: int
     covered: int
@@ -42,7 +42,7 @@ def box(label: Label) -> tuple[float, float, float, float]:
 
 def placed(
     options: Sequence[Sequence[Label]], own: Sequence[int], lines: Sequence[Line], spots: Sequence[Spot]
-) -> Placed:
+) -> Placement:
     """One place for every label.
 
     Args:
@@ -52,7 +52,7 @@ def placed(
         spots: the vertices.
     """
     if not options:
-        return Placed((), 0, 0)
+        return Placement((), 0, 0)
     flat, groups = flattened(options)
     of = np.array([i for i, g in enumerate(groups) for _ in g])
     boxes = np.array([box(label) for label in flat])
@@ -66,9 +66,9 @@ def placed(
     arrow = np.array([own[i] if i < len(own) else -1 for i in of])
     others = np.arange(len(lines)) != arrow[:, None]
 
-    def result(chosen: list[int], covered: np.ndarray) -> Placed:
+    def result(chosen: list[int], covered: np.ndarray) -> Placement:
         overlaps = int(hard[chosen].sum() + np.triu(pair[np.ix_(chosen, chosen)], 1).sum())
-        return Placed(tuple(flat[i] for i in chosen), overlaps, int(covered[chosen].sum()))
+        return Placement(tuple(flat[i] for i in chosen), overlaps, int(covered[chosen].sum()))
 
     usual = result([g.start for g in groups], ((_hidden(centre, half, lines) > 0) & others).sum(1))
     if usual.overlaps == usual.covered == 0:

@@ -34,7 +34,7 @@ _UNARY: dict[type[ast.unaryop], str] = {ast.USub: "-", ast.UAdd: "+", ast.Not: "
 _NAME, _DIGITS = re.compile(r"[A-Za-z]\w*", re.ASCII), re.compile(r"0|[1-9]\d{0,14}", re.ASCII)
 
 
-def parse(text: s.Text) -> s.Expr:
+def parse(text: s.SourceText) -> s.Expr:
     """Parse one expression.
 
     Raises:
@@ -48,7 +48,7 @@ def parse(text: s.Text) -> s.Expr:
     raise SpecError((diagnostic,))
 
 
-def parse_into(text: s.Text, collector: Collector) -> s.Expr | None:
+def parse_into(text: s.SourceText, collector: Collector) -> s.Expr | None:
     """Parse one expression; a syntax error goes to the collector, and None comes back."""
     try:
         return parse(text)
@@ -58,7 +58,7 @@ def parse_into(text: s.Text, collector: Collector) -> s.Expr | None:
         return None
 
 
-def _parse(text: s.Text) -> s.Expr:
+def _parse(text: s.SourceText) -> s.Expr:
     place = s.Place(text, 0, len(text.value))
     if _NAME.fullmatch(text.value) and not iskeyword(text.value):  # most cells of tables are a word or a number
         return s.Name(text.value, False, place)
@@ -148,7 +148,7 @@ def _balance(value: str, at: int, brackets: list[int]) -> None:
 class _Reader:
     """Python's syntax tree -> surface syntax, refusing whatever lies outside the subset."""
 
-    def __init__(self, text: s.Text, source: str) -> None:
+    def __init__(self, text: s.SourceText, source: str) -> None:
         self.text = text
         self.lines = ("(" + source + "\n)").split("\n")
         self.starts = [0]
@@ -299,7 +299,7 @@ class _Reader:
                 self.fail(node, f"this form ({type(node).__name__}) is not part of the language")
 
 
-def literal(value: bool | int | float, text: s.Text) -> s.Expr:
+def literal(value: bool | int | float, text: s.SourceText) -> s.Expr:
     """A YAML number or boolean as the expression it stands for."""
     place = s.Place(text, 0, len(text.value))
     if isinstance(value, bool):

@@ -14,7 +14,7 @@ from taskspec.diagnostics import Span
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class SourceText:
     """The text of one expression, and how to find a range of its characters in the file it came from."""
 
     value: str
@@ -25,7 +25,7 @@ class Text:
 class Place:
     """A range of characters of a text; its span in the file is looked up only when a message needs it."""
 
-    text: Text
+    text: SourceText
     start: int
     end: int
 
@@ -190,11 +190,11 @@ class Piecewise:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class TableRow:
     """A row of a decision table: its key (None for `else`), and a cell or the rows of the next column."""
 
     key: Expr | None
-    body: Expr | tuple[Row, ...]
+    body: Expr | tuple[TableRow, ...]
     place: Place
 
 
@@ -203,7 +203,7 @@ class Table:
     """The YAML mapping with `by:` and `rows:`."""
 
     by: tuple[Expr, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     place: Place
 
 
@@ -231,7 +231,7 @@ def alternatives(expr: Expr) -> Iterator[Expr]:
         yield from alternatives(part)
 
 
-def _cells(rows: tuple[Row, ...]) -> Iterator[Expr]:
+def _cells(rows: tuple[TableRow, ...]) -> Iterator[Expr]:
     for row in rows:
         if isinstance(row.body, tuple):
             yield from _cells(row.body)

@@ -58,7 +58,7 @@ def _shown(value: Fraction | float) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class _Outcomes:
+class _WeightedValues:
     """A cell: its values and their probabilities (one value with probability 1 when nothing is drawn)."""
 
     values: list[Value]
@@ -76,9 +76,9 @@ def weighted(checker: BaseChecker, expr: s.Weights, scope: Scope, want: Domain |
     return Value(b.structure("index", [b.structure("vector", nodes), index]), domain)
 
 
-def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> _Outcomes:
+def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> _WeightedValues:
     if not isinstance(expr, s.Weights):
-        return _Outcomes([checker.value(expr, scope, want)], [expr], [checker.builder.const(1, Type(Kind.REAL))])
+        return _WeightedValues([checker.value(expr, scope, want)], [expr], [checker.builder.const(1, Type(Kind.REAL))])
     if scope.draws is not None:
         checker.fail("E311", expr, f"values with probabilities are a random draw; {scope.draws}")
     exprs = [value for value, _ in expr.pairs]
@@ -88,7 +88,7 @@ def _outcomes(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | N
         if not node.type.is_scalar:
             checker.fail("E307", q, "a probability is a single number")
     check_row(checker, checker.builder.structure("vector", p), expr)
-    return _Outcomes(values, exprs, p)
+    return _WeightedValues(values, exprs, p)
 
 
 def _same_shape(checker: BaseChecker, nodes: Sequence[Node], expr: s.Expr) -> None:
@@ -163,14 +163,14 @@ def _column(checker: BaseChecker, expr: s.Expr, scope: Scope) -> _Column:
     return _Column(expr, node, value.domain, range(int(low), int(high) + 1), ends)
 
 
-def _leaves(checker: BaseChecker, rows: Sequence[s.Row], columns: Sequence[_Column], scope: Scope) -> list[_Leaf]:
+def _leaves(checker: BaseChecker, rows: Sequence[s.TableRow], columns: Sequence[_Column], scope: Scope) -> list[_Leaf]:
     """Cells with their keys, in written order; a cell that stops early spans the columns left."""
     if not columns:
         checker.fail("E307", rows[0].body if not isinstance(rows[0].body, tuple) else _some(rows[0]),
                      "this table has more levels of rows than names in `by`")  # fmt: skip
     column, rest = columns[0], columns[1:]
     leaves: list[_Leaf] = []
-    seen: dict[_Key, s.Row] = {}
+    seen: dict[_Key, s.TableRow] = {}
     for row in rows:
         key = None if row.key is None else _key(checker, row.key, column, scope)
         if key in seen and row.key is not None:
@@ -183,7 +183,7 @@ def _leaves(checker: BaseChecker, rows: Sequence[s.Row], columns: Sequence[_Colu
     return leaves
 
 
-def _some(row: s.Row) -> s.Expr:
+def _some(row: s.TableRow) -> s.Expr:
     body = row.body
     while isinstance(body, tuple):
         body = body[0].body

@@ -57,14 +57,14 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Names:
+class Replacements:
     """What may be mistaken for what: for each name the others of its type; and the names that take a prime."""
 
     alike: Mapping[str, Sequence[str]]
     primed: frozenset[str]
 
 
-def changes(text: str, names: Names) -> Iterator[Change]:
+def changes(text: str, names: Replacements) -> Iterator[Change]:
     """Every change of an expression, each resulting text once."""
     seen = {text}
     for change in (*_by_token(text, names), *_by_part(text)):
@@ -77,7 +77,7 @@ def changes(text: str, names: Names) -> Iterator[Change]:
 # -- tokens -------------------------------------------------------------------------------------------------------
 
 
-def _by_token(text: str, names: Names) -> Iterator[Change]:
+def _by_token(text: str, names: Replacements) -> Iterator[Change]:
     before = ""
     for found in _TOKEN.finditer(text):
         token, kind = found.group(), found.lastgroup
@@ -90,7 +90,7 @@ def _by_token(text: str, names: Names) -> Iterator[Change]:
         before = token
 
 
-def _replacements(token: str, kind: str, before: str, follows: str, names: Names) -> Iterator[str]:
+def _replacements(token: str, kind: str, before: str, follows: str, names: Replacements) -> Iterator[str]:
     match kind:
         case "number":
             yield from off_by_one(token)
@@ -110,7 +110,7 @@ def _ends_operand(token: str) -> bool:
     return bool(token) and (token[-1].isalnum() or token[-1] in "_')]}") and token not in _RESERVED - {"True", "False"}
 
 
-def _words(token: str, follows: str, names: Names) -> Iterator[str]:
+def _words(token: str, follows: str, names: Replacements) -> Iterator[str]:
     yield from _WORDS.get(token, ())
     bare, prime = token.removesuffix("'"), "'" * token.endswith("'")
     if token in _RESERVED or follows.startswith("("):
@@ -137,7 +137,7 @@ def off_by_one(number: str) -> Iterator[str]:
 def _by_part(text: str) -> Iterator[Change]:
     """What changes whole parts: operands left out, branches and arguments exchanged, calls undone, signs turned."""
     try:
-        root = parse(s.Text(text, lambda start, end: NOWHERE))
+        root = parse(s.SourceText(text, lambda start, end: NOWHERE))
     except SpecError:
         return
     for node in s.below(root):

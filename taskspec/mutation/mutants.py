@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Any
 
 from taskspec.diagnostics import Span
-from taskspec.mutation.expressions import Change, Names, changes, off_by_one
+from taskspec.mutation.expressions import Change, Replacements, changes, off_by_one
 from taskspec.source import Document, Path, read_text
 from taskspec.task.merge import FIELDED
 
@@ -187,7 +187,7 @@ class _Walk:
 
     def _text(self, text: str, path: Path) -> Iterator[Mutant]:
         in_step = any(step in PRIMES for step in path)
-        names = Names(self.alike, self.states if in_step else frozenset())
+        names = Replacements(self.alike, self.states if in_step else frozenset())
         for change in changes(text, names):
             yield self._edited(text, change, path)
 
@@ -227,7 +227,7 @@ class _Walk:
 
     def _renamed(self, rows: Mapping[str, Any], key: str, path: Path) -> Iterator[Mutant]:
         """A row under another key."""
-        others = [c.apply(key) for c in changes(key, Names(self.alike, frozenset()))]
+        others = [c.apply(key) for c in changes(key, Replacements(self.alike, frozenset()))]
         for other in dict.fromkeys(others):
             if other not in rows:
                 renamed = {other if k == key else k: v for k, v in rows.items()}

@@ -86,7 +86,7 @@ def _quantifier(sign: str, conjunction: str) -> Callable[[Writer, s.Call], Piece
         index, inner = found
         if conjunction == "and" and isinstance(arg, s.Compare) and [op for op, _ in arg.rest] == ["=="]:
             return w.piece(arg)  # two vectors are equal
-        return applied("quantifier", m.Row((m.Sym(sign), index, m.Sym(":"), m.Space(), w.truth(inner).tree)))
+        return applied("quantifier", m.Row((m.Sym(sign), index, m.Sym(":"), m.Gap(), w.truth(inner).tree)))
 
     return write
 
@@ -96,7 +96,7 @@ def _count(w: Writer, call: s.Call) -> Piece | None:
     if found is None:
         return None
     index, inner = found
-    return Piece(m.Row((m.Words("#"), m.braces(m.Row((index, m.Sym(":"), m.Space(), w.truth(inner).tree))))))
+    return Piece(m.Row((m.Words("#"), m.braces(m.Row((index, m.Sym(":"), m.Gap(), w.truth(inner).tree))))))
 
 
 def _total(sign: str) -> Callable[[Writer, s.Call], Piece | None]:
@@ -158,7 +158,7 @@ def _extreme(name: str) -> Callable[[Writer, s.Call], Piece | None]:
             return None
         index, inner = found
         head = m.Script(m.upright(name), index)
-        return applied("extreme", m.Row((head, m.Space(), *operands("extreme", [w.number(inner)]))))
+        return applied("extreme", m.Row((head, m.Gap(), *operands("extreme", [w.number(inner)]))))
 
     return write
 
@@ -238,8 +238,8 @@ def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
     if len(targets) == 1 and targets[0] == inner:
         if not conditions:
             return w.piece(expr.clauses[0].domain).tree
-        return m.braces(m.Row((domains[0], m.Sym(":"), m.Space(), m.joined(conditions))))
-    return m.braces(m.Row((inner, m.Sym(":"), m.Space(), m.joined([*domains, *conditions]))))
+        return m.braces(m.Row((domains[0], m.Sym(":"), m.Gap(), m.joined(conditions))))
+    return m.braces(m.Row((inner, m.Sym(":"), m.Gap(), m.joined([*domains, *conditions]))))
 
 
 def _target(w: Writer, clause: s.Clause) -> m.Math:
@@ -253,8 +253,8 @@ def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
         case s.Compare(first=s.Binary(op="%", left=x, right=n), rest=(("==" | "!=" as op, s.Number(value=0)),)):
             sign = m.Sym("≡") if op == "==" else m.Sym("≢")
             left, right = operands("congruence", [w.number(x), w.number(n)])
-            modulus = m.brackets(m.Row((m.upright("mod"), m.Space(), right)))
-            return m.Row((left, sign, m.Num("0"), m.Space("thin"), m.Space("thin"), modulus))
+            modulus = m.brackets(m.Row((m.upright("mod"), m.Gap(), right)))
+            return m.Row((left, sign, m.Num("0"), m.Gap("thin"), m.Gap("thin"), modulus))
         case _:
             return None
 

@@ -75,7 +75,7 @@ def _write(node: m.Math) -> str:
             return _symbol(text)
         case m.Words(text=text):
             return rf"\text{{{escape(text)}}}"
-        case m.Space(width=gap):
+        case m.Gap(width=gap):
             return r"\," if gap == "thin" else r"\quad "
         case m.Row(items=items):
             return _row(items)

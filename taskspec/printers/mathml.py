@@ -31,7 +31,7 @@ def _write(node: m.Math) -> str:
         case m.Words(text=text):
             # not <mtext>: a row of texts and one sign would count as an operator, and lose the space around the sign
             return f'<mi mathvariant="normal">{escape(_held(text))}</mi>'
-        case m.Space(width=gap):
+        case m.Gap(width=gap):
             return f'<mspace width="{"0.17em" if gap == "thin" else "1em"}"/>'
         case m.Row(items=items):
             return f"<mrow>{_items(items)}</mrow>"

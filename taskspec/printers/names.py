@@ -67,10 +67,10 @@ def expression(value: Any) -> s.Expr:
     return parse(written)
 
 
-def nowhere(text: str) -> s.Text:
+def nowhere(text: str) -> s.SourceText:
     """A text that no file holds."""
 
     def locate(start: int, end: int) -> Any:
         return None
 
-    return s.Text(text, locate)
+    return s.SourceText(text, locate)

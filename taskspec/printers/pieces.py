@@ -57,7 +57,7 @@ def multiply(trees: Sequence[m.Math]) -> m.Math:
         if left is not None and not _may_touch(left, tree):
             out.append(m.Sym("⋅"))
         elif left is not None and _is_name(tree):
-            out.append(m.Space())
+            out.append(m.Gap())
         out.append(tree)
     return m.Row(tuple(out))
 

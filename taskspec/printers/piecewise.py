@@ -67,7 +67,7 @@ class _Group:
     rows: list[Keys]
 
 
-def _groups(rows: Iterable[s.Row]) -> list[_Group]:
+def _groups(rows: Iterable[s.TableRow]) -> list[_Group]:
     """Rows with equal cells together, unless a row between them applies to some of the same values."""
     groups: list[_Group] = []
     latest: dict[str, int] = {}
@@ -105,7 +105,7 @@ def _overlap(one: Keys, other: Keys) -> bool:
     return all(a is None or b is None or text(a) == text(b) for a, b in zip(one, other, strict=False))
 
 
-def _flat(rows: Iterable[s.Row], before: Keys = ()) -> Iterator[tuple[Keys, s.Expr]]:
+def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys, s.Expr]]:
     """The cells with their keys, `else` after the others."""
     for row in sorted(rows, key=lambda row: row.key is None):
         keys = (*before, row.key)
@@ -162,7 +162,7 @@ def arrows(w: Writer, table: s.Table, state: str, action: m.Math, actions: str) 
     return lines
 
 
-def _line(w: Writer, row: s.Row, origin: m.Math, state: str, action: m.Math, actions: str) -> m.Math:
+def _line(w: Writer, row: s.TableRow, origin: m.Math, state: str, action: m.Math, actions: str) -> m.Math:
     every: tuple[m.Math, ...] = () if row.key is not None else (m.Words(" for every other "), w.notation.symbol(state))
     target = replace(w, of=state)
     if not isinstance(row.body, tuple):
@@ -173,6 +173,6 @@ def _line(w: Writer, row: s.Row, origin: m.Math, state: str, action: m.Math, act
         over = action if inner.key is None else replace(w, of=actions).number(inner.key).tree
         assert not isinstance(inner.body, tuple)
         rest: tuple[m.Math, ...] = (m.Words(" otherwise"),) if inner.key is None else ()
-        parts += [m.Sym(","), m.Space("wide")] if parts else []
+        parts += [m.Sym(","), m.Gap("wide")] if parts else []
         parts += [origin, m.Arrow(over), target.number(inner.body).tree, *rest]
     return m.Row((*parts, *every))

@@ -25,7 +25,7 @@ def plain(node: m.Math) -> str:
             return text
         case m.Sym(text=text):
             return text if text in _TIGHT else f"{text} " if text in _AFTER else f" {text} "
-        case m.Space(width=gap):
+        case m.Gap(width=gap):
             return " " if gap == "thin" else "  "
         case m.Row(items=items):
             return _row(items)
@@ -63,7 +63,7 @@ def _apart(node: m.Math, before: m.Math | None, after: tuple[m.Math, ...]) -> m.
     """A factor with its fraction in brackets where the slash would take in what stands beside it: (x/y)z."""
     if isinstance(node, m.Frac) and before in _DIVIDES:
         return m.brackets(node)
-    beside = next((x for x in after if not isinstance(x, m.Space)), None)
+    beside = next((x for x in after if not isinstance(x, m.Gap)), None)
     multiplies = beside in _MULTIPLIES or not isinstance(beside, m.Sym | m.Words | None)
     return _closed(node) if multiplies else node
 

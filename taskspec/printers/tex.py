@@ -17,6 +17,7 @@ from taskspec.printers.tree import (
     Cases,
     Fence,
     Frac,
+    Gap,
     Hole,
     Ident,
     Math,
@@ -25,7 +26,6 @@ from taskspec.printers.tree import (
     Root,
     Row,
     Script,
-    Space,
     Style,
     Sym,
     Words,
@@ -46,7 +46,7 @@ _PLAIN = {"*": "⋅", "-": "−", "'": "′"}
 
 
 @dataclass
-class _Reader:
+class _TexReader:
     """One pass over the tokens; `holes` are the names that stand for arguments."""
 
     tokens: list[str]
@@ -128,7 +128,7 @@ class _Reader:
         if token.isalpha():
             return [Ident(token)]
         if token == "~":
-            return [Space()]
+            return [Gap()]
         return [Sym(_PLAIN.get(token, token))] if token not in "{}$&#%^_\\" else [Words(token)]
 
     def group(self) -> Math:
@@ -187,7 +187,7 @@ class _Reader:
             return [Big(_BIG[name])]
         if name in _SPACES:
             gap = _SPACES[name]
-            return [Space("wide" if gap == "wide" else "thin")] if gap else []
+            return [Gap("wide" if gap == "wide" else "thin")] if gap else []
         return [] if name in _IGNORED else self.structure(token, name)
 
     def structure(self, token: str, name: str) -> list[Math]:
@@ -205,7 +205,7 @@ class _Reader:
             case "bmod" | "mod":
                 return [Ident("mod", "upright") if name == "mod" else Sym("mod")]
             case "pmod":
-                return [Space("wide"), Fence("(", Row((Ident("mod", "upright"), Space(), self.argument())), ")")]
+                return [Gap("wide"), Fence("(", Row((Ident("mod", "upright"), Gap(), self.argument())), ")")]
             case "left":
                 return [self.stretched()]
             case "begin":
@@ -267,7 +267,7 @@ def read(text: str, holes: Collection[str] = ()) -> Math:
         text: TeX, without dollars.
         holes: names which, alone in braces, stand for arguments of a template.
     """
-    reader = _Reader(_TOKEN.findall(text), holes)
+    reader = _TexReader(_TOKEN.findall(text), holes)
     found: list[Math] = []
     while reader.peek() is not None:
         found += reader.items()

@@ -40,7 +40,7 @@ def _key(expr: s.Expr) -> str:
     return expr.value if isinstance(expr, s.Quoted) else text(expr)
 
 
-def _rows(rows: tuple[s.Row, ...]) -> dict[str, Any]:
+def _rows(rows: tuple[s.TableRow, ...]) -> dict[str, Any]:
     return {
         "else" if row.key is None else _key(row.key): _rows(row.body) if isinstance(row.body, tuple) else data(row.body)
         for row in rows
@@ -136,7 +136,7 @@ def _conditional(branches: tuple[tuple[s.Expr, s.Expr], ...], otherwise: s.Expr,
     return result
 
 
-def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.Row, ...], place: s.Place) -> s.Expr:
+def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place: s.Place) -> s.Expr:
     """A table as nested conditionals; where no row is for everything else, the last row is."""
     pairs = [
         (row.key, _as_conditional(by[1:], row.body, place) if isinstance(row.body, tuple) else row.body) for row in rows

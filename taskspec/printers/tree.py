@@ -42,7 +42,7 @@ class Words:
 
 
 @dataclass(frozen=True, slots=True)
-class Space:
+class Gap:
     """A gap that the neighbours do not make by themselves."""
 
     width: Literal["thin", "wide"] = "thin"
@@ -129,7 +129,7 @@ class Hole:
 
 
 Math = (
-    Ident | Num | Sym | Words | Space | Row | Frac | Root | Accent | Script | Fence | Cases | Matrix | Arrow | Big | Hole
+    Ident | Num | Sym | Words | Gap | Row | Frac | Root | Accent | Script | Fence | Cases | Matrix | Arrow | Big | Hole
 )  # fmt: skip
 
 
@@ -199,7 +199,7 @@ def width(node: Math) -> float:
             return 0.9 * len(text)
         case Sym(text=text):
             return 0.6 if text in ",;()[]{}|‖'" else 2.0
-        case Space(width=gap):
+        case Gap(width=gap):
             return 0.4 if gap == "thin" else 2.0
         case Frac(top=top, bottom=bottom):
             return max(width(top), width(bottom)) * 0.8

@@ -14,7 +14,7 @@ import yaml
 
 from taskspec.limits import Limits, how_to_raise, limits
 from taskspec.source.excerpts import special_start
-from taskspec.source.nodes import Finding, Mapping, Node, Scalar, Sequence, Style
+from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, Style, TextProblem
 
 _STYLES: dict[str | None, Style] = {"'": "'", '"': '"', "|": "|", ">": ">"}
 
@@ -22,7 +22,7 @@ _STYLES: dict[str | None, Style] = {"'": "'", '"': '"', "|": "|", ">": ">"}
 class RefusedError(Exception):
     """The text cannot be read any further; the finding says why."""
 
-    def __init__(self, finding: Finding) -> None:
+    def __init__(self, finding: TextProblem) -> None:
         super().__init__(finding.message)
         self.finding = finding
 
@@ -35,7 +35,7 @@ class Syntax:
     context: str
     at: int
     since: int | None
-    open: list[Mapping | Sequence]
+    open: list[MappingNode | SequenceNode]
     last: Node | None
 
 
@@ -45,7 +45,7 @@ class Composed:
 
     root: Node | None = None
     syntax: Syntax | None = None
-    stop: Finding | None = None
+    stop: TextProblem | None = None
     bad_keys: list[Node] = field(default_factory=list)
 
 
@@ -58,7 +58,7 @@ def compose(text: str) -> Composed:
     except yaml.MarkedYAMLError as error:
         builder.result.syntax = _syntax(error, builder)
     except yaml.YAMLError as error:
-        builder.result.stop = Finding("E112", 0, 0, f"YAML cannot read this: {error}")
+        builder.result.stop = TextProblem("E112", 0, 0, f"YAML cannot read this: {error}")
     except RefusedError as refused:
         builder.result.stop = refused.finding
     return builder.result
@@ -92,7 +92,7 @@ class _Builder:
     def __init__(self, text: str) -> None:
         self.text = text
         self.result = Composed()
-        self.open: list[Mapping | Sequence] = []
+        self.open: list[MappingNode | SequenceNode] = []
         self.keys: list[Node | None] = []  # the key whose value comes next, per open collection
         self.last: Node | None = None
         self.count, self.most = 0, limits().values
@@ -102,10 +102,10 @@ class _Builder:
             case yaml.ScalarEvent():
                 self._refuse_properties(event)
                 style = _STYLES.get(event.style, "plain")
-                self._place(Scalar(event.value, *_range(event), style))
+                self._place(ScalarNode(event.value, *_range(event), style))
             case yaml.MappingStartEvent() | yaml.SequenceStartEvent():
                 self._refuse_properties(event)
-                kind = Mapping if isinstance(event, yaml.MappingStartEvent) else Sequence
+                kind = MappingNode if isinstance(event, yaml.MappingStartEvent) else SequenceNode
                 self._begin(kind(_range(event)[0], bool(event.flow_style)))
             case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
                 self._end(_range(event)[1])
@@ -115,7 +115,7 @@ class _Builder:
                 where, _ = _range(event)
                 message = "a second YAML document begins here"
                 hint = "one file holds one task: remove the `---`, or use `variants`"
-                raise RefusedError(Finding("E116", where, where + 3, message, hint))
+                raise RefusedError(TextProblem("E116", where, where + 3, message, hint))
 
     @property
     def in_flow(self) -> bool:
@@ -127,10 +127,10 @@ class _Builder:
             return
         raise RefusedError(special_start(self.text, _range(event)[0], self.in_flow))
 
-    def _begin(self, node: Mapping | Sequence) -> None:
+    def _begin(self, node: MappingNode | SequenceNode) -> None:
         if len(self.open) >= Limits.depth:
             message = f"values are nested more than {Limits.depth} deep"
-            raise RefusedError(Finding("E114", node.start, node.start + 1, message))
+            raise RefusedError(TextProblem("E114", node.start, node.start + 1, message))
         self._place(node)
         self.open.append(node)
         self.keys.append(None)
@@ -145,25 +145,25 @@ class _Builder:
         self.count += 1
         if self.count > self.most:
             message, hint = f"the file holds more than {self.most:,} values", how_to_raise("values", 2 * self.most)
-            raise RefusedError(Finding("E114", node.start, node.start + 1, message, hint))
+            raise RefusedError(TextProblem("E114", node.start, node.start + 1, message, hint))
         self.last = node
         match self.open[-1] if self.open else None:
             case None:
                 self.result.root = node
-            case Sequence() as parent:
+            case SequenceNode() as parent:
                 parent.items.append(node)
-            case Mapping() as parent:
+            case MappingNode() as parent:
                 self._enter(parent, node)
 
-    def _enter(self, parent: Mapping, node: Node) -> None:
+    def _enter(self, parent: MappingNode, node: Node) -> None:
         key = self.keys[-1]
         if key is None:
             self.keys[-1] = node
-            if not isinstance(node, Scalar) or (node.style == "plain" and not node.value):
+            if not isinstance(node, ScalarNode) or (node.style == "plain" and not node.value):
                 self.result.bad_keys.append(node)
             return
         self.keys[-1] = None
-        if isinstance(key, Scalar):
+        if isinstance(key, ScalarNode):
             parent.entries.append((key, node))
             parent.index.setdefault(key.value, (key, node))
 
@@ -172,7 +172,7 @@ def _range(event: Any) -> tuple[int, int]:
     return event.start_mark.index, event.end_mark.index
 
 
-def _last_end(node: Mapping | Sequence) -> int:
+def _last_end(node: MappingNode | SequenceNode) -> int:
     """Where a block collection ends: with its last value, not with the blank lines below."""
-    children = node.items if isinstance(node, Sequence) else [each for _, each in node.entries]
+    children = node.items if isinstance(node, SequenceNode) else [each for _, each in node.entries]
     return max(node.start + 1, children[-1].end if children else 0)

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 from taskspec.diagnostics import Collector, Origin, Span, SpecError
 from taskspec.limits import how_to_raise, limits
-from taskspec.source.nodes import Finding, Mapping, Node, Scalar, Sequence
+from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, TextProblem
 from taskspec.source.scalars import places, resolve
 
 Path: TypeAlias = tuple[str | int, ...]
@@ -45,7 +45,7 @@ class Document:
         A path that leads nowhere gives the place of the last value on its way that exists.
         """
         key, node = self._find(path)
-        if isinstance(node, Scalar) and (start is not None or end is not None):
+        if isinstance(node, ScalarNode) and (start is not None or end is not None):
             return self._between(*self._characters(node, start, end))
         if node.end <= node.start and key is not None:
             return self._between(key.start, key.end)  # nothing is written after this key
@@ -62,18 +62,18 @@ class Document:
         Raises KeyError when there is no scalar at the path.
         """
         _, node = self._find(path, strict=True)
-        if not isinstance(node, Scalar):
+        if not isinstance(node, ScalarNode):
             raise KeyError(path)
         return node.value
 
-    def _find(self, path: Path, strict: bool = False) -> tuple[Scalar | None, Node]:
-        key: Scalar | None = None
+    def _find(self, path: Path, strict: bool = False) -> tuple[ScalarNode | None, Node]:
+        key: ScalarNode | None = None
         node = self._root
         for step in path:
             match node, step:
-                case Mapping(), str() if step in node.index:
+                case MappingNode(), str() if step in node.index:
                     key, node = node.index[step]
-                case Sequence(), int() if 0 <= step < len(node.items):
+                case SequenceNode(), int() if 0 <= step < len(node.items):
                     key, node = None, node.items[step]
                 case _ if strict:
                     raise KeyError(path)
@@ -81,7 +81,7 @@ class Document:
                     break
         return key, node
 
-    def _characters(self, node: Scalar, start: int | None, end: int | None) -> tuple[int, int]:
+    def _characters(self, node: ScalarNode, start: int | None, end: int | None) -> tuple[int, int]:
         """Offsets in the file of a range of a scalar's value; an empty range has an empty place."""
         if id(node) not in self._places:
             self._places[id(node)] = places(self.origin.text, node)
@@ -143,7 +143,7 @@ def read_text(text: str, name: str = "<string>") -> Document:
     return Document(origin, _data(root), root, lines)
 
 
-def _compose(text: str) -> tuple[Node | None, list[Finding]]:
+def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
     # PyYAML is imported when the first spec is read, not when the package is.
     from taskspec.source.compose import compose
     from taskspec.source.syntax import explain
@@ -157,19 +157,19 @@ def _compose(text: str) -> tuple[Node | None, list[Finding]]:
     if composed.syntax:
         stop = explain(text, composed.syntax)
     elif root is None and stop is None:
-        stop = Finding("E115", 0, 0, "the file holds nothing but blanks and comments")
+        stop = TextProblem("E115", 0, 0, "the file holds nothing but blanks and comments")
     if stop and all(each.start != stop.start for each in findings):
         findings.append(stop)
     return root, findings
 
 
-def _before_reading(text: str) -> Iterable[Finding]:
+def _before_reading(text: str) -> Iterable[TextProblem]:
     if len(text) > limits().file:
-        yield Finding("E114", 0, 0, _too_long(), how_to_raise("file", len(text)))
+        yield TextProblem("E114", 0, 0, _too_long(), how_to_raise("file", len(text)))
     elif found := _NOT_TEXT.search(text):
         code_point = f"U+{ord(found.group()):04X}"
         message = f"the character {code_point} cannot stand in a spec"
-        yield Finding("E113", found.start(), found.end(), message, "remove it")
+        yield TextProblem("E113", found.start(), found.end(), message, "remove it")
 
 
 def _too_long() -> str:
@@ -203,11 +203,11 @@ def _failure(name: str, code: str, message: str, span: Span | None = None) -> Sp
 
 def _data(node: Node) -> Any:
     match node:
-        case Scalar(style="plain"):
+        case ScalarNode(style="plain"):
             return resolve(node.value)
-        case Scalar():
+        case ScalarNode():
             return node.value
-        case Sequence():
+        case SequenceNode():
             return [_data(item) for item in node.items]
-        case Mapping():
+        case MappingNode():
             return {key.value: _data(value) for key, value in node.entries}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from taskspec.source.nodes import Finding
+from taskspec.source.nodes import TextProblem
 
 _PAIRS = {"(": ")", "[": "]", "{": "}"}
 _CLOSERS = frozenset(_PAIRS.values())
@@ -84,11 +84,11 @@ def shown(written: str) -> str:
     return words if len(words) <= _LONGEST else words[: _LONGEST - 1] + "…"
 
 
-def special_start(text: str, start: int, in_flow: bool) -> Finding:
+def special_start(text: str, start: int, in_flow: bool) -> TextProblem:
     """The finding that a value starts with a character of YAML's own."""
     char = text[start]
     end = max(start + 1, value_end(text, start, in_flow and char not in ",]}"))
-    return Finding(
+    return TextProblem(
         "E102",
         start,
         end,

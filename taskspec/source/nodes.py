@@ -9,7 +9,7 @@ Style = Literal["plain", "'", '"', "|", ">"]
 
 
 @dataclass(slots=True, eq=False)
-class Scalar:
+class ScalarNode:
     """A single value: its text once quotes, escapes and folded lines are taken care of."""
 
     value: str
@@ -19,7 +19,7 @@ class Scalar:
 
 
 @dataclass(slots=True, eq=False)
-class Sequence:
+class SequenceNode:
     """A list; `flow` when written between brackets."""
 
     start: int
@@ -29,20 +29,20 @@ class Sequence:
 
 
 @dataclass(slots=True, eq=False)
-class Mapping:
+class MappingNode:
     """Entries in the order written, repeated keys included; `flow` when written between braces."""
 
     start: int
     flow: bool
     end: int = 0
-    entries: list[tuple[Scalar, Node]] = field(default_factory=list)
-    index: dict[str, tuple[Scalar, Node]] = field(default_factory=dict)
+    entries: list[tuple[ScalarNode, Node]] = field(default_factory=list)
+    index: dict[str, tuple[ScalarNode, Node]] = field(default_factory=dict)
 
 
-Node: TypeAlias = Scalar | Sequence | Mapping
+Node: TypeAlias = ScalarNode | SequenceNode | MappingNode
 
 
-class Finding(NamedTuple):
+class TextProblem(NamedTuple):
     """A problem with the text, placed by offsets."""
 
     code: str

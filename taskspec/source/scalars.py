@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 from taskspec.limits import Limits
-from taskspec.source.nodes import Scalar
+from taskspec.source.nodes import ScalarNode
 
 # One entry per character of a value: the character, and the range of the file it came from.
 Place: TypeAlias = tuple[str, int, int]
@@ -79,7 +79,7 @@ def is_overlong_number(text: str) -> bool:
     return len(text) > Limits.digits and bool(_INT.fullmatch(text) or _FLOAT.fullmatch(text) or _HEX.fullmatch(text))
 
 
-def places(text: str, scalar: Scalar) -> list[tuple[int, int]]:
+def places(text: str, scalar: ScalarNode) -> list[tuple[int, int]]:
     """For every character of a scalar's value, the range of `text` that it was written as."""
     match scalar.style:
         case "plain":
@@ -140,7 +140,7 @@ def _escaped(text: str, at: int) -> tuple[list[Place], int]:
     return [(char, at, escape.end())], escape.end()
 
 
-def _block(text: str, scalar: Scalar) -> list[Place]:
+def _block(text: str, scalar: ScalarNode) -> list[Place]:
     """Literal (`|`) and folded (`>`) scalars, line by line as the YAML standard's section 8.1."""
     header = _BREAK.search(text, scalar.start, scalar.end)
     if header is None:

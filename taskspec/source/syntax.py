@@ -20,12 +20,12 @@ from taskspec.source.excerpts import (
     special_start,
     value_end,
 )
-from taskspec.source.nodes import Finding, Mapping, Scalar, Sequence
+from taskspec.source.nodes import MappingNode, ScalarNode, SequenceNode, TextProblem
 
 _WORD_LINE = re.compile(r"""[\w']+$|"[^"]*"$""")
 
 
-def explain(text: str, syntax: Syntax) -> Finding:
+def explain(text: str, syntax: Syntax) -> TextProblem:
     """The finding for a text that the YAML parser refused."""
     for rule in _RULES:
         if finding := rule(text, syntax):
@@ -33,45 +33,45 @@ def explain(text: str, syntax: Syntax) -> Finding:
     return _unknown(text, syntax)
 
 
-def _tab(text: str, syntax: Syntax) -> Finding | None:
+def _tab(text: str, syntax: Syntax) -> TextProblem | None:
     at = syntax.at
     if _char(text, at) != "\t" and "tab" not in syntax.problem.split():
         return None
     tab = text.find("\t", line_start(text, at))
     hint = "replace each tab by spaces"
-    return Finding("E105", tab, tab + 1, "a tab where YAML wants spaces", hint)
+    return TextProblem("E105", tab, tab + 1, "a tab where YAML wants spaces", hint)
 
 
-def _open_quote(text: str, syntax: Syntax) -> Finding | None:
+def _open_quote(text: str, syntax: Syntax) -> TextProblem | None:
     if "quoted" not in syntax.context or syntax.since is None:
         return None
     quote = text[syntax.since]
     hint = "inside single quotes, a quote is written twice: ''" if quote == "'" else None
     message = f"this text begins with {quote} and is never closed"
-    return Finding("E111", syntax.since, line_end(text, syntax.since), message, hint)
+    return TextProblem("E111", syntax.since, line_end(text, syntax.since), message, hint)
 
 
-def _escape(text: str, syntax: Syntax) -> Finding | None:
+def _escape(text: str, syntax: Syntax) -> TextProblem | None:
     if "escape" not in syntax.problem and "hexdecimal" not in syntax.problem:
         return None
     at = text.rfind("\\", 0, syntax.at + 1)
     message = f"`{text[at : at + 2]}` means nothing between double quotes"
-    return Finding("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
+    return TextProblem("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
 
 
-def _no_colon(text: str, syntax: Syntax) -> Finding | None:
+def _no_colon(text: str, syntax: Syntax) -> TextProblem | None:
     if "could not find expected ':'" not in syntax.problem or syntax.since is None:
         return None
     return _colon_missing(text, syntax.since)
 
 
-def _colon_missing(text: str, start: int) -> Finding:
+def _colon_missing(text: str, start: int) -> TextProblem:
     end = value_end(text, start, in_flow=False)
     message = f"`{shown(text[start:end])}` is not of the form `key: value`"
-    return Finding("E112", start, end, message, "write a colon and a space after the key")
+    return TextProblem("E112", start, end, message, "write a colon and a space after the key")
 
 
-def _special(text: str, syntax: Syntax) -> Finding | None:
+def _special(text: str, syntax: Syntax) -> TextProblem | None:
     if any(word in syntax.context for word in _SPECIAL_CONTEXTS):
         at = syntax.at if syntax.since is None else syntax.since
     elif any(word in syntax.problem for word in _SPECIAL_PROBLEMS):
@@ -81,7 +81,7 @@ def _special(text: str, syntax: Syntax) -> Finding | None:
     char, in_flow = _char(text, at), bool(syntax.open) and syntax.open[-1].flow
     if in_flow and char in (",", ":", "]", "}"):
         code = "E108" if char == ":" else "E112"
-        return Finding(code, at, at + 1, f"nothing stands before this `{char}`")
+        return TextProblem(code, at, at + 1, f"nothing stands before this `{char}`")
     return special_start(text, at, in_flow) if char in SPECIAL else None
 
 
@@ -95,78 +95,78 @@ _SPECIAL_PROBLEMS = (
 )
 
 
-def _not_closed(text: str, syntax: Syntax) -> Finding | None:
+def _not_closed(text: str, syntax: Syntax) -> TextProblem | None:
     """A bracket without its partner: the parser ran into the end, or into the next key."""
     if not syntax.open or not syntax.open[-1].flow:
         return None
     for node in syntax.open:
         if node.flow and not is_closed(text, node.start):
             message = f"this `{text[node.start]}` is never closed"
-            return Finding("E111", node.start, node.start + 1, message)
+            return TextProblem("E111", node.start, node.start + 1, message)
     return None
 
 
-def _split_by_bracket(text: str, syntax: Syntax) -> Finding | None:
+def _split_by_bracket(text: str, syntax: Syntax) -> TextProblem | None:
     """An index or a call inside a flow collection: `{x: p[0]}`."""
     last = syntax.last
     if not syntax.open or not syntax.open[-1].flow or _char(text, syntax.at) not in ("[", "{"):
         return None
-    if not isinstance(last, Scalar) or last.style != "plain":
+    if not isinstance(last, ScalarNode) or last.style != "plain":
         return None
     return split_expression(text, last.start)
 
 
-def split_expression(text: str, start: int) -> Finding:
+def split_expression(text: str, start: int) -> TextProblem:
     """The finding for an expression between braces or brackets that YAML cuts in pieces."""
     end = value_end(text, start, in_flow=True)
     written = text[start:end]
     message = f"YAML cuts `{shown(written)}` in pieces, because it stands between braces or brackets"
-    return Finding("E106", start, end, message, in_quotes(written))
+    return TextProblem("E106", start, end, message, in_quotes(written))
 
 
-def _unmatched(text: str, syntax: Syntax) -> Finding | None:
+def _unmatched(text: str, syntax: Syntax) -> TextProblem | None:
     char, at = _char(text, syntax.at), syntax.at
     if not syntax.open or not syntax.open[-1].flow or char not in ("]", "}"):
         return None
     opened = text[syntax.open[-1].start]
     message = f"this `{char}` closes nothing: the last bracket opened is `{opened}`"
-    return Finding("E112", at, at + 1, message, "text with brackets in it goes in quotes")
+    return TextProblem("E112", at, at + 1, message, "text with brackets in it goes in quotes")
 
 
-def _colon_at_end(text: str, syntax: Syntax) -> Finding | None:
+def _colon_at_end(text: str, syntax: Syntax) -> TextProblem | None:
     """A colon glued to the comma or bracket after it: `{type:, low: 0}`."""
     if "unexpected ':'" not in syntax.problem:
         return None
     hint = "write a value after the colon, or put text with colons in quotes"
-    return Finding("E107", syntax.at, syntax.at + 1, "no value stands after this colon", hint)
+    return TextProblem("E107", syntax.at, syntax.at + 1, "no value stands after this colon", hint)
 
 
-def _no_comma(text: str, syntax: Syntax) -> Finding | None:
+def _no_comma(text: str, syntax: Syntax) -> TextProblem | None:
     if not re.search(r"expected ','", syntax.problem) or syntax.at >= len(text):
         return None
     end = max(syntax.at + 1, value_end(text, syntax.at, in_flow=True))
     message = f"a comma is missing before `{shown(text[syntax.at : end])}`"
-    return Finding("E112", syntax.at, end, message)
+    return TextProblem("E112", syntax.at, end, message)
 
 
-def _colon_in_flow(text: str, syntax: Syntax) -> Finding | None:
+def _colon_in_flow(text: str, syntax: Syntax) -> TextProblem | None:
     last = syntax.last
     if not syntax.open or not syntax.open[-1].flow or _char(text, syntax.at) != ":":
         return None
-    if not isinstance(last, Scalar):
+    if not isinstance(last, ScalarNode):
         return None
     message = f"a second colon in one entry, after `{shown(text[last.start : syntax.at])}`"
     hint = "put a comma before the next key, or the value in quotes"
-    return Finding("E104", syntax.at, syntax.at + 1, message, hint)
+    return TextProblem("E104", syntax.at, syntax.at + 1, message, hint)
 
 
-def _colon(text: str, syntax: Syntax) -> Finding | None:
+def _colon(text: str, syntax: Syntax) -> TextProblem | None:
     if "mapping values are not allowed" not in syntax.problem:
         return None
     last, at = syntax.last, syntax.at
-    if isinstance(last, Mapping) and text[last.start] == "{":
+    if isinstance(last, MappingNode) and text[last.start] == "{":
         return _brace(text, last)
-    begin = last.start if isinstance(last, Scalar) else line_start(text, at)
+    begin = last.start if isinstance(last, ScalarNode) else line_start(text, at)
     if not syntax.open:
         return _colon_missing(text, begin)
     this_line = line_start(text, at)
@@ -175,21 +175,21 @@ def _colon(text: str, syntax: Syntax) -> Finding | None:
         key = shown(text[start:at])
         message = f"`{key}` is indented as if it belonged to the value above"
         hint = "line it up with the key that it stands beside"
-        return Finding("E110", start, at, message, hint)
+        return TextProblem("E110", start, at, message, hint)
     end = value_end(text, at, in_flow=False)
     message = "a colon followed by a space inside a value"
-    return Finding("E104", at, at + 1, message, in_quotes(text[begin:end]))
+    return TextProblem("E104", at, at + 1, message, in_quotes(text[begin:end]))
 
 
-def _after_value(text: str, syntax: Syntax) -> Finding | None:
+def _after_value(text: str, syntax: Syntax) -> TextProblem | None:
     """Something follows, on the same line, a value that was already complete."""
     last, at = syntax.last, syntax.at
     if last is None or text[last.end : at].strip(" \t") or last.end > at:
         return None
-    if isinstance(last, Mapping) and text[last.start] == "{":
+    if isinstance(last, MappingNode) and text[last.start] == "{":
         return _brace(text, last)
-    is_quoted = isinstance(last, Scalar) and last.style in "\"'"
-    if not is_quoted and not (isinstance(last, Sequence) and last.flow):
+    is_quoted = isinstance(last, ScalarNode) and last.style in "\"'"
+    if not is_quoted and not (isinstance(last, SequenceNode) and last.flow):
         return None
     in_flow = bool(syntax.open) and syntax.open[-1].flow
     end = max(at + 1, value_end(text, at, in_flow))
@@ -197,48 +197,48 @@ def _after_value(text: str, syntax: Syntax) -> Finding | None:
         return _apostrophe(text, last.start, at, end)
     ended = "quote" if is_quoted else "bracket"
     message = f"`{shown(text[at:end])}` stands after the {ended} that ends the value"
-    return Finding("E109", at, end, message, in_quotes(text[last.start : end]))
+    return TextProblem("E109", at, end, message, in_quotes(text[last.start : end]))
 
 
-def _apostrophe(text: str, start: int, at: int, end: int) -> Finding:
+def _apostrophe(text: str, start: int, at: int, end: int) -> TextProblem:
     message = "the apostrophe ends the text that began with a single quote"
-    return Finding("E109", at - 1, at, message, in_quotes(text[start + 1 : end - 1]))
+    return TextProblem("E109", at - 1, at, message, in_quotes(text[start + 1 : end - 1]))
 
 
-def _brace(text: str, node: Mapping) -> Finding:
+def _brace(text: str, node: MappingNode) -> TextProblem:
     end = max(node.end, value_end(text, node.start, in_flow=False))
     return starts_with_brace(text, node.start, end)
 
 
-def starts_with_brace(text: str, start: int, end: int) -> Finding:
+def starts_with_brace(text: str, start: int, end: int) -> TextProblem:
     """The finding for an expression that YAML takes for a mapping."""
     message = "an expression cannot start with `{`: YAML reads a mapping"
-    return Finding("E103", start, end, message, in_quotes(text[start:end]))
+    return TextProblem("E103", start, end, message, in_quotes(text[start:end]))
 
 
-def _indentation(text: str, syntax: Syntax) -> Finding | None:
+def _indentation(text: str, syntax: Syntax) -> TextProblem | None:
     at = syntax.at
     if text[line_start(text, at) : at].strip(" -") or at >= len(text.rstrip()):
         return None
     end = value_end(text, at, in_flow=False)
     if _char(text, at) == ":":
-        return Finding("E108", at, at + 1, "nothing stands before this `:`")
+        return TextProblem("E108", at, at + 1, "nothing stands before this `:`")
     message = f"`{shown(text[at:end])}` does not line up with the lines above"
     hint = "keys of one mapping, and the dashes of one list, start in the same column"
-    return Finding("E110", at, end, message, hint)
+    return TextProblem("E110", at, end, message, hint)
 
 
-def _unknown(text: str, syntax: Syntax) -> Finding:
+def _unknown(text: str, syntax: Syntax) -> TextProblem:
     at = min(syntax.at, max(len(text.rstrip()) - 1, 0))
     words = " ".join(part for part in (syntax.context, syntax.problem) if part)
-    return Finding("E112", at, at + 1, f"YAML cannot read on from here ({words})")
+    return TextProblem("E112", at, at + 1, f"YAML cannot read on from here ({words})")
 
 
 def _char(text: str, at: int) -> str:
     return text[at : at + 1]
 
 
-_RULES: tuple[Callable[[str, Syntax], Finding | None], ...] = (
+_RULES: tuple[Callable[[str, Syntax], TextProblem | None], ...] = (
     _tab,
     _escape,
     _colon_at_end,

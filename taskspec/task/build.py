@@ -26,7 +26,7 @@ from taskspec.task.invariants import check_on_request
 from taskspec.task.merge import Merged, abstracted, merge
 from taskspec.task.names import Names, signature
 from taskspec.task.schema import Spec, check_shape, validated
-from taskspec.task.sections import Sections
+from taskspec.task.sections import SectionBuilder
 from taskspec.task.taken import check_names
 from taskspec.task.task import Component, Surface, Task
 
@@ -106,7 +106,7 @@ class _Build:
         self.spec = spec
         self.context = Context(merged, collector)
         self.names = Names(self.context)
-        self.sections = Sections(self.context, self.names)
+        self.sections = SectionBuilder(self.context, self.names)
         self.merged, self.data, self.collector = merged, merged.data, collector
 
     def checked(self, given: dict[str, Any], suite: str) -> Task:

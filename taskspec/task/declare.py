@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.diagnostics import Collector, Placed, suggest
-from taskspec.draws.layout import Layout
+from taskspec.draws.layout import WordLayout
 from taskspec.draws.sample import sampler
 from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.builder import Builder
@@ -148,9 +148,9 @@ class Declarations:
         if seed is None:
             self.checker.fail("E311", expr, "this constant is drawn, but the task has no parameter 'instance_seed'",
                               "declare it: `instance_seed: {type: int, default: 0, low: 0}`")  # fmt: skip
-        return Value(self._drawn(found.node, Layout.dealt(written.values()), seed, name), found.domain)
+        return Value(self._drawn(found.node, WordLayout.dealt(written.values()), seed, name), found.domain)
 
-    def _drawn(self, node: Node, layout: Layout, seed: int, name: str) -> Const:
+    def _drawn(self, node: Node, layout: WordLayout, seed: int, name: str) -> Const:
         """The value of a constant drawn once: the same seed gives the same constant, whatever else is declared."""
         words = draws.block(seed, INSTANCE, zlib.crc32(name.encode()), 1, layout.count)[0].tolist()
         (flat,) = evaluate([node], {}, sampler(layout, words))

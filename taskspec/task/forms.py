@@ -33,17 +33,17 @@ class Forms:
             node = node[step]
         return node
 
-    def text(self, path: Path, value: str) -> s.Text:
-        return s.Text(value, lambda start, end: self.merged.span(path, start, end))
+    def text(self, path: Path, value: str) -> s.SourceText:
+        return s.SourceText(value, lambda start, end: self.merged.span(path, start, end))
 
     def place(self, path: Path) -> s.Place:
         """The whole value at a path, as a place."""
-        return s.Place(s.Text("", lambda start, end: self.merged.span(path)), 0, 0)
+        return s.Place(s.SourceText("", lambda start, end: self.merged.span(path)), 0, 0)
 
     def tree(self, value: Tree, path: Path) -> s.Expr | None:
         match value:
             case bool() | int() | float():
-                return literal(value, s.Text(str(value), lambda start, end: self.merged.span(path)))
+                return literal(value, s.SourceText(str(value), lambda start, end: self.merged.span(path)))
             case str() if value.strip() in self.labels:
                 return s.Quoted(value.strip(), self.place(path))
             case str():
@@ -122,7 +122,7 @@ class Forms:
 
     def key(self, key: str, path: Path) -> s.Expr | None:
         """A key of a table or of a distribution: an expression on the left of a colon."""
-        text = s.Text(str(key), lambda start, end: _part(self.merged.key_span(path), str(key), start, end))
+        text = s.SourceText(str(key), lambda start, end: _part(self.merged.key_span(path), str(key), start, end))
         if key in ("true", "false"):
             return literal(key == "true", text)
         label = s.Quoted(str(key), s.Place(text, 0, len(str(key))))
@@ -163,13 +163,13 @@ class Forms:
             return None
         return s.Table(found, rows, self.place(path))
 
-    def _rows(self, rows: dict[str, Any], depth: int, path: Path) -> tuple[s.Row, ...] | None:
-        result: list[s.Row] = []
+    def _rows(self, rows: dict[str, Any], depth: int, path: Path) -> tuple[s.TableRow, ...] | None:
+        result: list[s.TableRow] = []
         broken = False
         for key, cell in rows.items():
             here = (*path, key)
             label = None if key == "else" else self.key(key, here)
-            body: s.Expr | tuple[s.Row, ...] | None
+            body: s.Expr | tuple[s.TableRow, ...] | None
             if depth > 1 and isinstance(cell, dict) and not cell.keys() & {"by", "rows"}:
                 body = self._rows(cell, depth - 1, here)
             else:
@@ -177,7 +177,7 @@ class Forms:
             if body is None or (label is None and key != "else"):
                 broken = True
             else:
-                result.append(s.Row(label, body, self.place(here)))
+                result.append(s.TableRow(label, body, self.place(here)))
         return None if broken else tuple(result)
 
 

@@ -24,7 +24,7 @@ from taskspec.task.widths import kept, saturated, widest
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 
 
-class Sections:
+class SectionBuilder:
     """Turns the sections of one build into nodes; mistakes go to the collector."""
 
     def __init__(self, context: Context, names: Names) -> None:

@@ -23,7 +23,7 @@ Form = Literal["discrete", "multi_discrete", "box", "one_hot", "dict"]
 
 
 @dataclass(frozen=True)
-class Layout:
+class SpaceLayout:
     """Components as one Gymnasium value.
 
     `shape` is that of the array (`box`, `multi_discrete`, `one_hot`); `low` and `high` are the bounds of a box, flat.
@@ -56,11 +56,11 @@ class Layout:
         return tuple(int(v) for c in self.components for v in c.low)
 
 
-def observation_layout(task: Task) -> Layout:
+def observation_layout(task: Task) -> SpaceLayout:
     return _layout(task.observation.components, task.observation.space, several="box")
 
 
-def action_layout(task: Task) -> Layout:
+def action_layout(task: Task) -> SpaceLayout:
     """The action as one value. Ints of a box end where actions do, so that all that is sampled from it is taken."""
     layout = _layout(task.action, "auto", several="multi_discrete")
     if layout.form != "box":
@@ -71,17 +71,17 @@ def action_layout(task: Task) -> Layout:
     return replace(layout, low=low, high=high)
 
 
-def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) -> Layout:
+def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) -> SpaceLayout:
     form: Form = _automatic(components, several) if space == "auto" else space
     match form:
         case "discrete":
-            return Layout(form, components)
+            return SpaceLayout(form, components)
         case "multi_discrete":
-            return Layout(form, components, (sum(c.type.size for c in components),))
+            return SpaceLayout(form, components, (sum(c.type.size for c in components),))
         case "one_hot":
-            return Layout(form, components, (sum(n for c in components for n in c.counts),))
+            return SpaceLayout(form, components, (sum(n for c in components for n in c.counts),))
         case "dict":
-            return Layout(form, components)
+            return SpaceLayout(form, components)
         case "box":
             return _box(components)
 
@@ -93,11 +93,11 @@ def _automatic(components: tuple[Component, ...], several: Form) -> Form:
     return several if finite else "box"
 
 
-def _box(components: tuple[Component, ...]) -> Layout:
+def _box(components: tuple[Component, ...]) -> SpaceLayout:
     shape = components[0].type.shape if len(components) == 1 else (sum(c.type.size for c in components),)
     low = tuple(single(v) for c in components for v in c.low)
     high = tuple(single(v) for c in components for v in c.high)
-    return Layout("box", components, shape, low, high)
+    return SpaceLayout("box", components, shape, low, high)
 
 
 def single(value: float) -> float:
@@ -112,7 +112,7 @@ def singles(values: Any, shape: tuple[int, ...]) -> Any:
         return np.array(values, np.float32).reshape(shape)
 
 
-def pack(layout: Layout, flats: Sequence[tuple[Any, ...]]) -> Any:
+def pack(layout: SpaceLayout, flats: Sequence[tuple[Any, ...]]) -> Any:
     """Component values, flat row-major, as one Gymnasium value."""
     items = [value for flat in flats for value in flat]
     match layout.form:
@@ -128,7 +128,7 @@ def pack(layout: Layout, flats: Sequence[tuple[Any, ...]]) -> Any:
             return singles(items, layout.shape)
 
 
-def _one_hot(layout: Layout, items: Sequence[Any]) -> Any:
+def _one_hot(layout: SpaceLayout, items: Sequence[Any]) -> Any:
     row = np.zeros(layout.size, np.float32)
     offset = 0
     for item, start, count in zip(items, layout.starts, layout.counts, strict=True):
@@ -144,7 +144,7 @@ def _entry(c: Component, flat: tuple[Any, ...]) -> Any:
     return singles(flat, c.type.shape)
 
 
-def unpack(layout: Layout, action: Any) -> list[tuple[Any, ...]]:
+def unpack(layout: SpaceLayout, action: Any) -> list[tuple[Any, ...]]:
     """A valid action (or observation) of a layout as flat component values."""
     if layout.form == "dict":
         return [tuple(np.asarray(action[c.name]).ravel().tolist()) for c in layout.components]

@@ -12,7 +12,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.draws.layout import Layout
+from taskspec.draws.layout import WordLayout
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, rewrite
 from taskspec.lang.types import BOOL, Kind, Type
@@ -221,14 +221,14 @@ class Task:
         return dataclasses.replace(self, observation=seen, observe_time=True)
 
     @cached_property
-    def reset_words(self) -> Layout:
+    def reset_words(self) -> WordLayout:
         """Which of the random words of a reset each of its draws takes."""
-        return Layout.dealt(self.reset_draws)
+        return WordLayout.dealt(self.reset_draws)
 
     @cached_property
-    def step_words(self) -> Layout:
+    def step_words(self) -> WordLayout:
         """Which of the random words of a step each of its draws takes."""
-        return Layout.dealt(self.step_draws)
+        return WordLayout.dealt(self.step_draws)
 
     @property
     def step_roots(self) -> tuple[Node, ...]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from taskspec.backends.emit.arrayform import ArrayForm, Scratch, arrays
-from taskspec.backends.emit.lane import Lane
-from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.lane import LaneEmitter
+from taskspec.backends.emit.lanevalues import LaneValue
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numpy.engine import _NAMESPACE as NUMPY
 from taskspec.backends.scalar import scalars
@@ -50,8 +50,8 @@ def by_reference(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], p
 
 def by_lane(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], points: Points) -> Values:
     """The scalar environment's code, on Python's numbers."""
-    names = {(role, n): Value([n]) if t.is_scalar else Value(packed=n) for (role, n), t in types.items()}
-    lane = Lane(names, {}, b.certain)
+    names = {(role, n): LaneValue([n]) if t.is_scalar else LaneValue(packed=n) for (role, n), t in types.items()}
+    lane = LaneEmitter(names, {}, b.certain)
     values = lane.emit(roots)
     shown = [
         f"({lane.scalar(r)},)" if r.type.is_scalar else f"tuple({lane.packed(r)})"
@@ -114,7 +114,7 @@ def by_numba(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], point
     names, loads, rows = {}, [], {}
     for key, column in _columns(types, points).items():
         flat = column.reshape(-1, len(points))
-        names[key] = Value([f"x_{key[1]}_{k}" for k in range(len(flat))])
+        names[key] = LaneValue([f"x_{key[1]}_{k}" for k in range(len(flat))])
         rows |= {f"r_{key[1]}_{k}": np.ascontiguousarray(row) for k, row in enumerate(flat)}
         loads += [f"x_{key[1]}_{k} = r_{key[1]}_{k}[j]" for k in range(len(flat))]
     lane = KernelLane(names, {}, b.certain, unrolled=EVERYTHING)

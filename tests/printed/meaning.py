@@ -79,7 +79,7 @@ class Meaning:
             left = right
         return al.conjunction(links)
 
-    def table(self, by: tuple[s.Expr, ...], rows: tuple[s.Row, ...]) -> al.Value:
+    def table(self, by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...]) -> al.Value:
         """The cell of the row whose key is equal; every key of a test is a small number, so one is or none."""
         key = self.of(by[0])
         row = next((r for r in rows if r.key is not None and self.of(r.key) == key), None)

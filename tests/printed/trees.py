@@ -209,9 +209,9 @@ def tables(draw: Callable[..., Any], depth: int) -> s.Expr:
 
 
 @st.composite
-def rows(draw: Callable[..., Any], depth: int, deeper: int | None) -> tuple[s.Row, ...]:
+def rows(draw: Callable[..., Any], depth: int, deeper: int | None) -> tuple[s.TableRow, ...]:
     keys: list[s.Expr | None] = [number(str(k)) for k in sorted(draw(st.sets(st.integers(0, 3), max_size=3)))]
     bodies = [
         draw(numbers(depth) if deeper is None or draw(st.booleans()) else rows(depth, None)) for _ in (*keys, None)
     ]
-    return tuple(s.Row(key, body, PLACE) for key, body in zip((*keys, None), bodies, strict=True))
+    return tuple(s.TableRow(key, body, PLACE) for key, body in zip((*keys, None), bodies, strict=True))

@@ -16,7 +16,7 @@ from taskspec.appendix.prose import (
     Block,
     Bullets,
     Cite,
-    Code,
+    CodeSpan,
     Emph,
     Formula,
     Inline,
@@ -29,7 +29,7 @@ from taskspec.appendix.prose import (
 )  # fmt: skip
 from taskspec.appendix.render.environment import html_environment
 from taskspec.appendix.render.suite import Suite
-from taskspec.appendix.sections import Line, Section
+from taskspec.appendix.sections import Section, SectionLine
 from taskspec.extras import need
 from taskspec.figures import Scene, svg
 from taskspec.printers import tree as m
@@ -69,7 +69,7 @@ def _style() -> str:
 
 
 def _page(suite: Suite, page: Page) -> dict[str, Any]:
-    writer = Writer(suite.cited)
+    writer = HtmlWriter(suite.cited)
     scene = suite.scenes.get(page.anchor)
     return {
         "page": page,
@@ -85,7 +85,7 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
 def _card(suite: Suite, page: Page) -> dict[str, Any]:
     """A task in the index: its line of facts and its thumbnail."""
     scene: Scene | None = suite.scenes.get(page.anchor)
-    writer = Writer(suite.cited)
+    writer = HtmlWriter(suite.cited)
     spaces = [(name, section) for name, key in (("states", "state"), ("actions", "actions"), ("horizon", "horizon"))
               if (section := page.section(key)) is not None]  # fmt: skip
     facts = [(name, writer.prose(section.lines[0].content[:1])) for name, section in spaces]
@@ -99,7 +99,7 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class Writer:
+class HtmlWriter:
     """Writes prose; sources that are known are cited by author and year."""
 
     references: Mapping[str, Reference]
@@ -111,7 +111,7 @@ class Writer:
         header = section.table.header if section.table else ()
         return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
 
-    def line(self, line: Line, page: Page) -> Markup:
+    def line(self, line: SectionLine, page: Page) -> Markup:
         out = self.prose(line.content)
         if line.verbatim is not None:
             out += Markup('<pre class="map">{}</pre>').format(line.verbatim)
@@ -129,7 +129,7 @@ class Writer:
                 return Markup(escape(text))
             case Formula(math=math, display=display):
                 return formula(math, display)
-            case Code(text=text):
+            case CodeSpan(text=text):
                 return Markup("<code>{}</code>").format(text)
             case Emph(inner=inner, strong=strong):
                 tag = "strong" if strong else "em"
@@ -193,7 +193,7 @@ def _pieces(math: m.Math) -> list[m.Math]:
         if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
             out.append([])
         out[-1].append(item)
-        if item == m.Sym(",") or (isinstance(item, m.Space) and item.width == "wide"):
+        if item == m.Sym(",") or (isinstance(item, m.Gap) and item.width == "wide"):
             out.append([])
     return [m.row(*items) for items in out if items]
 

@@ -12,7 +12,7 @@ from taskspec.appendix.prose import (
     Block,
     Bullets,
     Cite,
-    Code,
+    CodeSpan,
     Emph,
     Formula,
     Inline,
@@ -24,7 +24,7 @@ from taskspec.appendix.prose import (
 )  # fmt: skip
 from taskspec.appendix.render.environment import text_environment
 from taskspec.appendix.render.suite import Suite
-from taskspec.appendix.sections import Line, Section
+from taskspec.appendix.sections import Section, SectionLine
 from taskspec.figures import tikz, tikz_colors
 from taskspec.printers import tree as m
 from taskspec.printers.latex import escape, latex
@@ -41,7 +41,7 @@ LINE = 34.0
 def document(suite: Suite) -> dict[str, str]:
     """Files by name: the tasks, `appendix.tex`, `document.tex`, `preamble.tex`, `references.bib`."""
     env = text_environment()
-    writer = Writer(frozenset(suite.cited))
+    writer = LatexWriter(frozenset(suite.cited))
     files = {f"{page.anchor}.tex": writer.page(suite, page) for page in suite.pages}
     names = [page.anchor for page in suite.pages]
     files["appendix.tex"] = env.get_template("appendix.tex").render(names=names, title=escape(suite.title))
@@ -52,7 +52,7 @@ def document(suite: Suite) -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Writer:
+class LatexWriter:
     """Writes prose; sources outside `known` keys are named instead of cited."""
 
     known: frozenset[str]
@@ -94,7 +94,7 @@ class Writer:
         """Prose in a line of its own, in which formulas are not broken."""
         return "".join(f"${latex(p.math)}$" if isinstance(p, Formula) else self.inline(p, True) for p in content)
 
-    def line(self, line: Line, page: Page, wide: bool) -> str:
+    def line(self, line: SectionLine, page: Page, wide: bool) -> str:
         text = self.prose(line.content, wide)
         if line.verbatim is not None:
             rows = r"\\".join(escape(row).replace(" ", "~") for row in line.verbatim.splitlines())
@@ -113,7 +113,7 @@ class Writer:
                 return escape(text)
             case Formula(math=math, display=display):
                 return formula(math, wide, display)
-            case Code(text=text):
+            case CodeSpan(text=text):
                 return rf"\texttt{{{escape(text)}}}"
             case Emph(inner=inner, strong=strong):
                 return rf"\{'textbf' if strong else 'emph'}{{{self.prose(inner, wide)}}}"

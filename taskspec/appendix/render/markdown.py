@@ -12,7 +12,7 @@ from taskspec.appendix.prose import (
     Block,
     Bullets,
     Cite,
-    Code,
+    CodeSpan,
     Emph,
     Formula,
     Inline,
@@ -24,7 +24,7 @@ from taskspec.appendix.prose import (
 )  # fmt: skip
 from taskspec.appendix.render.environment import text_environment
 from taskspec.appendix.render.suite import Suite
-from taskspec.appendix.sections import Line, Section
+from taskspec.appendix.sections import Section, SectionLine
 from taskspec.printers import tree as m
 from taskspec.printers.latex import latex
 from taskspec.visible import ON_PAGES, visible
@@ -39,7 +39,7 @@ _SPELLED = ((r"\taskspecone ", r"\mathbf{1}"), (r"\{", r"\lbrace "), (r"\}", r"\
 def markdown(suite: Suite) -> dict[str, str]:
     """Files by name: `index.md` and one for each task."""
     env = text_environment()
-    writer = Writer(suite)
+    writer = MarkdownWriter(suite)
     files = {f"{page.anchor}.md": writer.page(page) for page in suite.pages}
     rows = [(escape(p.name), p.anchor, escape(p.capability), writer.prose(p.summary)) for p in suite.pages]
     files["index.md"] = env.get_template("index.md").render(title=escape(suite.title), rows=rows)
@@ -55,7 +55,7 @@ def escape(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class Writer:
+class MarkdownWriter:
     suite: Suite
 
     def page(self, page: Page) -> str:
@@ -83,10 +83,10 @@ class Writer:
 
     def cell(self, content: Inlines) -> str:
         """Prose without the bars that would end a cell."""
-        spelled = {Formula: r"\vert ", Code: r"\|"}
+        spelled = {Formula: r"\vert ", CodeSpan: r"\|"}
         return "".join(self.inline(p).replace("|", spelled.get(type(p), "|")) for p in content)
 
-    def line(self, line: Line, page: Page) -> str:
+    def line(self, line: SectionLine, page: Page) -> str:
         text = self.prose(line.content)
         if line.verbatim is not None:
             text += " " + ", ".join(_code(row) for row in line.verbatim.splitlines())
@@ -104,7 +104,7 @@ class Writer:
                 return _SPECIAL.sub(_inside, escape_entities(text))
             case Formula(math=math):
                 return formula(math)
-            case Code(text=text):
+            case CodeSpan(text=text):
                 return _code(text)
             case Emph(inner=inner, strong=strong):
                 mark = "**" if strong else "*"

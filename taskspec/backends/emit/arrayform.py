@@ -264,7 +264,7 @@ class ArrayForm:
 
     def _look_up(self, node: Apply, args: Sequence[str]) -> str:
         """An element, or a row, of a constant array for every lane."""
-        table = self.constant(_Table(node.args[0]))
+        table = self.constant(_LookupTable(node.args[0]))
         axis = len(node.args[0].type.shape) - 1
         if self.scratch is None:
             return self._assign(f"rt.look_up({table}, {args[1]}, {axis})")
@@ -274,7 +274,7 @@ class ArrayForm:
 
 
 @dataclass(frozen=True)
-class _Table:
+class _LookupTable:
     """Marks a constant that is wanted for look-ups: without an axis for the lanes, indexed along its last axis."""
 
     node: Node
@@ -291,7 +291,7 @@ def arrays(constants: Mapping[str, Any], make: Callable[[Const], Any]) -> dict[s
     """The constants as arrays: (*shape, 1), so that they broadcast, or as tables where marked."""
     made = {}
     for name, value in constants.items():
-        if isinstance(value, _Table):
+        if isinstance(value, _LookupTable):
             assert isinstance(value.node, Const)
             made[name] = make(value.node)[..., 0].T.copy()
         else:

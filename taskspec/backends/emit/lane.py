@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from taskspec.backends.emit.lanestructure import STRUCTURE
-from taskspec.backends.emit.lanevalues import LaneValues, Value
+from taskspec.backends.emit.lanevalues import LaneValue, LaneValues
 from taskspec.backends.emit.source import literal, tuple_of
 from taskspec.draws import thresholds
 from taskspec.draws.layout import poisson_bound, row_table
@@ -25,19 +25,19 @@ CHAINED = 64
 
 
 @dataclass
-class Lane(LaneValues):
+class LaneEmitter(LaneValues):
     """Emits statements for nodes; subclasses do for other targets.
 
     `names` gives the source of every read; `words` the names of the random words of every draw, by site. `certain`
     gives bounds of a node (`Builder.certain`).
     """
 
-    names: Mapping[tuple[Role, str], Value]
+    names: Mapping[tuple[Role, str], LaneValue]
     words: Mapping[int, Sequence[str]]
     certain: Callable[[Node], tuple[float, float]]
     shown: set[int] = field(default_factory=set)  # ids of nodes whose zeros may show a sign
 
-    def emit(self, roots: Iterable[Node]) -> list[Value]:
+    def emit(self, roots: Iterable[Node]) -> list[LaneValue]:
         """Statements for the roots are appended to `lines`; the values refer to them."""
         roots = tuple(roots)
         order = list(walk(roots))
@@ -52,7 +52,7 @@ class Lane(LaneValues):
 
     # -- nodes ----------------------------------------------------------------------------------------------------
 
-    def _node(self, node: Node) -> Value:
+    def _node(self, node: Node) -> LaneValue:
         match node:
             case Const():
                 return self._const(node)
@@ -66,16 +66,16 @@ class Lane(LaneValues):
             case Apply(op=op):
                 return self._structure(node)
 
-    def _structure(self, node: Apply) -> Value:
+    def _structure(self, node: Apply) -> LaneValue:
         return STRUCTURE[node.op](self, node)
 
-    def _const(self, node: Const) -> Value:
+    def _const(self, node: Const) -> LaneValue:
         flat = [plain(v) for v in node.flat]
         if node.type.size <= self.unrolled:
-            return Value([literal(v) for v in flat])
-        return Value(packed=self.constant(tuple(flat)))
+            return LaneValue([literal(v) for v in flat])
+        return LaneValue(packed=self.constant(tuple(flat)))
 
-    def _elementwise(self, node: Apply, entry: Operator) -> Value:
+    def _elementwise(self, node: Apply, entry: Operator) -> LaneValue:
         template = self._template(node, entry)
         if node.type.size <= self.unrolled or all(self.values[id(a)].atoms is not None for a in node.args):
             columns = [self.atoms(a) if a.type.shape else [self.scalar(a)] * node.type.size for a in node.args]
@@ -83,7 +83,7 @@ class Lane(LaneValues):
                 columns = [
                     c if a.type.shape else [self.assign(c[0])] * len(c) for c, a in zip(columns, node.args, strict=True)
                 ]
-            return Value([self._fill(template, row) for row in zip(*columns, strict=True)])
+            return LaneValue([self._fill(template, row) for row in zip(*columns, strict=True)])
         items, sources, fills = [], [], []
         for i, arg in enumerate(node.args):
             if arg.type.shape:
@@ -98,7 +98,7 @@ class Lane(LaneValues):
             if len(items) == 1
             else f"for {', '.join(items)} in zip({', '.join(sources)})"
         )
-        return Value(packed=self.assign(f"[{body} {loop}]"))
+        return LaneValue(packed=self.assign(f"[{body} {loop}]"))
 
     def _template(self, node: Apply, entry: Operator) -> str:
         form = entry.scalar
@@ -125,21 +125,21 @@ class Lane(LaneValues):
 
     # -- reductions -----------------------------------------------------------------------------------------------
 
-    def _reduction(self, node: Apply, entry: Operator) -> Value:
+    def _reduction(self, node: Apply, entry: Operator) -> LaneValue:
         (x,) = node.args
         chain = entry.scalar.chain
         if chain is not None and x.type.size <= CHAINED:
             atoms = self.atoms(x) or [chain[1]]
             if node.op == "count":
                 atoms = [f"(1 if {a} else 0)" for a in atoms]
-            return Value([f"({chain[0].join(atoms)})"])
+            return LaneValue([f"({chain[0].join(atoms)})"])
         if node.op == "sort" and x.type.size <= self.unrolled:
-            return Value(self._sorted(self._without_signs(x) if id(node) in self.shown else self.atoms(x)))
+            return LaneValue(self._sorted(self._without_signs(x) if id(node) in self.shown else self.atoms(x)))
         if node.op == "cumsum" and x.type.size <= self.unrolled:
-            return Value(self._running(self.atoms(x)))
+            return LaneValue(self._running(self.atoms(x)))
         whole = entry.scalar.whole if x.type.kind is not Kind.REAL else None
         call = (whole or entry.scalar.template).format(self.packed(x))
-        return Value(packed=self.assign(call)) if node.type.shape else Value([call])
+        return LaneValue(packed=self.assign(call)) if node.type.shape else LaneValue([call])
 
     def _without_signs(self, x: Node) -> list[str]:
         """The elements with 0.0 for -0.0: of equals that can be told apart, a network keeps no order."""
@@ -162,24 +162,26 @@ class Lane(LaneValues):
 
     # -- draws whose distribution depends on the state ------------------------------------------------------------
 
-    def _draw(self, node: Draw) -> Value:
+    def _draw(self, node: Draw) -> LaneValue:
         words = self.words[node.site]
         size = node.type.size
         if node.base == "categorical":
-            return Value([self._outcome(node, word) for word in words[:size]])
+            return LaneValue([self._outcome(node, word) for word in words[:size]])
         ps = self.atoms(node.args[0])
         ps = ps * size if len(ps) == 1 else ps
         match node.base:
             case "bernoulli":
-                return Value([f"bernoulli({w}, {p})" for w, p in zip(words, ps, strict=True)])
+                return LaneValue([f"bernoulli({w}, {p})" for w, p in zip(words, ps, strict=True)])
             case "index":
-                return Value([f"({w} * {n} >> 32)" for w, n in zip(words, ps, strict=True)])
+                return LaneValue([f"({w} * {n} >> 32)" for w, n in zip(words, ps, strict=True)])
             case "dirichlet":
-                return Value(packed=self.assign(f"dirichlet({tuple_of(words)}, {self.packed(node.args[0])})"))
+                return LaneValue(packed=self.assign(f"dirichlet({tuple_of(words)}, {self.packed(node.args[0])})"))
             case _:
                 step = len(words) // size
                 groups = [tuple_of(words[k : k + step]) for k in range(0, len(words), step)]
-                return Value([f"poisson({g}, {p}, {poisson_bound(node)!r})" for g, p in zip(groups, ps, strict=True)])
+                return LaneValue(
+                    [f"poisson({g}, {p}, {poisson_bound(node)!r})" for g, p in zip(groups, ps, strict=True)]
+                )
 
     def _outcome(self, node: Draw, word: str) -> str:
         """A word against the thresholds of the present row, or against weights known only now."""

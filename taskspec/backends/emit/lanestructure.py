@@ -4,76 +4,76 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from taskspec.backends.emit.lanevalues import LaneValues, Value
+from taskspec.backends.emit.lanevalues import LaneValue, LaneValues
 from taskspec.backends.emit.source import tuple_of
 from taskspec.lang.ir import Apply, Const, Node, plain
 from taskspec.lang.operators.structure import strided
 
 
-def _vector(lane: LaneValues, node: Apply) -> Value:
+def _vector(lane: LaneValues, node: Apply) -> LaneValue:
     if node.type.size <= lane.unrolled:
-        return Value([atom for arg in node.args for atom in lane.atoms(arg)])
+        return LaneValue([atom for arg in node.args for atom in lane.atoms(arg)])
     parts = [f"*{lane.packed(a)}" if a.type.size > lane.unrolled else ", ".join(lane.atoms(a)) for a in node.args]
-    return Value(packed=lane.assign(tuple_of(parts)))
+    return LaneValue(packed=lane.assign(tuple_of(parts)))
 
 
-def _slice(lane: LaneValues, node: Apply) -> Value:
+def _slice(lane: LaneValues, node: Apply) -> LaneValue:
     start, count, step = node.static
     row = strided(node.args[0].type.shape)
     value = lane.values[id(node.args[0])]
     places = [(start + k * step) * row + i for k in range(count) for i in range(row)]
     if value.atoms is not None:
-        return Value([value.atoms[p] for p in places])
+        return LaneValue([value.atoms[p] for p in places])
     if row == 1 or step == 1:
         stop: int | None = (start + count * step) * row
         stop = None if stop is not None and stop < 0 else stop
-        return Value(
+        return LaneValue(
             packed=lane.assign(
                 f"{value.packed}[{start * row}:{'' if stop is None else stop}:{step if row == 1 else 1}]"
             )
         )
-    return Value(packed=lane.assign(tuple_of([f"{value.packed}[{p}]" for p in places])))
+    return LaneValue(packed=lane.assign(tuple_of([f"{value.packed}[{p}]" for p in places])))
 
 
-def _element(lane: LaneValues, node: Apply) -> Value:
+def _element(lane: LaneValues, node: Apply) -> LaneValue:
     row = node.type.size
     first = node.static[0] * row
     value = lane.values[id(node.args[0])]
     if value.atoms is not None:
-        return Value(value.atoms[first : first + row])
+        return LaneValue(value.atoms[first : first + row])
     if not node.type.shape:
-        return Value([f"{value.packed}[{first}]"])
-    return Value(packed=lane.assign(f"{value.packed}[{first}:{first + row}]"))
+        return LaneValue([f"{value.packed}[{first}]"])
+    return LaneValue(packed=lane.assign(f"{value.packed}[{first}:{first + row}]"))
 
 
-def _fill(lane: LaneValues, node: Apply) -> Value:
+def _fill(lane: LaneValues, node: Apply) -> LaneValue:
     atom = lane.assign(lane.scalar(node.args[0]))
     if node.type.size <= lane.unrolled:
-        return Value([atom] * node.type.size)
-    return Value(packed=lane.assign(f"({atom},) * {node.type.size}"))
+        return LaneValue([atom] * node.type.size)
+    return LaneValue(packed=lane.assign(f"({atom},) * {node.type.size}"))
 
 
-def _index(lane: LaneValues, node: Apply) -> Value:
+def _index(lane: LaneValues, node: Apply) -> LaneValue:
     x, i = node.args
     row = strided(x.type.shape)
     picked = [_row(lane, x, index, row) for index in lane.atoms(i)]
     if len(picked) == 1:
         return picked[0]
     if all(p.atoms is not None for p in picked):
-        return Value([a for p in picked for a in p.atoms or ()])
-    return Value(packed=lane.assign(f"({', '.join(f'*{p.packed}' for p in picked)})"))
+        return LaneValue([a for p in picked for a in p.atoms or ()])
+    return LaneValue(packed=lane.assign(f"({', '.join(f'*{p.packed}' for p in picked)})"))
 
 
-def _row(lane: LaneValues, x: Node, index: str, row: int) -> Value:
+def _row(lane: LaneValues, x: Node, index: str, row: int) -> LaneValue:
     """One row of x: an expression when it is a single element."""
     if row == 1:
-        return Value([f"{_sequence(lane, x)}[{index}]"])
+        return LaneValue([f"{_sequence(lane, x)}[{index}]"])
     if isinstance(x, Const):
         flat = [plain(v) for v in x.flat]
         rows = tuple(tuple(flat[k : k + row]) for k in range(0, len(flat), row))
-        return Value(packed=lane.assign(f"{lane.constant(rows)}[{index}]"))
+        return LaneValue(packed=lane.assign(f"{lane.constant(rows)}[{index}]"))
     index = lane.assign(index)
-    return Value(packed=lane.assign(f"{lane.packed(x)}[{index} * {row}:{index} * {row} + {row}]"))
+    return LaneValue(packed=lane.assign(f"{lane.packed(x)}[{index} * {row}:{index} * {row} + {row}]"))
 
 
 def _sequence(lane: LaneValues, x: Node) -> str:
@@ -86,7 +86,7 @@ def _sequence(lane: LaneValues, x: Node) -> str:
     return lane.packed(x)
 
 
-def _put(lane: LaneValues, node: Apply) -> Value:
+def _put(lane: LaneValues, node: Apply) -> LaneValue:
     x, i, value = node.args
     row = value.type.size
     name = lane.name()
@@ -96,10 +96,10 @@ def _put(lane: LaneValues, node: Apply) -> Value:
     else:
         at = lane.assign(lane.scalar(i))
         lane.lines.append(f"{name}[{at} * {row}:{at} * {row} + {row}] = {lane.packed(value)}")
-    return Value(packed=name)
+    return LaneValue(packed=name)
 
 
-def _swap(lane: LaneValues, node: Apply) -> Value:
+def _swap(lane: LaneValues, node: Apply) -> LaneValue:
     x, i, j = node.args
     row = strided(x.type.shape)
     name, a, b = lane.name(), lane.assign(lane.scalar(i)), lane.assign(lane.scalar(j))
@@ -109,10 +109,10 @@ def _swap(lane: LaneValues, node: Apply) -> Value:
     else:
         p, q = (f"{name}[{k} * {row}:{k} * {row} + {row}]" for k in (a, b))
         lane.lines.append(f"{p}, {q} = {q}, {p}")
-    return Value(packed=name)
+    return LaneValue(packed=name)
 
 
-STRUCTURE: dict[str, Callable[[LaneValues, Apply], Value]] = {
+STRUCTURE: dict[str, Callable[[LaneValues, Apply], LaneValue]] = {
     "vector": _vector,
     "concat": _vector,
     "slice": _slice,

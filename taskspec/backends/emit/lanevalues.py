@@ -16,7 +16,7 @@ _ATOM = re.compile(r"-?[\w.]+(\[\d+\])?")
 
 
 @dataclass(slots=True)
-class Value:
+class LaneValue:
     """The source of a value: one expression per element, or the name of a flat sequence, or both."""
 
     atoms: list[str] | None = None
@@ -37,7 +37,7 @@ class LaneValues:
 
     constants: dict[str, Any] = field(default_factory=dict)
     lines: list[str] = field(default_factory=list)
-    values: dict[int, Value] = field(default_factory=dict)
+    values: dict[int, LaneValue] = field(default_factory=dict)
     fresh: int = 0
     unrolled: int = UNROLLED
 
@@ -64,7 +64,7 @@ class LaneValues:
         self.constants[name] = value
         return name
 
-    def _shared(self, value: Value) -> Value:
+    def _shared(self, value: LaneValue) -> LaneValue:
         if value.atoms is not None:
             value.atoms = [self.assign(a) for a in value.atoms]
         return value

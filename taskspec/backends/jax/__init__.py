@@ -9,6 +9,6 @@ need("jax", "jax")
 from taskspec.backends.jax.engine import JaxEngine as JaxEngine  # noqa: E402
 from taskspec.backends.jax.functional import Functional as Functional  # noqa: E402
 from taskspec.backends.jax.program import JaxProgram as JaxProgram  # noqa: E402
-from taskspec.backends.jax.program import Result as Result  # noqa: E402
 from taskspec.backends.jax.program import State as State  # noqa: E402
+from taskspec.backends.jax.program import StepResult as StepResult  # noqa: E402
 from taskspec.backends.jax.program import compile_jax as compile_jax  # noqa: E402

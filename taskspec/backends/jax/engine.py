@@ -13,8 +13,8 @@ from taskspec.backends.actions import reader
 from taskspec.backends.buffers import Array, Buffers
 from taskspec.backends.jax.pack import observed
 from taskspec.backends.jax.program import JaxProgram, State, compile_jax
-from taskspec.backends.vector import Mode, NotRunningError, Options
-from taskspec.task.spaces import Layout
+from taskspec.backends.vector import LanesNotRunningError, Mode, Options
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 
@@ -65,7 +65,7 @@ class JaxEngine:
     def step(self, actions: Any) -> int:
         parts = self._read(actions)
         if not self._begun or (self._mode == "disabled" and self._over):
-            raise NotRunningError
+            raise LanesNotRunningError
         b = self.buffers
         narrow = tuple(jnp.array(p.astype(_NARROW[p.dtype.kind])) for p in parts)
         self._state, out = self._step(self._state, narrow, jnp.array(b.ended))
@@ -98,7 +98,7 @@ class JaxEngine:
 _NARROW = {"b": np.bool_, "i": np.int32, "f": np.float32}
 
 
-def _parts(layout: Layout, seen: Any) -> list[Any]:
+def _parts(layout: SpaceLayout, seen: Any) -> list[Any]:
     """The parts of a dict in the order of the layout: JAX gives dicts back in that of their keys."""
     return [seen[c.name] for c in layout.components] if isinstance(seen, dict) else [seen]
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 
 from taskspec.backends.jax.gymnax import Gymnax
 from taskspec.backends.jax.pack import acted, observed
-from taskspec.backends.jax.program import JaxProgram, Result, State, compile_jax
+from taskspec.backends.jax.program import JaxProgram, State, StepResult, compile_jax
 from taskspec.registry import load
 from taskspec.task.task import TaskLike
 
@@ -76,7 +76,7 @@ class Functional:
         state, seen = self.program.reset(key)
         return observed(self.program.observation, seen), state
 
-    def lanes_step(self, state: State, action: Array) -> tuple[Any, State, Result]:
+    def lanes_step(self, state: State, action: Array) -> tuple[Any, State, StepResult]:
         """A step of every lane with autoreset; actions are (*shape, N). The result holds the observations before it."""
         after, result = self.program.step(state, acted(self.program.action, action))
         following, seen = self.program.again(after, result)

@@ -10,7 +10,7 @@ import numpy as np
 from taskspec.backends.jax.program import JaxProgram, State
 from taskspec.extras import need
 from taskspec.lang.types import INT_MAX
-from taskspec.task.spaces import FLOAT_MAX, Layout, single
+from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
 from taskspec.task.task import Component, Task
 
 Array = Any
@@ -97,7 +97,7 @@ class Gymnax:
         return _space(self._seen)
 
 
-def _from_zero(layout: Layout, seen: Any) -> Any:
+def _from_zero(layout: SpaceLayout, seen: Any) -> Any:
     """An observation whose finite scalars count from 0."""
     match layout.form:
         case "discrete":
@@ -116,7 +116,7 @@ def _is_discrete(c: Component) -> bool:
 # -- spaces -------------------------------------------------------------------------------------------------------
 
 
-def _space(layout: Layout) -> Any:
+def _space(layout: SpaceLayout) -> Any:
     spaces = _spaces()
     match layout.form:
         case "discrete":

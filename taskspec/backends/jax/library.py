@@ -45,7 +45,7 @@ def threefry(k0: Array, k1: Array, c0: Array, c1: Array) -> tuple[Array, Array]:
     return x0, x1
 
 
-class Words:
+class RandomWords:
     """The random words of a phase for many lanes: word k is half k & 1 of block k >> 1."""
 
     def __init__(self, k0: Array, k1: Array, n: Array, phase: int, count: int) -> None:
@@ -165,24 +165,24 @@ def normal_pair(radius: Array, angle: Array) -> tuple[Array, Array]:
 # -- variates: what draws are called in generated code ------------------------------------------------------------
 
 
-def uniform(w: Words, first: int, size: int) -> Array:
+def uniform(w: RandomWords, first: int, size: int) -> Array:
     return uniforms(w.rows(first, size))
 
 
-def exponential(w: Words, first: int, size: int) -> Array:
+def exponential(w: RandomWords, first: int, size: int) -> Array:
     return exponentials(w.rows(first, size))
 
 
-def normal(w: Words, first: int, size: int) -> Array:
+def normal(w: RandomWords, first: int, size: int) -> Array:
     a, b = normal_pair(*w.pairs(first, (size + 1) >> 1))
     return jnp.stack([a, b], 1).reshape(-1, a.shape[-1])[:size]
 
 
-def bernoulli(w: Words, first: int, size: int, p: Array) -> Array:
+def bernoulli(w: RandomWords, first: int, size: int, p: Array) -> Array:
     return uniforms(w.rows(first, size)) < p
 
 
-def index(w: Words, first: int, size: int, n: Array) -> Array:
+def index(w: RandomWords, first: int, size: int, n: Array) -> Array:
     """(word * n) >> 32 in 32 bits, for 0 < n < 2**31: from products of 16-bit halves."""
     word, n = w.rows(first, size), jnp.asarray(n).astype(jnp.uint32)
     (a, b), (c, d) = (word >> 16, word & 0xFFFF), (n >> 16, n & 0xFFFF)
@@ -191,13 +191,13 @@ def index(w: Words, first: int, size: int, n: Array) -> Array:
     return (a * c + (middle >> 16) + (low >> 16)).astype(jnp.int32)
 
 
-def categorical(w: Words, first: int, size: int, limits: Array) -> Array:
+def categorical(w: RandomWords, first: int, size: int, limits: Array) -> Array:
     """How many of the ascending limits (uint32) are at most the word."""
     found = jnp.searchsorted(limits, w.rows(first, size).reshape(-1), side="right")
     return found.astype(jnp.int32).reshape(size, -1)
 
 
-def counts(w: Words, first: int, size: int, tables: Sequence[tuple[int, Array]]) -> Array:
+def counts(w: RandomWords, first: int, size: int, tables: Sequence[tuple[int, Array]]) -> Array:
     """The least outcome of a table and how many of its limits are at most the word; a table for all, or one for each."""
     if len(tables) == 1:
         ((least, limits),) = tables
@@ -206,7 +206,7 @@ def counts(w: Words, first: int, size: int, tables: Sequence[tuple[int, Array]])
     return jnp.concatenate(rows)
 
 
-def weighted(w: Words, first: int, size: int, weights: Array) -> Array:
+def weighted(w: RandomWords, first: int, size: int, weights: Array) -> Array:
     """Outcomes in proportion to weights (k, N)."""
     words = w.rows(first, size)
     rounded = Rounding(words[0])  # XLA adds up constants first
@@ -218,7 +218,7 @@ def weighted(w: Words, first: int, size: int, weights: Array) -> Array:
     return sum(reached, jnp.zeros(target.shape, jnp.int32))
 
 
-def poisson(w: Words, first: int, size: int, rate: Array, bound: float) -> Array:
+def poisson(w: RandomWords, first: int, size: int, rate: Array, bound: float) -> Array:
     """Counts at a rate of at most `bound`; each draw shares its rate among its words."""
     each = poisson_words(bound)
     words = w.rows(first, size * each).reshape(size, each, -1)
@@ -235,12 +235,12 @@ def poisson(w: Words, first: int, size: int, rate: Array, bound: float) -> Array
     return counts.sum(axis=1)
 
 
-def permutation(w: Words, first: int, size: int, n: int) -> Array:
+def permutation(w: RandomWords, first: int, size: int, n: int) -> Array:
     words = w.rows(first, size).reshape(size // n, n, -1)
     return jnp.argsort(words, axis=1, stable=True).astype(jnp.int32).reshape(size, -1)
 
 
-def dirichlet(w: Words, first: int, size: int, alpha: Array) -> Array:
+def dirichlet(w: RandomWords, first: int, size: int, alpha: Array) -> Array:
     """Gamma variates by Marsaglia and Tsang over their sum, in logarithms, as `taskspec.draws.dirichlets`."""
     words = w.rows(first, size * GAMMA_WORDS).reshape(size, GAMMA_WORDS, -1)
     alpha = jnp.where(alpha > SMALLEST_ALPHA, alpha, SMALLEST_ALPHA)

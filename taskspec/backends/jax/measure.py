@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from taskspec.backends.jax.functional import Functional
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 STEPS = 128
@@ -87,7 +87,7 @@ def _sum(seen: Any) -> Any:
     return sum(p.reshape(-1, p.shape[-1]).sum(0) for p in parts)
 
 
-def _actions(layout: Layout, lanes: int) -> Any:
+def _actions(layout: SpaceLayout, lanes: int) -> Any:
     """Random actions (ACTIONS, *shape, lanes) in the space of a layout."""
     rng = np.random.default_rng(0)
     if layout.form == "box":
@@ -99,7 +99,7 @@ def _actions(layout: Layout, lanes: int) -> Any:
     return jnp.array(np.stack(rows, 1), jnp.int32)
 
 
-def _bounds(layout: Layout) -> tuple[Any, Any]:
+def _bounds(layout: SpaceLayout) -> tuple[Any, Any]:
     """The bounds of a box; where there is none, 2 from the other one, or -1 and 1."""
     low, high = np.array(layout.low), np.array(layout.high)
     low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - 2, -1))

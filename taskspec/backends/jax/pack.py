@@ -8,12 +8,12 @@ from typing import Any
 import jax.numpy as jnp
 
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 
 Array = Any
 
 
-def observed(layout: Layout, seen: Sequence[Array]) -> Any:
+def observed(layout: SpaceLayout, seen: Sequence[Array]) -> Any:
     """Components (*shape, N) as one array (*shape, N), float32 or int32; a dict for dict spaces."""
     match layout.form:
         case "discrete":
@@ -43,7 +43,7 @@ def _rows(seen: Sequence[Array]) -> list[Array]:
     return [row.astype(jnp.int32) for v in seen for row in v.reshape(-1, v.shape[-1])]
 
 
-def acted(layout: Layout, action: Array) -> tuple[Array, ...]:
+def acted(layout: SpaceLayout, action: Array) -> tuple[Array, ...]:
     """An action (*shape, N) as Gymnasium gives it, as components (*shape, N)."""
     if layout.form == "discrete":
         (c,) = layout.components

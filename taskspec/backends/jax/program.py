@@ -17,14 +17,13 @@ from taskspec.backends.jax import library
 from taskspec.backends.lowering.hoist import compared, word_names
 from taskspec.backends.lowering.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.draws.layout import Layout as WordLayout
-from taskspec.draws.layout import poisson_bound
+from taskspec.draws.layout import WordLayout, poisson_bound
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.ranges import INF, Range
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.task.reach import over, reach
-from taskspec.task.spaces import Layout, action_layout, observation_layout
+from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
 from taskspec.task.task import Component, Task
 from taskspec.task.widths import widest
 
@@ -47,7 +46,7 @@ class State(NamedTuple):
     key: Array
 
 
-class Result(NamedTuple):
+class StepResult(NamedTuple):
     """What a step gives, lanes last: observation components, float32 reward, and two flags."""
 
     observation: tuple[Array, ...]
@@ -62,8 +61,8 @@ class JaxProgram:
 
     task: Task
     source: str
-    observation: Layout
-    action: Layout
+    observation: SpaceLayout
+    action: SpaceLayout
     _start: Any
     _step: Any
     _start_words: int
@@ -77,24 +76,24 @@ class JaxProgram:
     def begin(self, state: State) -> tuple[State, tuple[Array, ...]]:
         """The first state of the next episode of every lane."""
         high, low = state.key
-        words = library.Words(low, high, state.episodes, draws.RESET, self._start_words)
+        words = library.RandomWords(low, high, state.episodes, draws.RESET, self._start_words)
         values, seen = self._start(words)
         lanes = state.time.shape
         values = tuple(_full(v, c, lanes) for v, c in zip(values, self.task.state, strict=True))
         seen = tuple(_full(v, c, lanes) for v, c in zip(seen, self.observation.components, strict=True))
         return State(values, jnp.zeros_like(state.time), state.steps, state.episodes + jnp.uint32(1), state.key), seen
 
-    def step(self, state: State, action: Sequence[Array]) -> tuple[State, Result]:
+    def step(self, state: State, action: Sequence[Array]) -> tuple[State, StepResult]:
         """A step of every lane, without autoreset. `action` has one array (*shape, N) for each component."""
         high, low = state.key
-        words = library.Words(low, high, state.steps, draws.STEP, self._step_words)
+        words = library.RandomWords(low, high, state.steps, draws.STEP, self._step_words)
         values, reward, terminal, seen = self._step(words, state.time, *state.values, *action)
         lanes = state.time.shape
         values = tuple(_full(v, c, lanes) for v, c in zip(values, self.task.state, strict=True))
         seen = tuple(_full(v, c, lanes) for v, c in zip(seen, self.observation.components, strict=True))
         time = state.time + 1
         late = jnp.zeros(lanes, bool) if self.task.horizon is None else time >= self.task.horizon
-        result = Result(
+        result = StepResult(
             seen,
             jnp.broadcast_to(jnp.asarray(reward, jnp.float32), lanes),
             jnp.broadcast_to(jnp.asarray(terminal, bool), lanes),
@@ -102,7 +101,7 @@ class JaxProgram:
         )
         return State(values, time, state.steps + jnp.uint32(1), state.episodes, state.key), result
 
-    def again(self, state: State, result: Result) -> tuple[State, tuple[Array, ...]]:
+    def again(self, state: State, result: StepResult) -> tuple[State, tuple[Array, ...]]:
         """The state and the observation after a step, begun anew where the episode has ended."""
         ended = result.terminated | result.truncated
         fresh, seen = self.begin(state)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from taskspec.draws import NEVER, threshold_table, thresholds
-from taskspec.draws.layout import Layout, row_table, words_of
+from taskspec.draws.layout import WordLayout, row_table, words_of
 from taskspec.draws.sample import bernoulli_threshold
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
@@ -32,7 +32,7 @@ class Hoisted:
     values: tuple[Node, ...]
     names: tuple[str, ...]
     words: dict[int, tuple[str, ...]]
-    layout: Layout
+    layout: WordLayout
 
     @property
     def word_numbers(self) -> dict[str, int]:
@@ -41,7 +41,7 @@ class Hoisted:
         return {name: first[site] + k for site, names in self.words.items() for k, name in enumerate(names)}
 
 
-def hoist(b: Builder, roots: Sequence[Node], layout: Layout, bias: int = 0) -> Hoisted:
+def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout, bias: int = 0) -> Hoisted:
     """Take out of the roots whatever depends on draws alone, and write the other draws as comparisons if possible."""
     free = _free(roots)
     values = _maximal(roots, free)

@@ -12,13 +12,13 @@ import numpy as np
 from taskspec import draws
 from taskspec.backends.lowering.invariant import WIDE
 from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import Layout, words_of
+from taskspec.draws.layout import WordLayout, words_of
 from taskspec.draws.stream import stream
 from taskspec.lang import batch
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
-from taskspec.task.spaces import Layout as ValueLayout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 
@@ -34,7 +34,7 @@ class Phase:
     hoisted: tuple[Node, ...]
     hoisted_names: tuple[str, ...]
     words: dict[int, tuple[str, ...]]  # of the draws that stay in the lane form, by site
-    layout: Layout
+    layout: WordLayout
     row_shape: tuple[int, ...]  # of a fresh float32 observation, () where observations are no arrays
     row_parts: tuple[tuple[int, Node], ...]  # offset and node of what is filled in for a whole block
 
@@ -44,8 +44,8 @@ class Phase:
         task: Task,
         roots: Sequence[Node],
         observation: Sequence[Node],
-        layout: ValueLayout,
-        words: Layout,
+        layout: SpaceLayout,
+        words: WordLayout,
     ) -> Phase:
         """Split a phase of a task."""
         everything = (*roots, *observation)

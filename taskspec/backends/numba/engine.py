@@ -12,14 +12,14 @@ from taskspec.backends.actions import BadActionError
 from taskspec.backends.buffers import Array, Buffers
 from taskspec.backends.numba.kernelmemory import BAD, CHECK, CHECKED_STEP, GAP, RESET, STEP, WHAT, Program
 from taskspec.backends.numba.kernelstep import generate
-from taskspec.backends.numba.loading import Kernel, Run, load
-from taskspec.backends.vector import Mode, NotRunningError, Options
+from taskspec.backends.numba.loading import LoadedKernel, Run, load
+from taskspec.backends.vector import LanesNotRunningError, Mode, Options
 from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
 
 
 @lru_cache(maxsize=64)
-def compile_numba(task: Task, mode: Mode, actions: str) -> tuple[str, Program, Kernel]:
+def compile_numba(task: Task, mode: Mode, actions: str) -> tuple[str, Program, LoadedKernel]:
     """Source, memory and kernel of a task, for actions of a type: "i" (int64), "f" (float32) or "d" (float64)."""
     source, program = generate(task, observation_layout(task), action_layout(task), mode, actions)
     return source, program, load(source)
@@ -102,7 +102,7 @@ class NumbaEngine:
 
     def step(self, actions: Any) -> int:
         if not self._begun or self._over:
-            raise NotRunningError
+            raise LanesNotRunningError
         if (
             actions.__class__ is not np.ndarray
             or actions.dtype is not self._dtype

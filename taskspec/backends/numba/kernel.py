@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.emit.lane import Lane
-from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.lane import LaneEmitter
+from taskspec.backends.emit.lanevalues import LaneValue
 from taskspec.backends.emit.source import literal
 from taskspec.draws import poisson_table, poisson_terms, thresholds
 from taskspec.draws.layout import poisson_bound
@@ -44,7 +44,7 @@ def suits(task: Task) -> bool:
     return sum(n.type.size for n in nodes) - looped <= ELEMENTS and largest <= WIDE
 
 
-class KernelLane(Lane):
+class KernelLane(LaneEmitter):
     """Emits statements whose values are all named scalars; `words` names words, `reals` what is made of them beforehand."""
 
     reals: dict[int, Sequence[str]]
@@ -54,10 +54,10 @@ class KernelLane(Lane):
         low, high = self.certain(node)
         return node.type.kind is Kind.INT and low >= -INT_MAX and high <= INT_MAX
 
-    def _const(self, node: Const) -> Value:
+    def _const(self, node: Const) -> LaneValue:
         if node.type.size > 4096:
-            return Value()  # a table, which is looked up by the node itself
-        return Value([literal(plain(v)) for v in node.flat])
+            return LaneValue()  # a table, which is looked up by the node itself
+        return LaneValue([literal(plain(v)) for v in node.flat])
 
     def _template(self, node: Apply, entry: Operator) -> str:
         real, form = any(a.type.kind is Kind.REAL for a in node.args), entry.kernel
@@ -80,9 +80,9 @@ class KernelLane(Lane):
 
     # -- reductions -----------------------------------------------------------------------------------------------
 
-    def _reduction(self, node: Apply, entry: Operator) -> Value:
+    def _reduction(self, node: Apply, entry: Operator) -> LaneValue:
         made = _REDUCE[node.op](self, node, [self.assign(a) for a in self.atoms(node.args[0])])
-        return Value(made)
+        return LaneValue(made)
 
     def _fold(self, node: Apply, atoms: Sequence[str], join: str, none: str) -> list[str]:
         total = atoms[0] if atoms else none
@@ -136,18 +136,18 @@ class KernelLane(Lane):
 
     # -- structure ------------------------------------------------------------------------------------------------
 
-    def _structure(self, node: Apply) -> Value:
+    def _structure(self, node: Apply) -> LaneValue:
         special = _STRUCTURE.get(node.op)
         return special(self, node) if special is not None else super()._structure(node)
 
-    def _index(self, node: Apply) -> Value:
+    def _index(self, node: Apply) -> LaneValue:
         x, i = node.args
         row, rows = strided(x.type.shape), x.type.shape[0]
         out: list[str] = []
         for index in self.atoms(i):
             at = self.assign(index)
             out += [self._element_at(x, at, column, row, rows) for column in range(row)]
-        return Value(out)
+        return LaneValue(out)
 
     def _element_at(self, x: Node, at: str, column: int, row: int, rows: int) -> str:
         if isinstance(x, Const):
@@ -181,14 +181,14 @@ class KernelLane(Lane):
         self.constants[name] = array
         return name
 
-    def _put(self, node: Apply) -> Value:
+    def _put(self, node: Apply) -> LaneValue:
         x, i, value = node.args
         at, row = self.assign(self.scalar(i)), strided(x.type.shape)
         new = [self.assign(a) for a in self.atoms(value)]
         old = [self.assign(a) for a in self.atoms(x)]
-        return Value([self.assign(f"select({at} == {k // row}, {new[k % row]}, {a})") for k, a in enumerate(old)])
+        return LaneValue([self.assign(f"select({at} == {k // row}, {new[k % row]}, {a})") for k, a in enumerate(old)])
 
-    def _swap(self, node: Apply) -> Value:
+    def _swap(self, node: Apply) -> LaneValue:
         x, i, j = node.args
         row = strided(x.type.shape)
         a, b = self.assign(self.scalar(i)), self.assign(self.scalar(j))
@@ -199,15 +199,15 @@ class KernelLane(Lane):
         for k, v in enumerate(old):
             kept = self.assign(f"select({b} == {k // row}, {at_a[k % row]}, {v})")
             made.append(self.assign(f"select({a} == {k // row}, {at_b[k % row]}, {kept})"))
-        return Value(made)
+        return LaneValue(made)
 
     # -- draws ----------------------------------------------------------------------------------------------------
 
-    def _draw(self, node: Draw) -> Value:
+    def _draw(self, node: Draw) -> LaneValue:
         if node.base in ("normal", "exponential"):
-            return Value([f"f64({r})" for r in self.reals[node.site][: node.type.size]])
+            return LaneValue([f"f64({r})" for r in self.reals[node.site][: node.type.size]])
         words = self.words[node.site]
-        return Value([self.assign(a) for a in _DRAW[node.base](self, node, words)])
+        return LaneValue([self.assign(a) for a in _DRAW[node.base](self, node, words)])
 
     def _arguments(self, node: Draw) -> list[str]:
         atoms = [self.assign(a) for a in self.atoms(node.args[0])]
@@ -278,7 +278,7 @@ _REDUCE: dict[str, Reduce] = {
     "argsort": lambda k, node, a: k._order(a, node.args[0].type.kind is Kind.REAL),
     "cumsum": lambda k, node, a: k._running(a),
 }
-_STRUCTURE: dict[str, Callable[[KernelLane, Apply], Value]] = {
+_STRUCTURE: dict[str, Callable[[KernelLane, Apply], LaneValue]] = {
     "index": KernelLane._index,
     "put": KernelLane._put,
     "swap": KernelLane._swap,

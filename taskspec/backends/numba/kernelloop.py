@@ -6,13 +6,13 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.lanevalues import LaneValue
 from taskspec.backends.emit.source import literal, without_unused
 from taskspec.backends.lowering.hoist import word_names
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
-from taskspec.backends.numba.kernelmemory import Program, Row
+from taskspec.backends.numba.kernelmemory import MemoryRow, Program
 from taskspec.backends.numpy.arraystep import never
-from taskspec.draws.layout import Layout as WordLayout
+from taskspec.draws.layout import WordLayout as WordLayout
 from taskspec.draws.layout import words_of
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.types import INT_MAX, Kind, Type
@@ -29,21 +29,21 @@ class Loop:
 
     program: Program
     lane: KernelLane
-    values: list[Value]
+    values: list[LaneValue]
     shown: Shown = field(default_factory=dict)  # row of observations -> first word, size
 
 
 def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting: bool) -> Loop:
     """Emit roots; lane `j` is read, and random numbers of place `at`."""
-    names: dict[tuple[Role, str], Value] = {(Role.TIME, "t"): Value(["t"])}
+    names: dict[tuple[Role, str], LaneValue] = {(Role.TIME, "t"): LaneValue(["t"])}
     for c, rows in zip(p.task.state, p.states, strict=True):
-        names[Role.STATE, c.name] = Value([f"x_{r.name}" for r in rows])
+        names[Role.STATE, c.name] = LaneValue([f"x_{r.name}" for r in rows])
     for i, c in enumerate(p.task.action if acting else ()):
-        names[Role.ACTION, c.name] = Value([f"a_{i}_{k}" for k in range(c.type.size)])
+        names[Role.ACTION, c.name] = LaneValue([f"a_{i}_{k}" for k in range(c.type.size)])
     numbers = {d.site: [f"w{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
     for draw in words.draws:
         for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
-            names[Role.VARIABLE, name] = Value([f"i64({number})"])
+            names[Role.VARIABLE, name] = LaneValue([f"i64({number})"])
     lane = KernelLane(names, numbers, p.task.builder.certain, constants=p.constants, unrolled=EVERYTHING)
     lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
     shown = _shown(p, roots, words)
@@ -90,7 +90,7 @@ def _observed(loop: Loop) -> dict[str, str]:
     return out
 
 
-def _one_hot(loop: Loop, values: Sequence[Value]) -> dict[str, str]:
+def _one_hot(loop: Loop, values: Sequence[LaneValue]) -> dict[str, str]:
     out, row = {}, 0
     for c, value in zip(loop.program.observation.components, values, strict=True):
         for atom, count, low in zip(value.atoms or (), c.counts, c.low, strict=True):
@@ -101,9 +101,9 @@ def _one_hot(loop: Loop, values: Sequence[Value]) -> dict[str, str]:
     return out
 
 
-def _stores(p: Program, loop: Loop) -> dict[Row, str]:
+def _stores(p: Program, loop: Loop) -> dict[MemoryRow, str]:
     """The next value of every row of the state that changes."""
-    stored: dict[Row, str] = {}
+    stored: dict[MemoryRow, str] = {}
     for rows, value, c in zip(p.states, loop.values, p.task.state, strict=False):
         for row, atom in zip(rows, value.atoms or (), strict=True):
             if atom != f"x_{row.name}":
@@ -154,7 +154,7 @@ def _read_actions(p: Program) -> list[str]:
     return lines
 
 
-def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str], list[Row]]:
+def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str], list[MemoryRow]]:
     """Statements that read the rows which the body names, and these rows."""
     lines, rows = [], []
     used = set(re.findall(r"\b[A-Za-z_]\w*", body))
@@ -169,11 +169,11 @@ def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str]
         for prefix, array, kind in (("w", "words", "u32s"), ("r", "reals", "f32s")):
             if f"{prefix}{k}" in used:
                 lines.append(f"{prefix}{k} = {prefix}_{k}[{at}]")
-                rows.append(Row(f"{prefix}_{k}", array, k, kind))
+                rows.append(MemoryRow(f"{prefix}_{k}", array, k, kind))
     return lines, rows
 
 
-def advance(p: Program) -> tuple[list[str], list[Row], Shown]:
+def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     loop = _loop(p, p.step, p.step_words, "j", acting=True)
     n = len(p.task.state)
     state, seen = _stores(p, loop), _observed(loop)
@@ -210,8 +210,8 @@ def _ending(p: Program, terminal: str) -> tuple[list[str], str]:
 
 
 def _results(
-    p: Program, loop: Loop, state: dict[Row, str], seen: dict[str, str], end: str
-) -> tuple[list[str], list[str], list[Row]]:
+    p: Program, loop: Loop, state: dict[MemoryRow, str], seen: dict[str, str], end: str
+) -> tuple[list[str], list[str], list[MemoryRow]]:
     """Statements that store the next state and what is seen of it; or the first state, where the episode has ended."""
     rows = {r.name.removeprefix("seen"): r for r in p.seen}
     finals = {r.name.removeprefix("final"): r for r in p.final}
@@ -243,7 +243,7 @@ def _renamed(text: str) -> str:
     return re.sub(r"\bv(\d+)\b", r"again\1", text)
 
 
-def begin(p: Program) -> tuple[list[str], list[Row], Shown]:
+def begin(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
     loop = _loop(p, p.start, p.reset_words, "i", acting=False)
     state, seen = _stores(p, loop), _observed(loop)
     rows = {r.name.removeprefix("seen"): r for r in p.seen}

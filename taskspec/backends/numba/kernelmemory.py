@@ -9,7 +9,7 @@ from typing import Any
 from taskspec.backends.lowering.hoist import compared
 from taskspec.backends.vector import Mode
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
 SCRATCH = 1 << 16
@@ -45,7 +45,7 @@ class Memory:
 
 
 @dataclass(frozen=True)
-class Row:
+class MemoryRow:
     """One element of all lanes: a row of an array in memory."""
 
     name: str
@@ -64,8 +64,8 @@ class Program:
     """A task's kernel while it is being written."""
 
     task: Task
-    observation: Layout
-    action: Layout
+    observation: SpaceLayout
+    action: SpaceLayout
     mode: Mode
     actions: str  # "i", "f" or "d": int64, float32 or float64
     memory: Memory = field(default_factory=Memory)
@@ -90,9 +90,9 @@ class Program:
             self.memory.at(f"final{i}")
 
     @staticmethod
-    def _component_rows(prefix: str, components: Sequence[Component]) -> list[list[Row]]:
+    def _component_rows(prefix: str, components: Sequence[Component]) -> list[list[MemoryRow]]:
         return [
-            [Row(f"{prefix}{i}_{k}", f"{prefix}{i}", k, _ARRAYS[c.type.kind]) for k in range(c.type.size)]
+            [MemoryRow(f"{prefix}{i}_{k}", f"{prefix}{i}", k, _ARRAYS[c.type.kind]) for k in range(c.type.size)]
             for i, c in enumerate(components)
         ]
 
@@ -102,13 +102,13 @@ class Program:
         return self.mode == "same_step" and not self.reset_words.count
 
 
-def _seen_rows(prefix: str, layout: Layout) -> list[Row]:
+def _seen_rows(prefix: str, layout: SpaceLayout) -> list[MemoryRow]:
     """The rows of the arrays that hold observations."""
     if layout.form == "dict":
         rows = []
         for i, c in enumerate(layout.components):
             kind = "i64s" if c.is_finite and c.type.is_scalar else "f32s"
-            rows += [Row(f"{prefix}{i}_{k}", f"{prefix}{i}", k, kind) for k in range(c.type.size)]
+            rows += [MemoryRow(f"{prefix}{i}_{k}", f"{prefix}{i}", k, kind) for k in range(c.type.size)]
         return rows
     kind = "i64s" if layout.form in ("discrete", "multi_discrete") else "f32s"
-    return [Row(f"{prefix}0_{k}", f"{prefix}0", k, kind) for k in range(max(1, layout.size))]
+    return [MemoryRow(f"{prefix}0_{k}", f"{prefix}0", k, kind) for k in range(max(1, layout.size))]

@@ -10,15 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taskspec.backends.numba.kernelloop import Shown, action_rows, advance, begin, check, indent
-from taskspec.backends.numba.kernelmemory import BAD, CHECK, CHECKED_STEP, RESET, STEP, WHAT, Program, Row
+from taskspec.backends.numba.kernelmemory import BAD, CHECK, CHECKED_STEP, RESET, STEP, WHAT, MemoryRow, Program
 from taskspec.backends.vector import Mode
-from taskspec.draws.layout import Layout as WordLayout
+from taskspec.draws.layout import WordLayout
 from taskspec.lang.operators import OPERATORS
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 
-def generate(task: Task, observation: Layout, action: Layout, mode: Mode, actions: str) -> tuple[str, Program]:
+def generate(
+    task: Task, observation: SpaceLayout, action: SpaceLayout, mode: Mode, actions: str
+) -> tuple[str, Program]:
     """Source of the module, and what it says about its memory; `actions` is the type code of the array of actions."""
     p = Program(task, observation, action, mode, actions)
     checking = check(p)
@@ -52,7 +54,7 @@ _COUNTERS = {
 }  # fmt: skip
 
 
-def _views(p: Program, rows: Sequence[Row]) -> list[str]:
+def _views(p: Program, rows: Sequence[MemoryRow]) -> list[str]:
     """Statements that name the arrays of a block."""
     lines = [f"{name} = {kind}({p.memory.at(name)}, first)" for name, kind in _COUNTERS.items()]
     for row in rows:
@@ -62,7 +64,9 @@ def _views(p: Program, rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(lines))
 
 
-def _kernel(p: Program, rows: Sequence[Row], shown: Shown, begin: Sequence[Row], begin_shown: Shown) -> list[str]:
+def _kernel(
+    p: Program, rows: Sequence[MemoryRow], shown: Shown, begin: Sequence[MemoryRow], begin_shown: Shown
+) -> list[str]:
     """Check the actions of a range of lanes, step them, or begin episodes in those chosen, as `what` says.
 
     It is given two arrays as CPython passes objects, the program's memory and the actions, and gives the number of lanes
@@ -108,7 +112,7 @@ def _choose(p: Program) -> list[str]:
     ]
 
 
-def _step(p: Program, rows: Sequence[Row], shown: Shown) -> list[str]:
+def _step(p: Program, rows: Sequence[MemoryRow], shown: Shown) -> list[str]:
     """The step of a block; `late` becomes the number of lanes that begin again, and `lanes` has theirs."""
     body = _LATE if p.mode == "next_step" else []
     body = [*body, f"part = {_actions(p, 'first')}"]
@@ -149,7 +153,7 @@ def _keep(p: Program) -> list[str]:
     return lines
 
 
-def _begin_again(p: Program, rows: Sequence[Row], shown: Shown) -> list[str]:
+def _begin_again(p: Program, rows: Sequence[MemoryRow], shown: Shown) -> list[str]:
     lines = _fill(p, p.reset_words, "reset_words(late, lanes", "k0, k1, episodes", "late")
     lines.append(f"begin({', '.join(['late', 'lanes', 'time', 'episodes', *(r.name for r in rows)])})")
     for row, (number, size) in shown.items():

@@ -49,7 +49,7 @@ def cache_folder() -> Path:
 
 
 @lru_cache(maxsize=64)
-def load(source: str) -> Kernel:
+def load(source: str) -> LoadedKernel:
     """The kernel of a generated module, from the cache if it has been compiled before on such a machine."""
     with _kept() as kept:
         name = f"{_name(source)}.o"
@@ -103,7 +103,7 @@ Run = Callable[[Array], int]
 
 
 @dataclass(frozen=True)
-class Kernel:
+class LoadedKernel:
     """The machine code of a generated module."""
 
     _method: _PyMethodDef
@@ -135,7 +135,7 @@ _new_function = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p, ctypes.py_o
 )
 
 
-def _linked(code: bytes) -> Kernel:
+def _linked(code: bytes) -> LoadedKernel:
     """The function `kernel` of an object file."""
     never = ctypes.cast(ctypes.pythonapi.Py_FatalError, ctypes.c_void_p).value
     for name in _UNREACHED:
@@ -144,4 +144,4 @@ def _linked(code: bytes) -> Kernel:
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target_machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    return Kernel(_PyMethodDef(b"run", engine.get_function_address("kernel"), _METH_O, None), engine)
+    return LoadedKernel(_PyMethodDef(b"run", engine.get_function_address("kernel"), _METH_O, None), engine)

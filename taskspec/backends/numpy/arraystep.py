@@ -14,7 +14,7 @@ from taskspec.backends.lowering.hoist import Hoisted
 from taskspec.draws.layout import poisson_bound
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
 
@@ -40,7 +40,7 @@ def observed(seen: Values) -> list[Array]:
 
 
 def generate(
-    task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: Layout, again: Again | None
+    task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: SpaceLayout, again: Again | None
 ) -> tuple[str, dict[str, Any]]:
     """Source of the module, and the constants it refers to, as nodes; with `again`, lanes that end begin anew."""
     states, actions = _names("s", task.state), _names("a", task.action)
@@ -72,7 +72,7 @@ def generate(
     return "\n".join([head, "", "", f"def lanes({', '.join(arguments)}):", *_indent(body), ""]), form.constants
 
 
-def _may_warn(roots: Sequence[Node], observation: Layout) -> bool:
+def _may_warn(roots: Sequence[Node], observation: SpaceLayout) -> bool:
     """Whether NumPy might complain, of an overflow or of nan: not where everything is whole numbers and look-ups."""
     reals = [n for n in walk(roots) if isinstance(n, Apply) and n.type.kind is Kind.REAL]
     small = all(abs(v) < 2**31 for c in observation.components for v in (*c.low, *c.high))
@@ -127,7 +127,7 @@ def _drawn(draw: Draw, args: Sequence[str], words: Sequence[str]) -> str:
 
 
 def _sinks(
-    task: Task, layout: Layout, roots: Sequence[Node], states: Sequence[str], outputs: Sequence[str]
+    task: Task, layout: SpaceLayout, roots: Sequence[Node], states: Sequence[str], outputs: Sequence[str]
 ) -> dict[int, Sink]:
     """Results that may be written where they belong, without a copy. Of several for one value the first is."""
     n = len(task.state)
@@ -146,7 +146,7 @@ def _copy(target: str, value: str) -> list[str]:
     return [] if value == target else [f"copyto({target}, {value})"]
 
 
-def _observation(form: ArrayForm, layout: Layout, outputs: Sequence[str], values: Sequence[str]) -> list[str]:
+def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], values: Sequence[str]) -> list[str]:
     if layout.form == "one_hot":
         return _one_hot(form, layout, values)
     lines = []
@@ -161,7 +161,7 @@ def _observation(form: ArrayForm, layout: Layout, outputs: Sequence[str], values
     return lines
 
 
-def _one_hot(form: ArrayForm, layout: Layout, values: Sequence[str]) -> list[str]:
+def _one_hot(form: ArrayForm, layout: SpaceLayout, values: Sequence[str]) -> list[str]:
     lines, offset = [], 0
     for c, value in zip(layout.components, values, strict=True):
         elements = [value] if c.type.is_scalar else [f"rt.rows({value})[{k}]" for k in range(c.type.size)]
@@ -204,7 +204,7 @@ def _ending(task: Task, terminal: Node) -> list[str]:
     return [*lines, "count = int(count_nonzero(ended))"]
 
 
-def _shows_state(task: Task, layout: Layout, roots: Sequence[Node], again: Again) -> bool:
+def _shows_state(task: Task, layout: SpaceLayout, roots: Sequence[Node], again: Again) -> bool:
     """Whether what is observed is the first state component as it is, so that it can be copied after all else."""
     n = len(task.state)
     if not n or layout.form != "discrete" or layout.components[0].low[0] or roots[0] is not roots[n + 2]:

@@ -21,13 +21,13 @@ from taskspec.backends.lowering.hoist import Hoisted, hoist
 from taskspec.backends.lowering.tabulate import tabulate
 from taskspec.backends.numpy.arraystep import Again, generate, never, observed
 from taskspec.backends.numpy.runtimes import RUNTIME
-from taskspec.backends.vector import Mode, NotRunningError, Options
+from taskspec.backends.vector import LanesNotRunningError, Mode, Options
 from taskspec.draws import finite, variates
-from taskspec.draws.layout import Layout as WordLayout
+from taskspec.draws.layout import WordLayout
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
 from taskspec.lang.ir import draws as draws_below
-from taskspec.task.spaces import Layout, action_layout, observation_layout
+from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
 from taskspec.task.task import Task
 
 BLOCK = 16_384
@@ -46,8 +46,8 @@ class Module:
     task: Task
     source: str
     bind: Callable[..., Callable[..., int]]
-    observation: Layout
-    action: Layout
+    observation: SpaceLayout
+    action: SpaceLayout
     hoisted: Hoisted
     start: tuple[Node, ...]
     begins: bool
@@ -74,7 +74,7 @@ def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     return Module(task, source, bind, observation, action_layout(task), hoisted, start, begins, never_terminates)
 
 
-def _again(start: tuple[Node, ...], states: int, observation: Layout) -> Again | None:
+def _again(start: tuple[Node, ...], states: int, observation: SpaceLayout) -> Again | None:
     """How episodes begin, if all do alike."""
     if draws_below(start):
         return None
@@ -135,10 +135,10 @@ class NumpyEngine:
         if len(self._blocks) == 1:
             (block,) = self._blocks
             if not block.ready:
-                raise NotRunningError
+                raise LanesNotRunningError
             return block.step(parts)
         if not all(block.ready for block in self._blocks):
-            raise NotRunningError
+            raise LanesNotRunningError
         return sum(block.step([p[..., block.place] for p in parts]) for block in self._blocks)
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.lanevalues import LaneValue
 from taskspec.backends.emit.source import literal
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
 
@@ -15,12 +15,12 @@ def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
     return [f"{prefix}_{c.name}" if c.name.isascii() else f"{prefix}_{i}" for i, c in enumerate(components)]
 
 
-def read_action(task: Task, layout: Layout) -> tuple[list[str], list[Value]]:
+def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneValue]]:
     """Statements that read and check an action, and the values of its components."""
     names = names_of("a", task.action)
     match layout.form:
         case "discrete":
-            return _read_discrete(names[0], task.action[0]), [Value([names[0]])]
+            return _read_discrete(names[0], task.action[0]), [LaneValue([names[0]])]
         case "multi_discrete":
             return _read_multi(task, names)
         case _:
@@ -40,13 +40,13 @@ def _read_discrete(name: str, c: Component) -> list[str]:
     return lines if value == name else [*lines, f"{name} = {value}"]
 
 
-def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value]]:
+def _elements(task: Task, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
     """A name for every element of the action, and the components made of them."""
     flat, values = [], []
     for i, (c, name) in enumerate(zip(task.action, names, strict=True)):
         mine = [name] if c.type.is_scalar else [f"a{i}_{k}" for k in range(c.type.size)]
         flat += mine
-        values.append(Value(mine))
+        values.append(LaneValue(mine))
     return flat, values
 
 
@@ -66,7 +66,7 @@ def _listed(shape: tuple[int, ...], names: Sequence[str], convert: str, usual: s
     ]
 
 
-def _read_multi(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value]]:
+def _read_multi(task: Task, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
     flat, values = _elements(task, names)
     lines = _listed((len(flat),), flat, "as_ints", "action.dtype is int64")
     k = 0
@@ -84,7 +84,7 @@ def _read_multi(task: Task, names: Sequence[str]) -> tuple[list[str], list[Value
     return lines, values
 
 
-def _read_box(task: Task, layout: Layout, names: Sequence[str]) -> tuple[list[str], list[Value]]:
+def _read_box(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
     flat, values = _elements(task, names)
     lines = _listed(layout.shape, flat, "as_floats", "action.dtype is float32 or action.dtype is float64")
     kinds = [c.type.kind for c in task.action for _ in range(c.type.size)]

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from struct import Struct
 
-from taskspec.backends.emit.lane import Lane
-from taskspec.backends.emit.lanevalues import UNROLLED, Value
+from taskspec.backends.emit.lane import LaneEmitter
+from taskspec.backends.emit.lanevalues import UNROLLED, LaneValue
 from taskspec.backends.lowering.phase import Phase, is_filled
 from taskspec.lang.ir import Node
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 
 _LARGEST = 3.4e38
 """Below the largest float32."""
 
 
-def observe(lane: Lane, layout: Layout, phase: Phase, values: Sequence[Value]) -> tuple[str, list[str]]:
+def observe(lane: LaneEmitter, layout: SpaceLayout, phase: Phase, values: Sequence[LaneValue]) -> tuple[str, list[str]]:
     """The source of the observation, and the statements that fill it in."""
     nodes = phase.observation
     match layout.form:
@@ -35,13 +35,13 @@ def observe(lane: Lane, layout: Layout, phase: Phase, values: Sequence[Value]) -
             return _dictionary(lane, nodes, layout), []
 
 
-def _integer(lane: Lane, node: Node) -> str:
+def _integer(lane: LaneEmitter, node: Node) -> str:
     """A finite scalar as `Discrete` has it: a condition is 0 or 1."""
     atom = lane.scalar(node)
     return f"(1 if {atom} else 0)" if node.type.kind is Kind.BOOL else atom
 
 
-def _all_atoms(lane: Lane, nodes: Sequence[Node]) -> list[str]:
+def _all_atoms(lane: LaneEmitter, nodes: Sequence[Node]) -> list[str]:
     return [atom for node in nodes for atom in lane.atoms(node)]
 
 
@@ -49,7 +49,7 @@ def _shifted(atom: str, start: int) -> str:
     return atom if start == 0 else f"{atom} - {start}" if start > 0 else f"{atom} + {-start}"
 
 
-def _row(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, list[str]]:
+def _row(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple[str, list[str]]:
     """Runs of elements written into the fresh row `o`; what the block filled in is left alone."""
     statements: list[str] = []
     run: list[Node] = []
@@ -66,7 +66,7 @@ def _row(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, list[s
     return "o", statements
 
 
-def _write(lane: Lane, start: int, run: Sequence[Node]) -> list[str]:
+def _write(lane: LaneEmitter, start: int, run: Sequence[Node]) -> list[str]:
     if not run:
         return []
     size = sum(n.type.size for n in run)
@@ -77,7 +77,7 @@ def _write(lane: Lane, start: int, run: Sequence[Node]) -> list[str]:
     return [f"{writer}(o, {4 * start}, {', '.join(items)})"]
 
 
-def _one_hot(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, list[str]]:
+def _one_hot(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> tuple[str, list[str]]:
     name = lane.name()
     statements = [f"{name} = np.zeros({layout.size}, np.float32)"]
     offset = 0
@@ -90,12 +90,12 @@ def _one_hot(lane: Lane, nodes: Sequence[Node], layout: Layout) -> tuple[str, li
     return name, statements
 
 
-def _may_overflow(lane: Lane, node: Node) -> bool:
+def _may_overflow(lane: LaneEmitter, node: Node) -> bool:
     """Whether a number may be finite, and infinite in float32, which NumPy warns of."""
     return max(map(abs, lane.certain(node))) > _LARGEST
 
 
-def _array(lane: Lane, node: Node, source: str) -> str:
+def _array(lane: LaneEmitter, node: Node, source: str) -> str:
     """The source of an array of float32."""
     shape = node.type.shape
     if _may_overflow(lane, node):
@@ -103,7 +103,7 @@ def _array(lane: Lane, node: Node, source: str) -> str:
     return f"np.array({source}, np.float32)" + (f".reshape({shape})" if len(shape) > 1 else "")
 
 
-def _dictionary(lane: Lane, nodes: Sequence[Node], layout: Layout) -> str:
+def _dictionary(lane: LaneEmitter, nodes: Sequence[Node], layout: SpaceLayout) -> str:
     items = []
     for node, c in zip(nodes, layout.components, strict=True):
         if c.is_finite and c.type.is_scalar:

@@ -7,8 +7,8 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec.backends.emit.lane import Lane
-from taskspec.backends.emit.lanevalues import Value
+from taskspec.backends.emit.lane import LaneEmitter
+from taskspec.backends.emit.lanevalues import LaneValue
 from taskspec.backends.emit.source import without_unused
 from taskspec.backends.lowering.invariant import Invariants, frozen_components
 from taskspec.backends.lowering.phase import Phase
@@ -16,7 +16,7 @@ from taskspec.backends.scalar.emit_action import names_of, read_action
 from taskspec.backends.scalar.emit_observation import observe
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type
-from taskspec.task.spaces import Layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 
@@ -29,8 +29,8 @@ class Parts:
     cold: frozenset[str]
     reset: Phase
     step: Phase
-    observation: Layout
-    action: Layout
+    observation: SpaceLayout
+    action: SpaceLayout
 
 
 def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
@@ -80,20 +80,20 @@ def _indent(lines: Sequence[str]) -> list[str]:
     return [f"    {line}" if line else "" for line in lines]
 
 
-def _held(name: str, type_: Type) -> Value:
+def _held(name: str, type_: Type) -> LaneValue:
     """How a value is held in a variable: a number, or one flat sequence."""
-    return Value([name]) if type_.is_scalar else Value(packed=name)
+    return LaneValue([name]) if type_.is_scalar else LaneValue(packed=name)
 
 
 def _lane(
     parts: Parts,
     phase: Phase | None,
     states: Sequence[str],
-    actions: Sequence[Value],
+    actions: Sequence[LaneValue],
     constants: dict[str, Any],
-) -> Lane:
+) -> LaneEmitter:
     """An emitter that knows the state, the action, the time, what is hoisted and what is invariant."""
-    task, names = parts.task, {(Role.TIME, "t"): Value(["t"])}
+    task, names = parts.task, {(Role.TIME, "t"): LaneValue(["t"])}
     for c, name in zip(task.state, states, strict=True):
         names[Role.STATE, c.name] = _held(name, c.type)
     for c, value in zip(task.action, actions, strict=False):
@@ -102,7 +102,7 @@ def _lane(
         names[Role.VARIABLE, name] = _held(name, node.type)
     for node, name in zip(phase.hoisted, phase.hoisted_names, strict=True) if phase else ():
         names[Role.VARIABLE, name] = _held(name, node.type)
-    return Lane(names, phase.words if phase else {}, task.builder.certain, constants=constants)
+    return LaneEmitter(names, phase.words if phase else {}, task.builder.certain, constants=constants)
 
 
 def _unpack(phase: Phase, call: str) -> list[str]:
@@ -176,7 +176,7 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
 
 
-def _fixed(lane: Lane, source: str, own: Container[str]) -> str:
+def _fixed(lane: LaneEmitter, source: str, own: Container[str]) -> str:
     """A result as a number, or as a name that keeps its value when the state moves on.
 
     Such are the names that the emitter makes, and those in `own`; anything else gets a name of its own now.
@@ -191,7 +191,7 @@ _NAMES, _MADE, _ATOM = re.compile(r"\b[A-Za-z_]\w*"), re.compile(r"v\d+"), re.co
 
 
 def _seen(
-    lane: Lane, parts: Parts, terminal: str, values: Sequence[Value], own: Container[str]
+    lane: LaneEmitter, parts: Parts, terminal: str, values: Sequence[LaneValue], own: Container[str]
 ) -> tuple[str, list[str]]:
     """The observation of a step: the kept one where it stays the same, itself rather than a copy on what is always the last."""
     if parts.invariants.observation:
@@ -222,7 +222,7 @@ def _ending(task: Task, terminal: str) -> tuple[list[str], str]:
     return [f"end = {truncated}", f"if end or {terminal}:", "    alive = False"], f"{terminal}, end"
 
 
-def _stored(lane: Lane, node: Node, type_: Type) -> str:
+def _stored(lane: LaneEmitter, node: Node, type_: Type) -> str:
     """A value as it is kept: a number of its kind, or a flat sequence."""
     return lane.scalar(node) if type_.is_scalar else lane.packed(node)
 

@@ -1,7 +1,7 @@
 """The scalar program: generated Python that resets and steps one environment, in the lane form.
 
 Whatever depends on draws alone, not on the state, is computed by NumPy for blocks of coming steps and episodes;
-what is left for a step is straight-line Python on numbers. `compile_scalar` gives the functions, `Scalar.source` the text.
+what is left for a step is straight-line Python on numbers. `compile_scalar` gives the functions, `ScalarProgram.source` the text.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from taskspec.backends.scalar import scalars
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
-from taskspec.task.spaces import Layout, action_layout, observation_layout, pack, singles
+from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, singles
 from taskspec.task.task import Task
 
 Failure = Callable[..., Exception]
@@ -49,7 +49,7 @@ _ZERO = Clock()
 
 
 @dataclass(frozen=True)
-class Scalar:
+class ScalarProgram:
     """A compiled task: `start` makes the functions of one environment.
 
     `source` is the generated module; `observation` and `action` say how values are laid out.
@@ -57,8 +57,8 @@ class Scalar:
 
     task: Task
     source: str
-    observation: Layout
-    action: Layout
+    observation: SpaceLayout
+    action: SpaceLayout
     reset_phase: Phase
     step_phase: Phase
     _namespace: dict[str, Any] = field(repr=False)
@@ -86,7 +86,7 @@ class Scalar:
 class Lane:
     """One environment: `reset()`, `step(action)`, and its state (component values, clock) to get and put.
 
-    A value that `get` gives as None is that of the last reset (`Scalar.replay`); `put` needs all values.
+    A value that `get` gives as None is that of the last reset (`ScalarProgram.replay`); `put` needs all values.
     """
 
     reset: Callable[[], tuple[Any, dict[str, Any]]]
@@ -96,7 +96,7 @@ class Lane:
 
 
 @lru_cache(maxsize=64)
-def compile_scalar(task: Task) -> Scalar:
+def compile_scalar(task: Task) -> ScalarProgram:
     """Generate and compile the scalar program of a task."""
     observation, action = observation_layout(task), action_layout(task)
     invariants = Invariants.of(task, observation.form == "box" and bool(observation.shape))
@@ -118,7 +118,7 @@ def compile_scalar(task: Task) -> Scalar:
     }
     exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
-    return Scalar(task, source, observation, action, reset, step, namespace)
+    return ScalarProgram(task, source, observation, action, reset, step, namespace)
 
 
 def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:

@@ -159,7 +159,7 @@ def _limits() -> str:
     return table(("limit", "default", "what"), ((_limit_name(row), f"{row.value:,}", row.what) for row in rows))
 
 
-def _limit_name(row: limits.Row) -> str:
+def _limit_name(row: limits.LimitRow) -> str:
     return "" if row.fixed else code(row.name)
 
 

@@ -11,7 +11,7 @@ from taskspec.lang.check import Checker
 from taskspec.lang.ir import Const
 from taskspec.lang.parse import parse
 from taskspec.lang.scope import Scope
-from taskspec.lang.syntax import Text
+from taskspec.lang.syntax import SourceText
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
@@ -22,7 +22,7 @@ from taskspec.task.task import Task
 def value(expression: str) -> str:
     """The value of a constant expression, written as the language writes values."""
     origin = Origin("<manual>", expression)
-    text = Text(expression, lambda start, end: Span(origin, 1, start + 1, 1, end + 1))
+    text = SourceText(expression, lambda start, end: Span(origin, 1, start + 1, 1, end + 1))
     collector = Collector()
     found = Checker(Builder(), collector).check(parse(text), Scope({}))
     collector.raise_if_errors()

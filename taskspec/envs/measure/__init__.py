@@ -18,7 +18,7 @@ from taskspec.envs.measure.race import Contestant as Contestant
 from taskspec.envs.measure.race import Rate as Rate
 from taskspec.envs.measure.race import race as race
 from taskspec.envs.measure.race import spread as spread
-from taskspec.envs.measure.starts import Memory as Memory
+from taskspec.envs.measure.starts import MemoryUse as MemoryUse
 from taskspec.envs.measure.starts import Start as Start
 from taskspec.envs.measure.starts import memory as memory
 from taskspec.envs.measure.starts import start_times as start_times

@@ -61,7 +61,7 @@ class Start:
 
 
 @dataclass(frozen=True, slots=True)
-class Memory:
+class MemoryUse:
     """Bytes that a vector environment holds for its lanes: states, results, scratch, and the bounds of its spaces."""
 
     task: str
@@ -116,10 +116,10 @@ def _reason(error: subprocess.SubprocessError) -> str:
     return f"it took longer than {PATIENCE:g} seconds"
 
 
-def memory(task: Task, backend: str, lanes: int = MEMORY_LANES) -> Memory:
+def memory(task: Task, backend: str, lanes: int = MEMORY_LANES) -> MemoryUse:
     """What many lanes hold beyond what a few do, by Python's own account of memory, and JAX's of its arrays."""
     few, many = (_held(task, backend, n) for n in (FEW_LANES, lanes))
-    return Memory(label(task), backend, lanes, round((many - few) * lanes / (lanes - FEW_LANES)))
+    return MemoryUse(label(task), backend, lanes, round((many - few) * lanes / (lanes - FEW_LANES)))
 
 
 def _held(task: Task, backend: str, lanes: int) -> int:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.checks.places import Section
+from taskspec.exact.checks.places import SectionScope
 from taskspec.exact.simulation.rollout import reads_of
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node
@@ -47,7 +47,7 @@ def abstraction(task: Task) -> Abstraction | None:
     stand_in = build_abstract(task) if written else None
     if stand_in is None or not isinstance(written, dict):
         return None
-    section = Section(task, "abstraction")
+    section = SectionScope(task, "abstraction")
     nodes = [section.number(written[c.name]) if c.name in written else None for c in stand_in.state]
     found = tuple(n for n in nodes if n is not None)
     return Abstraction(task, stand_in, found) if len(found) == len(nodes) else None

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import Layout
-from taskspec.exact.checks.phases import Check, Phase
+from taskspec.draws.layout import WordLayout
+from taskspec.exact.checks.phases import Check, CheckPhase
 from taskspec.exact.model.codes import distinct, holds, union, without
 from taskspec.exact.model.cost import Cost
 from taskspec.exact.model.outcomes import Branch, branches, count, is_finite
@@ -45,9 +45,9 @@ class Violation:
 class Examination:
     """One phase, looked at."""
 
-    def __init__(self, phase: Phase) -> None:
+    def __init__(self, phase: CheckPhase) -> None:
         self.phase, self.task = phase, phase.task
-        self.layout = Layout.of(phase.roots)
+        self.layout = WordLayout.of(phase.roots)
         self.enumerated = _enumerated(phase)
         self.rng = np.random.default_rng(1)
 
@@ -175,7 +175,7 @@ class Examination:
         return without(union(ended), union(going))
 
 
-def _enumerated(phase: Phase) -> tuple[Draw, ...]:
+def _enumerated(phase: CheckPhase) -> tuple[Draw, ...]:
     """Draws whose outcomes are all looked at: finite ones with few outcomes, drawn from nothing that is sampled."""
     chosen: list[Draw] = []
     known: set[int] = set()

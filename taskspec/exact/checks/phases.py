@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.exact.checks.bounds import proved
-from taskspec.exact.checks.places import Section, Written, distributions
+from taskspec.exact.checks.places import SectionScope, Written, distributions
 from taskspec.exact.model.cost import Cost
 from taskspec.exact.model.outcomes import count
 from taskspec.exact.model.space import Space
@@ -68,7 +68,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Phase:
+class CheckPhase:
     """Checks that share their points and their draws."""
 
     task: Task
@@ -86,30 +86,30 @@ class Phase:
         return draws(self.roots)
 
 
-def phases(task: Task, limit: int) -> Iterator[Phase]:
+def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     """The phases of a task that have anything left to check once bounds have proved what they can."""
     yield _phase(task, "start", _start_checks(task), limit)
     yield _phase(task, "decision", _decision_checks(task), limit)
     yield _phase(task, "step", _step_checks(task), limit)
 
 
-def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> Phase:
+def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> CheckPhase:
     left = tuple(c for c in checks if not proved(c, task.builder))
     roots = [n for c in left for n in (*c.guards, c.node)]
     found = draws(roots)
     outcomes = count(found, {})
     read = reads(roots)
     if name == "start":
-        return Phase(task, name, left, Samples((), None, None), outcomes <= limit and not read)
+        return CheckPhase(task, name, left, Samples((), None, None), outcomes <= limit and not read)
     times = _times(task, name) if (Role.TIME, "t") in read else None
     if task.is_finite and outcomes <= MOST_OUTCOMES:
         actions = Space(task.action, Role.ACTION) if name == "step" else None
         grid = Grid(Space(task.state, Role.STATE), actions, times)
         if grid.size * outcomes <= min(limit, Cost(roots).affordable()):
-            return Phase(task, name, left, grid, True)
+            return CheckPhase(task, name, left, grid, True)
     given = visited(task) if left else None
     components = [(Role.STATE, c) for c in _reached(task)] + [(Role.ACTION, c) for c in task.action]
-    return Phase(task, name, left, Samples(tuple(components), _times(task, name), given), not left)
+    return CheckPhase(task, name, left, Samples(tuple(components), _times(task, name), given), not left)
 
 
 def _reached(task: Task) -> Iterator[Component]:
@@ -171,7 +171,7 @@ def _drawn(task: Task, section: str, roots: Sequence[Node]) -> list[Check]:
     """Parameters of the distributions that a section draws from."""
     if not draws(roots):
         return []
-    where = Section(task, section)
+    where = SectionScope(task, section)
     return [
         check
         for name, expr in entries(task, section)
@@ -184,7 +184,7 @@ _LEAST = 1e-300
 """Least number above 0, as far as a check of ranges is concerned."""
 
 
-def _parameters(written: Written, where: Section, entry: str | None) -> Iterator[Check]:
+def _parameters(written: Written, where: SectionScope, entry: str | None) -> Iterator[Check]:
     match written.expr:
         case s.Weights(pairs=pairs):
             yield from _probabilities([p for _, p in pairs], written, where, entry)
@@ -196,7 +196,7 @@ def _parameters(written: Written, where: Section, entry: str | None) -> Iterator
             yield from _of_call(call, written, where, entry)
 
 
-def _probabilities(exprs: list[s.Expr], written: Written, where: Section, entry: str | None) -> Iterator[Check]:
+def _probabilities(exprs: list[s.Expr], written: Written, where: SectionScope, entry: str | None) -> Iterator[Check]:
     """Each between 0 and 1, and all together 1."""
     nodes = [where.number(e) for e in exprs]
     if any(n is None or draws([n]) for n in nodes) or all(isinstance(n, Const) for n in nodes):
@@ -211,7 +211,7 @@ def _probabilities(exprs: list[s.Expr], written: Written, where: Section, entry:
     yield _check("E401", total, (1.0,), (1.0,), written, where, entry, what, written.expr)
 
 
-def _of_call(call: s.Call, written: Written, where: Section, entry: str | None) -> Iterator[Check]:
+def _of_call(call: s.Call, written: Written, where: SectionScope, entry: str | None) -> Iterator[Check]:
     arguments = {a.name: a for a in DISTS[call.function].arguments}
     given = dict(zip(arguments, call.args, strict=False)) | dict(call.keywords)
     for name, expr in given.items():
@@ -227,7 +227,7 @@ def _of_call(call: s.Call, written: Written, where: Section, entry: str | None) 
 
 
 def _ordered(
-    low: s.Expr, high: s.Expr, call: s.Call, written: Written, where: Section, entry: str | None
+    low: s.Expr, high: s.Expr, call: s.Call, written: Written, where: SectionScope, entry: str | None
 ) -> Iterator[Check]:
     bottom, top = where.number(low), where.number(high)
     if bottom is None or top is None or draws([bottom, top]):
@@ -241,6 +241,6 @@ def _ordered(
 
 def _check(
     code: str, node: Node, low: tuple[float, ...], high: tuple[float, ...],
-    written: Written, where: Section, entry: str | None, what: str, place: s.Expr,
+    written: Written, where: SectionScope, entry: str | None, what: str, place: s.Expr,
 ) -> Check:  # fmt: skip
     return Check(code, node, low, high, where.name, entry, None, place, written.guards, what)

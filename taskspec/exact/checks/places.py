@@ -24,7 +24,7 @@ from taskspec.task.task import Task
 
 
 @dataclass(frozen=True)
-class Section:
+class SectionScope:
     """A section's scope, in which parts of its expressions can be given a meaning again."""
 
     task: Task
@@ -81,7 +81,7 @@ def holds(condition: Node | None, reads: Reads) -> bool | None:
     return bool(np.asarray(value).reshape(-1)[0])
 
 
-def narrow(expr: s.Expr, section: Section, reads: Reads) -> s.Expr:
+def narrow(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr:
     """The branch or row of an expression that gives its value at a point."""
     while True:
         smaller = _smaller(expr, section, reads)
@@ -90,7 +90,7 @@ def narrow(expr: s.Expr, section: Section, reads: Reads) -> s.Expr:
         expr = smaller
 
 
-def _smaller(expr: s.Expr, section: Section, reads: Reads) -> s.Expr | None:
+def _smaller(expr: s.Expr, section: SectionScope, reads: Reads) -> s.Expr | None:
     match expr:
         case s.IfElse(condition=condition, then=then, otherwise=otherwise):
             return _branch([(condition, then)], otherwise, section, reads)
@@ -102,7 +102,9 @@ def _smaller(expr: s.Expr, section: Section, reads: Reads) -> s.Expr | None:
             return None
 
 
-def _branch(pieces: list[tuple[s.Expr, s.Expr]], otherwise: s.Expr, section: Section, reads: Reads) -> s.Expr | None:
+def _branch(
+    pieces: list[tuple[s.Expr, s.Expr]], otherwise: s.Expr, section: SectionScope, reads: Reads
+) -> s.Expr | None:
     for condition, then in pieces:
         found = holds(section.number(condition), reads)
         if found is None:
@@ -112,9 +114,9 @@ def _branch(pieces: list[tuple[s.Expr, s.Expr]], otherwise: s.Expr, section: Sec
     return otherwise
 
 
-def _cell(by: tuple[s.Expr, ...], rows: tuple[s.Row, ...], section: Section, reads: Reads) -> s.Expr | None:
+def _cell(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: SectionScope, reads: Reads) -> s.Expr | None:
     """The cell of a table; the named row goes before `else`."""
-    other: s.Row | None = None
+    other: s.TableRow | None = None
     for row in rows:
         if row.key is None:
             other = row
@@ -127,7 +129,7 @@ def _cell(by: tuple[s.Expr, ...], rows: tuple[s.Row, ...], section: Section, rea
     return None if other is None else _inside(other, by, section, reads)
 
 
-def _inside(row: s.Row, by: tuple[s.Expr, ...], section: Section, reads: Reads) -> s.Expr | None:
+def _inside(row: s.TableRow, by: tuple[s.Expr, ...], section: SectionScope, reads: Reads) -> s.Expr | None:
     if isinstance(row.body, tuple):
         return _cell(by[1:], row.body, section, reads)
     return row.body
@@ -144,12 +146,12 @@ class Written:
     guards: tuple[Node, ...]
 
 
-def distributions(expr: s.Expr, section: Section) -> Iterator[Written]:
+def distributions(expr: s.Expr, section: SectionScope) -> Iterator[Written]:
     """The distributions in an expression whose parameters can be looked at on their own."""
     yield from _distributions(expr, section, ())
 
 
-def _distributions(expr: s.Expr, section: Section, guards: tuple[Node, ...]) -> Iterator[Written]:
+def _distributions(expr: s.Expr, section: SectionScope, guards: tuple[Node, ...]) -> Iterator[Written]:
     match expr:
         case s.IfElse(condition=condition, then=then, otherwise=otherwise):
             yield from _pieces([(condition, then)], otherwise, section, guards)
@@ -196,7 +198,7 @@ def parts(expr: s.Expr) -> Iterator[s.Expr]:
 
 
 def _pieces(
-    pieces: list[tuple[s.Expr, s.Expr]], otherwise: s.Expr, section: Section, guards: tuple[Node, ...]
+    pieces: list[tuple[s.Expr, s.Expr]], otherwise: s.Expr, section: SectionScope, guards: tuple[Node, ...]
 ) -> Iterator[Written]:
     b = section.task.builder
     for condition, then in pieces:
@@ -207,7 +209,7 @@ def _pieces(
 
 
 def _rows(
-    by: tuple[s.Expr, ...], rows: tuple[s.Row, ...], section: Section, guards: tuple[Node, ...]
+    by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], section: SectionScope, guards: tuple[Node, ...]
 ) -> Iterator[Written]:
     b = section.task.builder
     others: tuple[Node, ...] = ()

@@ -10,7 +10,7 @@ import numpy as np
 from taskspec.diagnostics import Collector, Placed
 from taskspec.exact.checks.examine import Examination, Violation
 from taskspec.exact.checks.phases import Check, entries
-from taskspec.exact.checks.places import Section, narrow
+from taskspec.exact.checks.places import SectionScope, narrow
 from taskspec.exact.model.space import domain, shown, words
 from taskspec.lang.ir import Role, reads
 from taskspec.task.task import Component, Task
@@ -125,4 +125,4 @@ def _place(violation: Violation, task: Task) -> Placed | None:
     found = [(name, expr) for name, expr in entries(task, check.section) if name in (check.entry, None)]
     if not found:
         return None
-    return narrow(found[0][1], Section(task, check.section), violation.reads).place
+    return narrow(found[0][1], SectionScope(task, check.section), violation.reads).place

@@ -245,7 +245,7 @@ class Evaluator:
         written = self.options.get("under")
         if written is None:
             return None
-        text = s.Text(str(written), lambda start, end: claim.place.span)
+        text = s.SourceText(str(written), lambda start, end: claim.place.span)
         found = parse_into(text, Collector())
         if found is None:
             raise Unfit(f"`under: {written}` is not a decision model", claim)

@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import Any
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
-from taskspec.exact.claims.follow import Asked, compare, likely
+from taskspec.exact.claims.follow import Consequence, compare, likely
 from taskspec.exact.model.space import domain, words
 from taskspec.exact.planning.certified.readings import Reader
 from taskspec.lang.check import Checker
@@ -145,7 +145,7 @@ class _Trial:
 
     # -- what follows -----------------------------------------------------------------------------
 
-    def _asked(self, follows: Followed) -> Asked | None:
+    def _asked(self, follows: Followed) -> Consequence | None:
         """What the task says and what the example says; None where one of them is broken (and reported)."""
         found = self._said(follows)
         if found is None:
@@ -155,7 +155,7 @@ class _Trial:
         actual = self._put_in(node, what)
         if expected is None or actual is None:
             return None
-        return Asked(what, component, actual, expected, follows.expr)
+        return Consequence(what, component, actual, expected, follows.expr)
 
     def _said(self, follows: Followed) -> tuple[Component, Node, str] | None:
         """The component that an entry is about, its node, and words for it."""

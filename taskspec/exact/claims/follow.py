@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.model.outcomes import FLOATS, Numbers, branches, count, is_finite
+from taskspec.exact.model.outcomes import FLOATS, ProbabilityArithmetic, branches, count, is_finite
 from taskspec.exact.model.space import plain, words
 from taskspec.exact.planning.certified.rational import Chances
 from taskspec.exact.planning.certified.readings import Inexact, Reader
@@ -27,7 +27,7 @@ RELATIVE, ABSOLUTE, CHANCE = 1e-9, 1e-12, 1e-9
 
 
 @dataclass(frozen=True)
-class Asked:
+class Consequence:
     """One thing that follows: in words, as a component, as the task has it, as the example has it, and where."""
 
     what: str
@@ -38,7 +38,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Outcomes:
+class JointOutcomes:
     """Values (K, elements) of some nodes together, with their probabilities (K,) as rationals or floats, each once."""
 
     values: Array
@@ -63,7 +63,7 @@ def _alike(one: float | Fraction, other: float | Fraction) -> bool:
     return abs(float(one) - float(other)) <= CHANCE
 
 
-def outcomes(nodes: Sequence[Node]) -> Outcomes | None:
+def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
     """Everything that can come of some nodes that read nothing; None where there is no end to it, or too much."""
     found = draws(nodes)
     size = sum(node.type.size for node in (*nodes, *found))
@@ -75,7 +75,7 @@ def outcomes(nodes: Sequence[Node]) -> Outcomes | None:
         return _enumerated(nodes, found, FLOATS)
 
 
-def _enumerated(nodes: Sequence[Node], found: Sequence[Draw], numbers: Numbers) -> Outcomes:
+def _enumerated(nodes: Sequence[Node], found: Sequence[Draw], numbers: ProbabilityArithmetic) -> JointOutcomes:
     """All outcomes, with probabilities as rationals or as floats."""
     rows, weights = [], []
     for branch in branches(found, {}, 1, numbers):
@@ -87,10 +87,10 @@ def _enumerated(nodes: Sequence[Node], found: Sequence[Draw], numbers: Numbers) 
     distinct, which = np.unique(np.concatenate(rows), axis=0, return_inverse=True)
     order = np.argsort(which.reshape(-1), kind="stable")
     starts = np.searchsorted(which.reshape(-1)[order], np.arange(len(distinct)))
-    return Outcomes(distinct, np.add.reduceat(np.concatenate(weights)[order], starts))
+    return JointOutcomes(distinct, np.add.reduceat(np.concatenate(weights)[order], starts))
 
 
-def compare(asked: Asked, collector: Collector) -> None:
+def compare(asked: Consequence, collector: Collector) -> None:
     """Report one thing that does not follow as the example says."""
     actual, expected = outcomes([asked.actual]), outcomes([asked.expected])
     if actual is None or expected is None:
@@ -102,7 +102,7 @@ def compare(asked: Asked, collector: Collector) -> None:
     collector.add("E611", asked.expr.place, message)
 
 
-def _compare_forms(asked: Asked, collector: Collector) -> None:
+def _compare_forms(asked: Consequence, collector: Collector) -> None:
     """Distributions that cannot be enumerated are the same when they are written alike."""
     forms = NormalForms()
     if forms.all([asked.actual]) == forms.all([asked.expected]):
@@ -115,7 +115,7 @@ def _compare_forms(asked: Asked, collector: Collector) -> None:
     collector.add("E612", asked.expr.place, message, "write the distribution as the spec does")
 
 
-def likely(asked: Sequence[Asked], chance: Fraction, example: Example, collector: Collector) -> None:
+def likely(asked: Sequence[Consequence], chance: Fraction, example: Example, collector: Collector) -> None:
     """Report a set of values that is not as likely as the example says."""
     actual = outcomes([a.actual for a in asked])
     expected = outcomes([a.expected for a in asked])
@@ -132,7 +132,7 @@ def likely(asked: Sequence[Asked], chance: Fraction, example: Example, collector
 # -- words ----------------------------------------------------------------------------------------
 
 
-def _told(c: Component, found: Outcomes) -> str:
+def _told(c: Component, found: JointOutcomes) -> str:
     """A value, or a few of many with their probabilities."""
     order = np.argsort(-found.weights, kind="stable")
     told = [_one(c, found.values[i]) for i in order[:4]]
@@ -148,7 +148,7 @@ def _one(c: Component, row: Array) -> str:
     return words(plain(c, row.reshape(c.type.shape).astype(kind)))
 
 
-def _value(asked: Asked) -> str:
+def _value(asked: Consequence) -> str:
     found = outcomes([asked.expected])
     return "this" if found is None else _told(asked.component, found)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.checks.places import Section, distributions
+from taskspec.exact.checks.places import SectionScope, distributions
 from taskspec.exact.lint.case import Case
 from taskspec.exact.lint.names import followed
 from taskspec.lang import syntax as s
@@ -25,17 +25,17 @@ def certain(case: Case, collector: Collector) -> None:
             collector.add("W512", written.place, "this draw has only one outcome", "write the value itself")
 
 
-def _written(task: Task) -> Iterator[tuple[s.Call | s.Weights, Section]]:
+def _written(task: Task) -> Iterator[tuple[s.Call | s.Weights, SectionScope]]:
     """Every distribution of the spec, with the section it stands in."""
     for section in SECTIONS:
         entries = task.surface.sections.get(section)
-        where = Section(task, section)
+        where = SectionScope(task, section)
         for expr in entries.values() if isinstance(entries, dict) else [entries]:
             for written in distributions(expr, where) if expr is not None else ():
                 yield written.expr, where
 
 
-def _is_certain(expr: s.Call | s.Weights, where: Section) -> bool:
+def _is_certain(expr: s.Call | s.Weights, where: SectionScope) -> bool:
     match expr:
         case s.Weights(pairs=pairs) | s.Call(args=(s.Weights(pairs=pairs),)):
             return _one_weight(pairs, where)
@@ -50,13 +50,13 @@ def _is_certain(expr: s.Call | s.Weights, where: Section) -> bool:
             return dist.certain({key: where.number(value) for key, value in given.items() if key in names})
 
 
-def _one_weight(pairs: tuple[tuple[s.Expr, s.Expr], ...], where: Section) -> bool:
+def _one_weight(pairs: tuple[tuple[s.Expr, s.Expr], ...], where: SectionScope) -> bool:
     """Whether one value alone has a probability above 0."""
     weights = [where.number(p) for _, p in pairs]
     return all(isinstance(w, Const) for w in weights) and sum(_above_zero(w) for w in weights) == 1
 
 
-def _one_element(expr: s.Call, where: Section) -> bool:
+def _one_element(expr: s.Call, where: SectionScope) -> bool:
     """Whether the set that is drawn from has one element."""
     value = where.value(expr)
     found = [] if value is None else draws([value.node])

@@ -9,7 +9,7 @@ import numpy as np
 
 from taskspec.diagnostics import Collector
 from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import Layout
+from taskspec.draws.layout import WordLayout
 from taskspec.exact.lint.case import Case
 from taskspec.exact.model.space import Reads, shown, words
 from taskspec.exact.simulation.rollout import visited
@@ -85,7 +85,7 @@ def _outside(
 ) -> Iterator[tuple[ClampedIndex, int, Reads, Task]]:
     """The indices that lie outside at a point where they matter: the value, and what is read there."""
     lanes = max((v.shape[-1] for v in points.values()), default=1)
-    layout = Layout.of(roots)
+    layout = WordLayout.of(roots)
     sample = batch_sampler(layout, np.random.default_rng(0).integers(0, 2**32, (layout.count, lanes), dtype=np.uint32))
     order = list(walk(roots))
     asked = [n for n in order if _choice(n)]

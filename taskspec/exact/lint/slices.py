@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.checks.places import Section
+from taskspec.exact.checks.places import SectionScope
 from taskspec.exact.lint.case import Case
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const
@@ -25,7 +25,7 @@ def past_the_end(case: Case, collector: Collector) -> None:
             _check_ends(node, cut, where, collector)
 
 
-def _sliced(task: Task) -> Iterator[tuple[s.Expr, list[Cut], Section]]:
+def _sliced(task: Task) -> Iterator[tuple[s.Expr, list[Cut], SectionScope]]:
     """The slices of every expression, as long as there are not too many."""
     left = MOST
     for expr, where in expressions(task):
@@ -36,7 +36,7 @@ def _sliced(task: Task) -> Iterator[tuple[s.Expr, list[Cut], Section]]:
             yield expr, found, where
 
 
-def _check_ends(node: s.Subscript, cut: s.Slice, where: Section, collector: Collector) -> None:
+def _check_ends(node: s.Subscript, cut: s.Slice, where: SectionScope, collector: Collector) -> None:
     length = _length(node, where)
     for end in (cut.start, cut.stop):
         at = None if end is None else _constant(end, where)
@@ -59,7 +59,7 @@ def _is_concat(node: object) -> bool:
     return isinstance(node, s.Call) and node.function == "concat"
 
 
-def _check_halves(found: list[Cut], where: Section, collector: Collector) -> None:
+def _check_halves(found: list[Cut], where: SectionScope, collector: Collector) -> None:
     heads = {id(v.node): (i, node) for v, i, node in _parts(found, where, head=True)}
     for vector, start, node in _parts(found, where, head=False):
         stop, _ = heads.get(id(vector.node), (start, node))
@@ -70,7 +70,7 @@ def _check_halves(found: list[Cut], where: Section, collector: Collector) -> Non
             collector.add("W515", node.place, message, "use the same index for both")
 
 
-def _parts(found: list[Cut], where: Section, head: bool) -> Iterator[tuple[Value, int, s.Subscript]]:
+def _parts(found: list[Cut], where: SectionScope, head: bool) -> Iterator[tuple[Value, int, s.Subscript]]:
     """First parts `v[:i]`, or last parts `v[i:]`: the vector, `i` counted from its beginning, the slice."""
     for node, cut in found:
         end, other = (cut.stop, cut.start) if head else (cut.start, cut.stop)
@@ -81,23 +81,23 @@ def _parts(found: list[Cut], where: Section, head: bool) -> Iterator[tuple[Value
             yield vector, at + vector.node.type.shape[0] * (at < 0), node
 
 
-def _length(node: s.Subscript, where: Section) -> int | None:
+def _length(node: s.Subscript, where: SectionScope) -> int | None:
     value = where.value(node.value)
     return value.node.type.shape[0] if value is not None and value.node.type.shape else None
 
 
-def _constant(expr: s.Expr, where: Section) -> int | None:
+def _constant(expr: s.Expr, where: SectionScope) -> int | None:
     node = where.number(expr)
     return int(node.value) if isinstance(node, Const) and node.type.is_scalar else None
 
 
-def expressions(task: Task) -> Iterator[tuple[s.Expr, Section]]:
+def expressions(task: Task) -> Iterator[tuple[s.Expr, SectionScope]]:
     """Every expression of the sections that act, and of the definitions, with a section whose names it can use."""
     for section in SECTIONS:
         found = task.surface.sections.get(section)
         for expr in found.values() if isinstance(found, dict) else [found]:
             if isinstance(expr, s.Expr):
-                yield expr, Section(task, section)
+                yield expr, SectionScope(task, section)
     for expr in (task.surface.sections.get("definitions") or {}).values():
         if expr is not None:
-            yield expr, Section(task, "reward")
+            yield expr, SectionScope(task, "reward")

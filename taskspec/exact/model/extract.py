@@ -11,7 +11,7 @@ from taskspec.exact.model.failure import refuse, scipy_sparse
 from taskspec.exact.model.model import Model, Step
 from taskspec.exact.model.outcomes import count
 from taskspec.exact.model.reach import visits
-from taskspec.exact.model.rows import Sink, all_rows
+from taskspec.exact.model.rows import RowCollector, all_rows
 from taskspec.exact.model.space import MAX_CODES
 from taskspec.exact.model.transitions import Steps
 from taskspec.limits import count as count_of
@@ -158,7 +158,7 @@ def _steps(steps: Steps, codes: Array, times: int) -> tuple[Step, ...]:
 
 def _step(steps: Steps, codes: Array, t: int) -> Step:
     rows = len(codes) * steps.actions.size
-    sink = Sink(rows, int(rows * steps.branching))
+    sink = RowCollector(rows, int(rows * steps.branching))
     for some in all_rows(steps, codes, t):
         sink.add(some)
     return sink.step(len(codes))

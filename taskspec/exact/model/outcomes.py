@@ -29,7 +29,7 @@ FAINTEST = 5e-324
 """What possible outcomes weigh at least, so that a product of small probabilities does not make them impossible."""
 
 
-class Numbers(Protocol):
+class ProbabilityArithmetic(Protocol):
     """The arithmetic in which probabilities are worked out: floats, or rationals (`certified.rational`)."""
 
     def argument(self, draw: Draw, arg: Array) -> Array:
@@ -70,7 +70,7 @@ class Branch:
     weight: Array
     origin: Array | None
     drawn: Mapping[int, Array]
-    numbers: Numbers = FLOATS
+    numbers: ProbabilityArithmetic = FLOATS
 
     def sample(self, draw: Draw, args: list[Array]) -> Array:
         return self.drawn[draw.site]
@@ -116,7 +116,9 @@ def is_finite(draw: Draw) -> bool:
     return BASES[draw.base].finite or draw.base == "poisson"
 
 
-def branches(draws: Sequence[Draw], reads: Reads, lanes: int, numbers: Numbers = FLOATS) -> Iterator[Branch]:
+def branches(
+    draws: Sequence[Draw], reads: Reads, lanes: int, numbers: ProbabilityArithmetic = FLOATS
+) -> Iterator[Branch]:
     """All outcomes of the finite draws among `draws` (in order of site) at `lanes` points."""
     start = Branch(numbers.ratio(np.ones(1, np.int64), np.ones(1, np.int64)), None, {}, numbers)
     yield from _expand([d for d in draws if is_finite(d)], reads, lanes, start)
@@ -181,7 +183,7 @@ def _stretched(arg: Array, size: int) -> list[Array]:
     return list(flat) * size if len(flat) == 1 else list(flat)
 
 
-def _index(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
+def _index(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
     rows = []
     for counts in _stretched(args[0], draw.type.size):
         k = np.arange(int(counts.max()))[:, None]
@@ -189,7 +191,7 @@ def _index(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Arra
     return _product(draw, rows, np.int64)
 
 
-def _bernoulli(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
+def _bernoulli(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
     rows = []
     for p in _stretched(numbers.argument(draw, args[0]), draw.type.size):
         inside = np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
@@ -197,7 +199,7 @@ def _bernoulli(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, 
     return _product(draw, rows, np.bool_)
 
 
-def _categorical(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
+def _categorical(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
     return _product(draw, [clean(numbers.argument(draw, args[0]))] * draw.type.size, np.int64)
 
 
@@ -228,7 +230,7 @@ def highest_rate(draw: Draw) -> float:
     return max(map(float, highest.flat))
 
 
-def _poisson(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
+def _poisson(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
     terms = _poisson_most(draw)
     rows = [_poisson_row(rate, terms) for rate in _stretched(numbers.argument(draw, args[0]), draw.type.size)]
     return _product(draw, rows, np.int64)
@@ -247,7 +249,7 @@ def _poisson_row(rates: Array, terms: int) -> Array:
     return clean(found)
 
 
-def _permutation(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array, Array]:
+def _permutation(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
     *outer, n = draw.type.shape
     one = np.array(list(itertools.permutations(range(n))), dtype=np.int64)
     every = list(itertools.product(range(len(one)), repeat=math.prod(outer)))
@@ -255,7 +257,7 @@ def _permutation(draw: Draw, args: list[Array], numbers: Numbers) -> tuple[Array
     return values, numbers.ratio(np.ones((len(values), 1), np.int64), np.full((len(values), 1), len(values)))
 
 
-_TABLES: dict[str, Callable[[Draw, list[Array], Numbers], tuple[Array, Array]]] = {
+_TABLES: dict[str, Callable[[Draw, list[Array], ProbabilityArithmetic], tuple[Array, Array]]] = {
     "index": _index,
     "bernoulli": _bernoulli,
     "categorical": _categorical,

@@ -38,7 +38,7 @@ class Rows:
     scale: float = 0.0
 
 
-class Sink:
+class RowCollector:
     """Gathers rows into arrays as long as all of them may need; what is not written costs no memory."""
 
     def __init__(self, rows: int, entries: int) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from taskspec.exact.model.codes import distinct
 from taskspec.exact.model.expectation import expected
 from taskspec.exact.model.failure import refuse
-from taskspec.exact.model.outcomes import FLOATS, Branch, Numbers, branches, count
+from taskspec.exact.model.outcomes import FLOATS, Branch, ProbabilityArithmetic, branches, count
 from taskspec.exact.model.space import MAX_CODES, Reads, Space
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
@@ -81,7 +81,7 @@ class Steps:
         return found
 
     def outcomes(
-        self, states: Array, actions: Array, t: int | None = None, numbers: Numbers = FLOATS
+        self, states: Array, actions: Array, t: int | None = None, numbers: ProbabilityArithmetic = FLOATS
     ) -> Iterator[Outcomes]:
         """Every outcome of acting in states (N,) by actions (N,) or (1,) at time t."""
         lanes = len(states)
@@ -92,7 +92,7 @@ class Steps:
             code, outside = self.states.encode(values[:-2], size)
             yield Outcomes(branch.weight, branch.origin, code, outside, values[-2], values[-1])
 
-    def starts(self, numbers: Numbers = FLOATS) -> tuple[Array, Array]:
+    def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
         """Codes (N,) of the first states and their probabilities (N,), each code once.
 
         Raises:

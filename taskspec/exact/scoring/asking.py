@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import Layout
+from taskspec.draws.layout import WordLayout
 from taskspec.exact.model.failure import misused
 from taskspec.exact.simulation.rollout import State, reads_of
 from taskspec.lang.batch import evaluate
@@ -38,7 +38,7 @@ class Asked:
     def __init__(self, task: Task, policy: Any, deterministic: bool | None = None) -> None:
         self.task, self.policy, self.deterministic = task, policy, deterministic
         self.seen, self.done = spaces.observation_layout(task), spaces.action_layout(task)
-        self._words = Layout.of(task.observation.nodes)
+        self._words = WordLayout.of(task.observation.nodes)
         self._takes = _parameters(policy.predict)
         self._normalise = _normaliser(policy)
 

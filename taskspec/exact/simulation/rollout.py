@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import Layout
+from taskspec.draws.layout import WordLayout
 from taskspec.exact.model.cost import BYTES
 from taskspec.exact.simulation.points import columns, sampled
 from taskspec.lang.batch import evaluate
@@ -61,7 +61,9 @@ class Rollout:
         *following, reward, terminal = self._values(roots, reads_of(state, action, t), self.task.step_words, words)
         return Moved(dict(zip(state, following, strict=True)), reward, terminal)
 
-    def _values(self, roots: Sequence[Node], reads: Mapping[Key, Array], layout: Layout, words: Array) -> list[Array]:
+    def _values(
+        self, roots: Sequence[Node], reads: Mapping[Key, Array], layout: WordLayout, words: Array
+    ) -> list[Array]:
         found = evaluate(roots, reads, batch_sampler(layout, words))
         return [np.broadcast_to(v, (*v.shape[:-1], self.lanes)) for v in found]
 
@@ -103,7 +105,7 @@ def by_expert(task: Task) -> Choose:
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]
-        layout = Layout.of(experts)
+        layout = WordLayout.of(experts)
         words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
         values = evaluate(experts, reads_of(state, {}, t), batch_sampler(layout, words))
         return {c.name: np.broadcast_to(v, (*v.shape[:-1], lanes)) for c, v in zip(task.action, values, strict=True)}

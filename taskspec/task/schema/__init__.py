@@ -5,12 +5,12 @@ from __future__ import annotations
 from taskspec.task.schema.check import check_shape as check_shape
 from taskspec.task.schema.check import validated as validated
 from taskspec.task.schema.export import json_schema as json_schema
-from taskspec.task.schema.models import Abstraction as Abstraction
-from taskspec.task.schema.models import Claim as Claim
-from taskspec.task.schema.models import Component as Component
+from taskspec.task.schema.models import AbstractionEntry as AbstractionEntry
+from taskspec.task.schema.models import ClaimEntry as ClaimEntry
+from taskspec.task.schema.models import ComponentEntry as ComponentEntry
 from taskspec.task.schema.models import Erratum as Erratum
-from taskspec.task.schema.models import Figure as Figure
-from taskspec.task.schema.models import Parameter as Parameter
+from taskspec.task.schema.models import FigureEntry as FigureEntry
+from taskspec.task.schema.models import ParameterEntry as ParameterEntry
 from taskspec.task.schema.models import Parameters as Parameters
 from taskspec.task.schema.models import Requirement as Requirement
 from taskspec.task.schema.models import Roles as Roles

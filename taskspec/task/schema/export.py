@@ -212,12 +212,19 @@ def json_schema() -> dict[str, Any]:
 
 
 def _linked(node: Any) -> Any:
-    """The same schema with every mark of a form, and every pattern of keys, replaced by a reference to it."""
+    """The same schema with every mark of a form, and every pattern of keys, replaced by a reference to it.
+
+    A definition is called what authors call it: `Claim`, not `ClaimEntry`.
+    """
     if isinstance(node, list):
         return [_linked(item) for item in node]
     if not isinstance(node, dict):
-        return node
-    linked = {key: _linked(value) for key, value in node.items() if key not in (FORM, "patternProperties")}
+        return node.removesuffix("Entry") if isinstance(node, str) else node
+    linked = {
+        key.removesuffix("Entry"): _linked(value)
+        for key, value in node.items()
+        if key not in (FORM, "patternProperties")
+    }
     if FORM in node:
         linked |= _ref(node[FORM])
     for pattern, value in node.get("patternProperties", {}).items():

@@ -91,7 +91,7 @@ def _parameter_rule(kind: str) -> dict[str, Any]:
     return rule | {"properties": {**rule["properties"], "default": {"type": DEFAULTS[kind]}}}
 
 
-class Parameter(Typed):
+class ParameterEntry(Typed):
     """A parameter of the task."""
 
     model_config = ConfigDict(json_schema_extra=_rules(_parameter_rule))
@@ -100,12 +100,12 @@ class Parameter(Typed):
     default: Setting = Field(description="The value when none is given.")
 
     @model_validator(mode="after")
-    def _check(self) -> Parameter:
+    def _check(self) -> ParameterEntry:
         fail([*_typed_problems(self, self.type), *_default_problems(self)])
         return self
 
 
-class Component(Typed):
+class ComponentEntry(Typed):
     """A part of the state or of the action."""
 
     model_config = ConfigDict(json_schema_extra=_rules(_component_rule))
@@ -117,7 +117,7 @@ class Component(Typed):
     )
 
     @model_validator(mode="after")
-    def _check(self) -> Component:
+    def _check(self) -> ComponentEntry:
         fail([*_typed_problems(self, self.type), *_symbol_problems(self)])
         return self
 
@@ -138,14 +138,14 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _symbol_problems(entry: Component) -> Iterator[Problem]:
+def _symbol_problems(entry: ComponentEntry) -> Iterator[Problem]:
     if entry.symbols is None or entry.values is None or len(entry.symbols) == len(entry.values):
         return
     message = f"{len(entry.symbols)} symbols for {len(entry.values)} labels"
     yield Problem("E214", ("symbols",), message)
 
 
-def _default_problems(entry: Parameter) -> Iterator[Problem]:
+def _default_problems(entry: ParameterEntry) -> Iterator[Problem]:
     value = entry.default
     wanted = {"int": int, "real": int | float, "bool": bool, "choice": str}[entry.type]
     is_odd_bool = isinstance(value, bool) and entry.type != "bool"
@@ -172,14 +172,14 @@ class Parameters(BaseModel):
     """Parameters, and conditions across them."""
 
     model_config = ConfigDict(strict=True, extra="allow", frozen=True)
-    __pydantic_extra__: dict[str, Parameter]
+    __pydantic_extra__: dict[str, ParameterEntry]
 
     require: list[Requirement] = Field(
         default_factory=list, description="Conditions across parameters, each with its message."
     )
 
     @property
-    def entries(self) -> Mapping[str, Parameter]:
+    def entries(self) -> Mapping[str, ParameterEntry]:
         """The parameters by name, in the order written."""
         return self.__pydantic_extra__
 
@@ -207,7 +207,7 @@ class Erratum(Strict):
     )
 
 
-class Claim(Strict):
+class ClaimEntry(Strict):
     """A statement about exact results that must hold."""
 
     claim: str = Field(description="A condition over exact results: `optimal_return == 1`.")
@@ -224,7 +224,7 @@ class Claim(Strict):
     episodes: int | None = Field(None, ge=1, description="How many episodes to simulate, when there is no exact model.")
 
 
-class Example(Strict):
+class ExampleEntry(Strict):
     """A worked example: a state, an action, and what follows."""
 
     doc: str | None = Field(None, description="What it shows, in a few words.")
@@ -250,7 +250,7 @@ class Example(Strict):
     )
 
     @model_validator(mode="after")
-    def _check(self) -> Example:
+    def _check(self) -> ExampleEntry:
         fail(list(_example_problems(self)))
         return self
 
@@ -259,7 +259,7 @@ FOLLOWS = ("initial", "next", "reward", "terminal", "truncated", "observation", 
 """Keys of an example that say what follows."""
 
 
-def _example_problems(entry: Example) -> Iterator[Problem]:
+def _example_problems(entry: ExampleEntry) -> Iterator[Problem]:
     if not any(getattr(entry, key) is not None for key in FOLLOWS):
         yield Problem("E203", (), "this example does not say what follows", f"one of {', '.join(FOLLOWS)}")
     at_start = ("initial", "observation", "probability", "for_", "doc")
@@ -285,7 +285,7 @@ class Highlight(Strict):
     second: Expression | None = Field(None, description="Another part of the vector.")
 
 
-class Figure(Strict):
+class FigureEntry(Strict):
     """How to draw the task; what is needed besides depends on the kind."""
 
     kind: Literal["graph", "grid", "curve", "bars", "swaps", "vector"] = Field(description="Kind of figure.")
@@ -298,10 +298,10 @@ class Figure(Strict):
     )
 
 
-class Abstraction(Strict):
+class AbstractionEntry(Strict):
     """A finite stand-in for a continuous state, with the same rewards and dynamics."""
 
-    state: dict[Name, Component] = Field(description="Components of the stand-in state.")
+    state: dict[Name, ComponentEntry] = Field(description="Components of the stand-in state.")
     map: dict[Name, Expression] = Field(description="Each of them as a function of the state.")
     initial: dict[Name, Expression] | None = Field(None, description="Their initial values.")
     dynamics: dict[Primed, Expression] | None = Field(
@@ -340,8 +340,8 @@ class Sections(Strict):
     noise: dict[Name, Expression] = Field(
         default_factory=dict, description="Named draws, made once per step and shared by all uses."
     )
-    state: dict[Name, Component] = Field(default_factory=dict, description="The components of the state.")
-    action: dict[Name, Component] = Field(default_factory=dict, description="The components of the action.")
+    state: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the state.")
+    action: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the action.")
     observation: Observation = Field(
         default_factory=dict,
         description="What the agent sees, as `name: expression`, which may draw. Without it: the "
@@ -367,16 +367,16 @@ class Sections(Strict):
         description="Action of the expert, per component; or `optimal`; or `soft(beta)`.",
     )
     roles: Roles | None = Field(None, description="Which variants expert and learner act in.")
-    claims: list[Annotated[Claim, Shorthand("claim")]] = Field(
+    claims: list[Annotated[ClaimEntry, Shorthand("claim")]] = Field(
         default_factory=list, description="Statements about exact results that must hold."
     )
-    examples: list[Example] = Field(
+    examples: list[ExampleEntry] = Field(
         default_factory=list, description="Worked examples: a state, an action, what follows."
     )
     accept: dict[Warned, Reason] = Field(
         default_factory=dict, description="Warnings that are meant to be, by code, each with the reason."
     )
-    abstraction: Abstraction | None = Field(
+    abstraction: AbstractionEntry | None = Field(
         None, description="A finite stand-in for a continuous state, to solve the task exactly."
     )
-    figure: Figure | None = Field(None, description="How to draw the task.")
+    figure: FigureEntry | None = Field(None, description="How to draw the task.")

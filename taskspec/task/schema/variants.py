@@ -14,8 +14,8 @@ from taskspec.task.schema import values
 from taskspec.task.schema.fields import Name, PartialObservation, fail
 from taskspec.task.schema.models import (
     FORMAT,
-    Component,
-    Parameter,
+    ComponentEntry,
+    ParameterEntry,
     Parameters,
     Requirement,
     Sections,
@@ -27,7 +27,7 @@ def _partial_type(annotation: Any) -> Any:
     """The same type with nothing required inside, and `null` allowed to remove entries."""
     if isinstance(annotation, type) and issubclass(annotation, Parameters):
         return PartialParameters
-    if annotation is Component:
+    if annotation is ComponentEntry:
         return PartialComponent
     if get_origin(annotation) is dict and get_args(annotation)[1] is not Any:
         key, value = get_args(annotation)
@@ -47,8 +47,8 @@ def _partial(model: type[Strict], name: str, **more: Any) -> type[Strict]:
     return create_model(name, __base__=Strict, __doc__=model.__doc__, **(fields | more))
 
 
-PartialParameter = _partial(Parameter, "PartialParameter")
-PartialComponent = _partial(Component, "PartialComponent")
+PartialParameter = _partial(ParameterEntry, "PartialParameter")
+PartialComponent = _partial(ComponentEntry, "PartialComponent")
 
 
 class PartialParameters(BaseModel):

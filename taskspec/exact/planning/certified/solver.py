@@ -20,7 +20,7 @@ LARGE, LONG = 500_000, 100_000_000
 """Entries, and entries times steps, from which compiled sweeps pay."""
 
 
-class Numbers(Protocol):
+class ValueArithmetic(Protocol):
     """Arithmetic on values (S,), action values (A, S) and policies (A, S): `Rational` or `Bounded`."""
 
     model: Model
@@ -78,7 +78,7 @@ class Solver(Protocol):
 class Finite:
     """Answers for models with a horizon, by backward induction."""
 
-    def __init__(self, numbers: Numbers) -> None:
+    def __init__(self, numbers: ValueArithmetic) -> None:
         self._numbers = numbers
 
     @property
@@ -120,7 +120,7 @@ class Finite:
             yield t, policy
 
 
-def extreme(numbers: Numbers, largest: bool) -> Any:
+def extreme(numbers: ValueArithmetic, largest: bool) -> Any:
     """The best (or worst) values (S,) at the first time."""
     if isinstance(numbers, Bounded) and _is_long(numbers) and is_installed("numba"):
         from taskspec.exact.planning.kernels_numba import extreme_values
