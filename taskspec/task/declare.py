@@ -266,7 +266,7 @@ class Declarations:
                 expr,
                 f"'{key}' has shape {list(node.type.shape)}, the component {list(type_.shape)}",
             )
-        flat = tuple(float(v) for v in node.flat)
+        flat = tuple(float(v) + 0.0 for v in node.flat)  # no -0.0: between 0.0 and that, NumPy draws no number
         if (
             type_.kind is Kind.INT
             and node.type.kind is Kind.REAL

@@ -70,8 +70,10 @@ class Return:
     def estimated(cls, returns: Sequence[float] | Array) -> Return:
         """From the returns of episodes (N,)."""
         found = np.asarray(returns, dtype=np.float64)
-        error = float(found.std(ddof=1) / math.sqrt(len(found))) if len(found) > 1 else math.inf
-        return cls(float(found.mean()), error, len(found))
+        with np.errstate(invalid="ignore", over="ignore"):  # of infinite returns the mean is one, and the error is nan
+            mean, deviation = float(found.mean()), float(found.std(ddof=1)) if len(found) > 1 else math.inf
+        error = deviation / math.sqrt(len(found))
+        return cls(mean, error if error == error else math.inf, len(found))
 
 
 class Results:
