@@ -22,6 +22,7 @@ from taskspec.cli.app import app
 from taskspec.cli.console import STYLES
 from taskspec.envs import measure
 from taskspec.envs.measure import Contestant, Rate, tables
+from tests.conftest import needs_vectors
 
 ROOT = Path(__file__).parent.parent
 SPECS = ROOT / "tests" / "specs"
@@ -60,6 +61,7 @@ def test_alone_it_shows_help() -> None:
     assert all(word in done.out + done.err for word in ("seals", "vector", "exact"))
 
 
+@needs_vectors()
 def test_json_says_all_that_was_measured_and_on_what() -> None:
     args = (
         "vector",
@@ -94,6 +96,7 @@ def test_json_says_all_that_was_measured_and_on_what() -> None:
         assert result["target"] is None and result["met"] and result["ratio"] is None
 
 
+@needs_vectors()
 def test_targets_are_checked_where_there_are_some(monkeypatch: pytest.MonkeyPatch) -> None:
     args = ("vector", "RiskyPath", "-b", "numpy", "-l", 1024, "--no-start", *QUICK, "--strict")
     monkeypatch.setitem(tables.TARGETS, ("numpy", 1024), {"tabular": 1.0})
@@ -111,6 +114,7 @@ def test_threads_are_measured_by_time_as_it_passes() -> None:
     assert "2 threads on Numba" in done.out and "time as it passes" in done.out
 
 
+@needs_vectors()
 def test_a_task_is_measured_on_all_that_suits_it_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench_vector, "LANES", (2,))
     found = Done("vector", "Branching", "--no-start", *QUICK, "--json").data
@@ -119,6 +123,7 @@ def test_a_task_is_measured_on_all_that_suits_it_by_default(monkeypatch: pytest.
     assert [r["program"] for r in found["results"]] == installed
 
 
+@needs_vectors()
 def test_starts_and_memory_of_a_task_with_parameters() -> None:
     found = Done("vector", "Branching", "-p", "L=3", "-b", "numpy", "-l", 2, *QUICK, "--json").data
     (start,), (memory,) = found["starts"], found["memory"]
@@ -128,6 +133,7 @@ def test_starts_and_memory_of_a_task_with_parameters() -> None:
     assert memory["bytes_per_lane"] == memory["bytes"] / memory["lanes"] > 0
 
 
+@needs_vectors()
 def test_seals_beside_ours_alone_and_in_lanes() -> None:
     pytest.importorskip("seals")
     args = ("seals", "--task", "RiskyPath", "--task", "Sort", *QUICK)
@@ -324,6 +330,7 @@ def test_no_words_of_a_chart_overlap_or_leave_it(count: int | None, rates: list[
         assert not any(box.overlaps(other) for _, other in words[:i]), name
 
 
+@needs_vectors()
 def test_a_chart_is_written_beside_the_table(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     path = tmp_path / "deep" / "chart.svg"

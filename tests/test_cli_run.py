@@ -22,7 +22,7 @@ class Done:
     """What a command did: its exit status, its standard output and its standard error."""
 
     def __init__(self, *args: object) -> None:
-        env = {"COLUMNS": "100", "NO_COLOR": "", "FORCE_COLOR": ""}
+        env = {"COLUMNS": "100", "NO_COLOR": None, "FORCE_COLOR": None}
         result = CliRunner().invoke(app, [str(a) for a in args], env=env)
         self.status, self.out, self.err = result.exit_code, result.stdout, result.stderr
         assert "Traceback" not in self.out + self.err

@@ -35,6 +35,7 @@ from taskspec import registry
 from taskspec.cli import manual, specs
 from taskspec.cli.checking import check_file
 from taskspec.cli.targets import files_of
+from tests.conftest import needs_vectors
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -137,6 +138,7 @@ def page(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mon
     gym_registry.update(known)
 
 
+@needs_vectors("pages show what happens with a Gymnasium that has vector environments")
 @pytest.mark.parametrize("page", PAGES, indirect=True, ids=lambda path: str(path.relative_to(ROOT)))
 def test_snippets_do_what_the_page_says(page: Page, update_golden: bool) -> None:
     text = page.path.read_text(encoding="utf-8")

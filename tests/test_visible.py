@@ -154,10 +154,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("color", ["", "1"])
+@pytest.mark.parametrize("color", [None, "1"])
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: visible(" ".join(command), ""))
 def test_what_commands_print_can_be_seen(
-    folder: Path, command: list[str], color: str, monkeypatch: pytest.MonkeyPatch
+    folder: Path, command: list[str], color: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(folder)
     done = CliRunner().invoke(app, command, env={"COLUMNS": "100", "FORCE_COLOR": color})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from gymnasium.experimental.functional import FuncEnv
@@ -10,6 +10,11 @@ from gymnasium.experimental.functional import FuncEnv
 from taskspec.backends.jax import Functional, State
 from taskspec.envs.spaces import space
 from taskspec.task.task import TaskLike
+
+if TYPE_CHECKING:
+    _FuncEnv = FuncEnv["FuncState", Any, Any, Any, Any, Any, Any]
+else:
+    _FuncEnv = FuncEnv  # Gymnasium 0.29 has one type fewer, that of the parameters
 
 
 class FuncState(NamedTuple):
@@ -21,7 +26,7 @@ class FuncState(NamedTuple):
     terminated: Any
 
 
-class TaskFuncEnv(FuncEnv[FuncState, Any, Any, Any, Any, Any, Any]):
+class TaskFuncEnv(_FuncEnv):
     """A task's pure functions; the key of `initial` is the seed, later keys are ignored (see `Functional`).
 
     There is no autoreset, and the horizon is the caller's, as for every FuncEnv.

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import SpaceLayout, single
+from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
 from taskspec.task.task import Component
 
 
@@ -40,7 +40,9 @@ def _component(c: Component) -> gymnasium.Space[Any]:
 
 
 def _box(low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> spaces.Box:
-    lows, highs = (np.array(b, np.float32).reshape(shape) for b in (low, high))
+    """Gymnasium 0.29 takes no lower bound of +inf and no upper one of -inf, which values that are always infinite have."""
+    bounds = np.minimum(low, FLOAT_MAX), np.maximum(high, -FLOAT_MAX)
+    lows, highs = (np.array(b, np.float32).reshape(shape) for b in bounds)
     return spaces.Box(lows, highs, dtype=np.float32)
 
 

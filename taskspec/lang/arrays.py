@@ -172,7 +172,7 @@ class Runtime:
         return x if x.dtype.kind in "iub" else self.xp.where(x == 0, 0.0, x)
 
     def argsort(self, x: Array) -> Array:
-        return self.xp.argsort(x, axis=0, stable=True).astype(self.int)
+        return self.xp.argsort(x, axis=0, kind="stable").astype(self.int)
 
     def cumsum(self, x: Array) -> Array:
         return self.xp.cumsum(x, axis=0)
