@@ -122,10 +122,23 @@ def make_registered(
 
 
 def make_vec_registered(
-    *, task: str | None = None, path: str | None = None, variant: str | None = None, **options: Any
+    *,
+    task: str | None = None,
+    path: str | None = None,
+    variant: str | None = None,
+    max_episode_steps: int | None = None,
+    **options: Any,
 ) -> VectorEnvironment:
-    """What `gym.make_vec` calls; options are parameters and those of `make_vec`."""
-    return make_vec(_source(task, path), variant, **options)
+    """What `gym.make_vec` calls; options are parameters and those of `make_vec`.
+
+    Raises:
+        SpecError: E713, where `max_episode_steps`, as a spec has it that environments are made from again, is not the horizon.
+    """
+    made = make_vec(_source(task, path), variant, **options)
+    if max_episode_steps not in (None, made.task.horizon):
+        message = f"episodes of {made.task.id} have {made.task.horizon} steps, not {max_episode_steps}"
+        raise SpecError([Diagnostic("E713", None, message, "a parameter of the task may decide it")])
+    return made
 
 
 def _source(task: str | None, path: str | None) -> str | Path:

@@ -311,11 +311,11 @@ def test_wrong_keywords_of_gym_make() -> None:
 WRONG_OPTIONS: list[tuple[dict[str, Any], str]] = [
     ({"ending": "absorbed"}, r"'terminate', 'absorb', not 'absorbed'(.|\n)*mean 'absorb'"),
     ({"ending": None}, "E713.*ending must be one of 'terminate', 'absorb', not None"),
-    ({"render_mode": "rgb"}, r"'rgb_array', 'human', not 'rgb'(.|\n)*mean 'rgb_array'"),
+    ({"render_mode": "rgb"}, r"'rgb_array', 'rgb_array_list', 'human', not 'rgb'(.|\n)*mean 'rgb_array'"),
     ({"render_mode": 3}, "E713.*render_mode must be one of"),
 ]
 WRONG_VECTOR_OPTIONS: list[tuple[dict[str, Any], str]] = [
-    *WRONG_OPTIONS[:2], ({"render_mode": "ansi"}, "E713.*not rendered"),
+    *WRONG_OPTIONS[:2], ({"render_mode": "human"}, "E713.*render_mode must be one of 'ansi', 'rgb_array', not"),
     ({"autoreset_mode": "nextstep"}, r"'NextStep', 'SameStep', 'Disabled', not 'nextstep'(.|\n)*mean 'NextStep'"),
     ({"autoreset_mode": None}, "E713.*autoreset_mode"), ({"backend": "nunba"}, r"numpy, numba, jax(.|\n)*mean 'numba'"),
     ({"backend": None}, "E713.*there is no backend None"), ({"num_envs": 0}, "E713.*num_envs must be a positive int, not 0"),

@@ -6,7 +6,6 @@ read, set, copied and pickled. It enforces order, horizon and valid actions itse
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import os
 from collections.abc import Callable, Mapping
@@ -20,7 +19,7 @@ from taskspec.backends.scalar.program import Clock, Failures, Lane, ScalarProgra
 from taskspec.draws.sample import sampler
 from taskspec.envs import keyboard, picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import ENDINGS, RenderMode, one_of, seed_of
+from taskspec.envs.options import ENDINGS, RenderMode, one_of, seed_of, with_horizon
 from taskspec.envs.spaces import space
 from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
@@ -159,9 +158,7 @@ class Environment(gymnasium.Env[Any, Any]):
 
     @spec.setter
     def spec(self, value: EnvSpec | None) -> None:
-        # Gymnasium leaves the horizon out unless its own wrapper enforces it, which is not needed here.
-        known = value is not None and value.max_episode_steps is None
-        self._spec = dataclasses.replace(value, max_episode_steps=self.task.horizon) if value and known else value
+        self._spec = with_horizon(value, self.task)
 
     def __repr__(self) -> str:
         return f"<Environment of {self.task!r}>"

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import operator
 from collections.abc import Iterable
 from typing import Any, Literal, NoReturn, TypeAlias, get_args
+
+from gymnasium.envs.registration import EnvSpec
 
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.limits import count, how_to_raise, limits
@@ -32,6 +35,13 @@ def one_of(name: str, value: Any, options: Iterable[str]) -> None:
     if value not in known:
         listed = ", ".join(map(repr, known))
         raise invalid(f"{name} must be one of {listed}, not {value!r}", suggest(str(value), known))
+
+
+def with_horizon(spec: EnvSpec | None, task: Task) -> EnvSpec | None:
+    """Gymnasium's account of how an environment was made, with the horizon, which it leaves out where no wrapper enforces it."""
+    if spec is None or spec.max_episode_steps is not None:
+        return spec
+    return dataclasses.replace(spec, max_episode_steps=task.horizon)
 
 
 def uncopied(env: object) -> NoReturn:

@@ -16,7 +16,8 @@ from taskspec.backends import select
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.vector import Backend, LanesNotRunningError, Options
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import positive, seed_of, uncopied
+from taskspec.envs.lanes import RENDER_MODES, Lane, asked, rendered, unset
+from taskspec.envs.options import RenderMode, positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.extras import need
 from taskspec.registry import load
@@ -33,16 +34,25 @@ class Sb3VecEnv(VecEnv):
         task: the task, its id or its path.
         num_envs: how many.
         seed: lane i draws from seed + i.
-        backend, num_threads: as for `taskspec.envs.vector.VectorEnvironment`.
+        backend, num_threads, render_mode: as for `taskspec.envs.vector.VectorEnvironment`; SB3 tiles the pictures of lanes.
     """
 
     def __init__(
-        self, task: TaskLike, num_envs: int, *, seed: int = 0, backend: Backend = "auto", num_threads: int = 1
+        self,
+        task: TaskLike,
+        num_envs: int,
+        *,
+        seed: int = 0,
+        backend: Backend = "auto",
+        num_threads: int = 1,
+        render_mode: RenderMode | None = None,
     ) -> None:
         self.task = load(task)
         num_envs, num_threads = positive("num_envs", num_envs), positive("num_threads", num_threads)
         self._engine = select.engine(self.task, num_envs, backend, Options("same_step", num_threads))
-        self.render_mode = None
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 4}
+        self.render_mode = rendered(render_mode)
+        self._started = False
         super().__init__(num_envs, space(self._engine.observation), space(self._engine.action))
         self._first_seed: int | None = seed_of(seed)
         self._actions: Any = None
@@ -57,6 +67,7 @@ class Sb3VecEnv(VecEnv):
             self._engine.seed(draws.lane_seeds(self._first_seed, self.num_envs))
             self._first_seed = None
         self._engine.reset()
+        self._started = True
         self.reset_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         return self._seen()
 
@@ -94,18 +105,31 @@ class Sb3VecEnv(VecEnv):
         uncopied(self)
 
     def get_images(self) -> Sequence[Any]:
-        return [None] * self.num_envs
+        """The picture of every lane; None without `render_mode="rgb_array"`."""
+        return self.env_method("render") if self.render_mode == "rgb_array" else [None] * self.num_envs
 
     # -- what SB3 asks of environments one by one -----------------------------------------------------------------
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+        """An attribute of lanes ("state", "time", "task", ...).
+
+        Raises:
+            LaneError: lanes have nothing of that name.
+        """
+        return self.env_method(attr_name, indices=indices)
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        raise AttributeError(f"{attr_name}: the lanes of a vector program have no attributes of their own")
+        """Refused: the lanes are one task, and have no attributes of their own."""
+        unset(attr_name)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        raise AttributeError(f"{method_name}: the lanes of a vector program have no methods of their own")
+        """What a method of lanes gives ("render", "get_keys_to_action").
+
+        Raises:
+            LaneError: lanes have nothing of that name.
+        """
+        made = (Lane(self.task, self._engine, i, self.render_mode, self._started) for i in self._get_indices(indices))
+        return [asked(lane, method_name, *args, **kwargs) for lane in made]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))

@@ -13,6 +13,7 @@ from typing import Any
 import gymnasium
 import gymnasium.vector
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector.utils import batch_space
 
 from taskspec import draws
@@ -22,9 +23,20 @@ from taskspec.backends.buffers import Array
 from taskspec.backends.vector import Backend, LanesNotRunningError, Mode, Options
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import ENDINGS, Autoreset, RenderMode, invalid, lanes_of, one_of, positive, seed_of, uncopied
+from taskspec.envs.lanes import RENDER_MODES, Lane, asked, rendered, unset
+from taskspec.envs.options import (
+    ENDINGS,
+    Autoreset,
+    RenderMode,
+    invalid,
+    lanes_of,
+    one_of,
+    positive,
+    seed_of,
+    uncopied,
+    with_horizon,
+)
 from taskspec.envs.spaces import space
-from taskspec.envs.state import plain_state
 from taskspec.extras import install_package
 from taskspec.registry import load
 from taskspec.task.task import Ending, TaskLike
@@ -53,12 +65,15 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         backend: "numpy", "numba", "jax", or "auto": Numba where it is installed, else NumPy.
         autoreset_mode: Gymnasium's `AutoresetMode` or its value. An episode that has ended begins anew with the next
             step, which is spent on it ("NextStep", Gymnasium's default); within the step that ended it, with
-            `infos["final_obs"]` and `infos["final_info"]` ("SameStep"); or when
+            `infos["final_obs"]` and `infos["final_info"]` as Gymnasium's own vector environments have them ("SameStep");
+            or when
             `reset(options={"reset_mask": ...})` says so ("Disabled").
         reuse: whether the arrays that `reset` and `step` return are the same ones every time, written over by the
-            next call. Faster, and for callers who copy what they keep.
+            next call. Faster, and for callers who copy what they keep. `infos["final_obs"]` is a batch of observations
+            then, and its rows of other lanes mean nothing.
         num_threads: threads of the Numba backend.
         ending, observe_time: as for `taskspec.envs.Environment`.
+        render_mode: None; "ansi" or "rgb_array" for `render`, which gives one text or picture for each lane.
 
     Raises:
         SpecError: E705, when the backend's package is not installed; E713, for an option with another value.
@@ -77,8 +92,6 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         observe_time: bool = False,
         render_mode: RenderMode | None = None,
     ) -> None:
-        if render_mode is not None:
-            raise invalid(f"a vector environment is not rendered; render_mode must be None, not {render_mode!r}")
         num_envs, num_threads = positive("num_envs", num_envs), positive("num_threads", num_threads)
         one_of("ending", ending, ENDINGS)
         if not isinstance(autoreset_mode, AutoresetMode):
@@ -89,8 +102,9 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.task = task.observing_time() if observe_time else task
         self.num_envs = lanes_of(self.task, num_envs)
         self.backend = select.choose(self.task, backend)
-        self.metadata = {"render_modes": [], "autoreset_mode": mode}
-        self.render_mode = None
+        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 4, "autoreset_mode": mode}
+        self.render_mode = rendered(render_mode)
+        self._spec: EnvSpec | None = None
         options = Options(_MODES[mode.value], num_threads)
         self._engine = select.engine(self.task, num_envs, self.backend, options)
         self._set_spaces()
@@ -153,6 +167,42 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         reward, terminated, truncated = self._results
         return self._observation(), reward.copy(), terminated.copy(), truncated.copy(), infos
 
+    def render(self) -> tuple[Any, ...] | None:
+        """The present state of every lane: texts, or pixels (480, 640, 3) of uint8. None without a render mode."""
+        return None if self.render_mode is None else self.call("render")
+
+    def call(self, name: str, *args: Any, **options: Any) -> tuple[Any, ...]:
+        """An attribute of every lane ("state", "time", "task", ...), or what its method gives ("render", ...).
+
+        Raises:
+            LaneError: lanes have nothing of that name.
+        """
+        return tuple(asked(self._lane(i), name, *args, **options) for i in range(self.num_envs))
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of every lane; see `call`."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Refused: the lanes are one task, and have no attributes of their own.
+
+        Raises:
+            LaneError: always.
+        """
+        unset(name)
+
+    def _lane(self, number: int) -> Lane:
+        return Lane(self.task, self._engine, number, self.render_mode, self._seeded)
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How Gymnasium made it; `max_episode_steps` is the horizon. None where Gymnasium did not."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, value: EnvSpec | None) -> None:
+        self._spec = with_horizon(value, self.task)
+
     def __reduce_ex__(self, protocol: Any) -> Any:
         uncopied(self)
 
@@ -163,13 +213,12 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return self._seen if self._reuse else self._engine.buffers.seen.fresh()
 
     def _final(self) -> dict[str, Any]:
-        """Last observations of the episodes that ended in this step. Rows of other lanes mean nothing."""
+        """Last observations of the episodes that ended in this step, and which these are."""
         b = self._engine.buffers
-        ended = b.ended if self._reuse else b.ended.copy()
-        rows = self._last if self._reuse and self._last is not None else b.final.fresh()
-        if isinstance(rows, dict):
-            rows = _rows(rows, ended)
-        return {"final_obs": rows, "_final_obs": ended, "final_info": {}, "_final_info": ended}
+        if self._reuse and self._last is not None:
+            return {"final_obs": self._last, "_final_obs": b.ended, "final_info": {}, "_final_info": b.ended}
+        rows = _rows(b.final.fresh(), b.ended)
+        return {"final_obs": rows, "_final_obs": b.ended.copy(), "final_info": {}, "_final_info": b.ended.copy()}
 
     # -- seeds ----------------------------------------------------------------------------------------------------
 
@@ -212,9 +261,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def state(self, lane: int) -> Mapping[str, Any]:
         """The present state of a lane by component: labels for choices, numbers, arrays for vectors."""
-        values = [s[..., lane] for s in self._engine.buffers.state]
-        flats = tuple(v.ravel().tolist() if v.ndim else v.item() for v in values)
-        return plain_state(self.task, flats)
+        return self._lane(lane).state
 
     # -- errors ---------------------------------------------------------------------------------------------------
 
@@ -239,9 +286,9 @@ def _reset_mask(options: Any) -> Any:
     return options.get("reset_mask")
 
 
-def _rows(view: dict[str, Array], ended: Array) -> Array:
-    """The dict of every lane that has ended, None for the others: what Gymnasium's own environments give."""
+def _rows(seen: Any, ended: Array) -> Array:
+    """The observation of every lane that has ended, None for the others: what Gymnasium's own environments give."""
     rows = np.full(len(ended), None, dtype=object)
     for lane in np.flatnonzero(ended):
-        rows[lane] = {name: part[lane] for name, part in view.items()}
+        rows[lane] = {name: part[lane] for name, part in seen.items()} if isinstance(seen, dict) else seen[lane]
     return rows
