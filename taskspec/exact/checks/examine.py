@@ -149,6 +149,8 @@ class Examination:
     def _searchable(self) -> bool:
         """Whether looking for the states that episodes visit costs little enough, whatever this phase itself costs."""
         steps = Steps(self.task)
+        if steps.uses_time and self.task.horizon is None:  # the search goes on for ever
+            return False
         times = max(1, self.task.horizon or 1) if steps.uses_time else 1
         cost = float(steps.states.size) * steps.actions.size * steps.branching * times
         return cost <= SEARCH and count(draws(self.task.initial), {}) <= SEARCH_STARTS
