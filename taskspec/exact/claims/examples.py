@@ -196,6 +196,7 @@ class _Trial:
             self.collector.add(
                 "E402", expr.place, f"a probability of {words(float(node.value))} is not between 0 and 1"
             )
+            return None
         return Reader(as_written=True)(node.value)
 
 
