@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from taskspec.exact.abstraction.abstraction import extract as extract
 from taskspec.exact.checks.soundness import Soundness as Soundness
 from taskspec.exact.checks.soundness import check_ranges as check_ranges
 from taskspec.exact.checks.soundness import examine as examine
@@ -11,7 +12,6 @@ from taskspec.exact.claims.claims import verdicts as verdicts
 from taskspec.exact.claims.examples import wrong_examples as wrong_examples
 from taskspec.exact.lint import sense as sense
 from taskspec.exact.lint.accept import Accepted as Accepted
-from taskspec.exact.model.extract import extract as extract
 from taskspec.exact.model.model import Model as Model
 from taskspec.exact.report import Report as Report
 from taskspec.exact.report import Score as Score

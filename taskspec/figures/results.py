@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.exact import Model, extract
+from taskspec.exact import Model
+from taskspec.exact.model.extract import extract
 from taskspec.exact.planning import plans, solve
 from taskspec.figures.overlay import Overlay
 from taskspec.registry import load

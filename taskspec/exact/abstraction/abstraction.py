@@ -15,11 +15,14 @@ from typing import Any
 import numpy as np
 
 from taskspec.exact.checks.places import SectionScope
+from taskspec.exact.model.extract import extract as model_of
+from taskspec.exact.model.model import Model
 from taskspec.exact.simulation.rollout import reads_of
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node
+from taskspec.registry import load
 from taskspec.task.build import build_abstract
-from taskspec.task.task import Task
+from taskspec.task.task import Task, TaskLike
 
 Array = np.ndarray[Any, Any]
 State = Mapping[str, Array]
@@ -39,6 +42,23 @@ class Abstraction:
         values = evaluate(self.nodes, reads_of(state, {}, 0))
         names = (c.name for c in self.stand_in.state)
         return {n: np.broadcast_to(v, (*v.shape[:-1], lanes)) for n, v in zip(names, values, strict=True)}
+
+
+def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = None) -> Model:
+    """The exact model of a finite task, or of its abstraction where the spec gives one: the model that scores rest on.
+
+    Args:
+        task: the task, its id or its path.
+        reachable: only states that episodes enter (True), or all declared ones (False); None takes
+            all where that is cheap.
+        limit: how many non-zeros the matrices may have, 12 bytes each; checked, as the time is, before it is spent.
+
+    Raises:
+        SpecError: (E712) when the task is not finite or too large; (E705) without scipy.
+    """
+    task = load(task)
+    found = abstraction(task)
+    return model_of(task if found is None else found.stand_in, reachable, limit)
 
 
 def abstraction(task: Task) -> Abstraction | None:

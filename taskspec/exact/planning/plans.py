@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -121,9 +121,9 @@ class Boltzmann(Rule):
         return found
 
 
-def rule_of(model: Model) -> Rule | None:
-    """The expert that the task's spec gives, or None: where there is none, or it draws from too many outcomes."""
-    match model.task.expert:
+def rule_of(model: Model, given: Literal["optimal"] | Soft | None = None) -> Rule | None:
+    """The expert that the task's spec gives, or the one given here; None where there is none, or it draws too many outcomes."""
+    match given or model.task.expert:
         case "optimal":
             return Greedy()
         case Soft(beta=beta):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -14,14 +16,18 @@ from taskspec.exact.model.model import Model
 from taskspec.exact.planning import solve
 from taskspec.exact.planning.plans import Plan, stationary, timed
 from taskspec.exact.scoring.asking import ASKS, Asked
-from taskspec.exact.scoring.returns import Results, Return
+from taskspec.exact.scoring.returns import Given, Results, Return
 from taskspec.exact.simulation.rollout import State
 from taskspec.lang.ir import Read, Role
 from taskspec.registry import load
 from taskspec.task import spaces
-from taskspec.task.task import Task, TaskLike
+from taskspec.task.task import Soft, Task, TaskLike
+
+if TYPE_CHECKING:
+    import gymnasium
 
 Array = np.ndarray[Any, Any]
+_SOFT = re.compile(r"soft\((.+)\)")
 Asking = Literal["probabilities", "actions", "samples"]
 """What the value of a policy rests on: its probabilities of actions, its actions where they are always the same, or episodes."""
 
@@ -66,6 +72,7 @@ def _tabulated(table: Any, results: Results) -> Valued:
 
 def _as_expert(expert: Expert, results: Results) -> Valued:
     """The expert knows its own return, and the probabilities behind its actions."""
+    results = results if expert.given is None else expert.results
     value = results.expert
     if value is None:
         refuse(f"the expert of {expert.task.name} has no return: {results.why_not}")
@@ -180,17 +187,26 @@ def _states(model: Model) -> State:
 
 
 class Expert:
-    """The task's expert as a policy object, with the `predict` of Stable-Baselines3 and imitation.
+    """The task's expert as a policy: with `predict` for Stable-Baselines3, with spaces and callable for imitation.
 
     The recurrent state that `predict` hands back counts the steps of each environment, so that
     experts may depend on the time. `gap` certifies how far it is below the optimum.
+
+    Args:
+        task: the task, its id or its path.
+        policy: another expert than the spec's: "optimal", or "soft(b)", Boltzmann-rational at inverse temperature b.
+        seed: of its draws.
+
+    Raises:
+        SpecError: E712, where the spec gives no expert, or it looks at what is not observed; E713 for another policy.
     """
 
-    def __init__(self, task: TaskLike, seed: int = 0) -> None:
+    def __init__(self, task: TaskLike, policy: str | None = None, *, seed: int = 0) -> None:
         task = load(task)
-        if task.expert is None:
+        self.given = _given(policy)
+        if task.expert is None and self.given is None:
             refuse(f"{task.name} gives no expert")
-        self.task, self.results = task, Results(task)
+        self.task, self.results = task, Results(task, expert=self.given)
         self.rng = np.random.default_rng(seed)
         self.observation, self.action = spaces.observation_layout(task), spaces.action_layout(task)
         self.where = _where_states_are(task)
@@ -219,6 +235,18 @@ class Expert:
         packed = [spaces.pack(self.action, action) for action in actions]
         return (packed[0] if single else np.stack(packed)), (steps + 1,)
 
+    def __call__(self, observation: Any, state: Any = None, episode_start: Any = None) -> tuple[Any, Any]:
+        """Actions and steps taken, as `predict` gives them: a policy as imitation's rollouts call it."""
+        return self.predict(observation, state, episode_start)
+
+    @property
+    def observation_space(self) -> gymnasium.Space[Any]:
+        return self.task.observation_space
+
+    @property
+    def action_space(self) -> gymnasium.Space[Any]:
+        return self.task.action_space
+
     def _split(self, observation: Any) -> tuple[bool, list[Any]]:
         """Whether this is one observation, and the observations one by one."""
         if not isinstance(observation, dict):
@@ -232,7 +260,7 @@ class Expert:
 
     def _choose(self, observation: Any, t: int, deterministic: bool) -> list[tuple[Any, ...]]:
         state = self._state(observation)
-        if isinstance(self.task.expert, tuple):
+        if isinstance(self.task.expert, tuple) and self.given is None:
             from taskspec.exact.simulation.rollout import by_expert
 
             chosen = by_expert(self.task)(state, t, self.rng)
@@ -258,6 +286,22 @@ class Expert:
             value = np.array(flats[self.where[c.name]]).reshape(*c.type.shape, 1)
             state[c.name] = value if c.type.kind == 2 else np.rint(value).astype(np.int64)
         return state
+
+
+def _given(policy: str | None) -> Given:
+    """The expert of a name; None for that of the spec."""
+    if policy is None:
+        return None
+    if policy == "optimal":
+        return "optimal"
+    found = _SOFT.fullmatch(str(policy))
+    try:
+        beta = float(found[1]) if found else math.nan
+    except ValueError:
+        beta = math.nan
+    if not math.isfinite(beta):
+        misused(f"{policy!r} is no expert", '"optimal", or "soft(1)" with a number')
+    return Soft(beta)
 
 
 def _where_states_are(task: Task) -> dict[str, int]:

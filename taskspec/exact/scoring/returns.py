@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from statistics import NormalDist
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -26,9 +26,10 @@ from taskspec.exact.simulation.confidence import CUT, mean_interval, return_rang
 from taskspec.exact.simulation.rollout import Choose, Rollout, at_random, by_expert
 from taskspec.lang.ir import Const
 from taskspec.registry import load
-from taskspec.task.task import Task, TaskLike
+from taskspec.task.task import Soft, Task, TaskLike
 
 Array = np.ndarray[Any, Any]
+Given: TypeAlias = Literal["optimal"] | Soft | None
 EPISODES = 1000
 LONGEST = 20_000
 UNENDING = 2_000
@@ -79,10 +80,14 @@ class Return:
 class Results:
     """Everything that is known about a task's returns, worked out when asked for.
 
-    `model` is that of the task or of its abstraction, or None; `why_not` then says why.
+    `model` is that of the task or of its abstraction, or None; `why_not` then says why. `expert` is "optimal" or `Soft`, in place
+    of the spec's.
     """
 
-    def __init__(self, task: TaskLike, episodes: int = EPISODES, seed: int = 0, limit: int | None = None) -> None:
+    def __init__(
+        self, task: TaskLike, episodes: int = EPISODES, seed: int = 0, limit: int | None = None, expert: Given = None
+    ) -> None:
+        self.given = expert
         self.task, self.episodes, self.seed, self.limit = load(task), episodes, seed, limit
         self.unsettled: str | None = None
         self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
@@ -137,7 +142,7 @@ class Results:
 
     @cached_property
     def expert_rule(self) -> Rule | None:
-        return None if self.model is None else rule_of(self.model)
+        return None if self.model is None else rule_of(self.model, self.given)
 
     # -- returns ----------------------------------------------------------------------------------
 
@@ -201,7 +206,7 @@ class Results:
 
     def _chooser(self, which: str) -> Choose | None:
         if which == "expert":
-            return by_expert(self.task) if isinstance(self.task.expert, tuple) else None
+            return by_expert(self.task) if isinstance(self.task.expert, tuple) and self.given is None else None
         ends = [v for c in self.task.action for v in (*c.low, *c.high)]
         return at_random(self.task) if which == "random" and all(map(math.isfinite, ends)) else None
 
