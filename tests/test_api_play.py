@@ -14,6 +14,7 @@ import pytest
 
 import taskspec
 from taskspec.envs import keyboard
+from tests.conftest import needs_vectors
 
 SPECS = Path(__file__).parent / "specs"
 
@@ -82,6 +83,7 @@ def test_every_key_is_an_action_and_every_action_has_a_key(path: Path) -> None:
     assert len(keyboard.legend(env.task)) == count
 
 
+@needs_vectors("Gymnasium waits for the player from 1.0 on")
 def test_a_person_plays_an_episode(monkeypatch: pytest.MonkeyPatch) -> None:
     pygame = pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")

@@ -17,7 +17,7 @@ import numpy as np
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.options import invalid
 from taskspec.envs.spaces import labels
-from taskspec.extras import need
+from taskspec.extras import install_package, need
 from taskspec.task.spaces import action_layout, unpack
 from taskspec.task.task import Task
 
@@ -80,8 +80,9 @@ def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | 
     """Open Gymnasium's window, and step the environment (`render_mode="rgb_array"`) as keys are pressed, until it is closed.
 
     Raises:
-        SpecError: E705 without pygame; E717 where there is no display.
+        SpecError: E705 without pygame, or before Gymnasium 1.0; E717 where there is no display.
     """
+    _needs_patience()
     pygame = need("pygame", "play")
     try:
         pygame.display.init()
@@ -89,3 +90,10 @@ def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | 
         message = f"there is no display to play on ({error})"
         raise SpecError([Diagnostic("E717", None, message, "`taskspec run --render gif` makes a film")]) from None
     need("gymnasium.utils.play", "play").play(env, callback=callback, fps=fps, wait_on_player=True)
+
+
+def _needs_patience() -> None:
+    """Refuse a Gymnasium whose window goes on without keys, with the first action."""
+    if int(gymnasium.__version__.split(".")[0]) < 1:
+        message = f"play needs Gymnasium 1.0 or later; this is {gymnasium.__version__}"
+        raise SpecError([Diagnostic("E705", None, message, install_package("gymnasium>=1.0"))])
