@@ -62,12 +62,7 @@ def write(
     Raises:
         SpecError: for another format, without an extra, or when there is no TeX for `pdf`.
     """
-    wanted = list(dict.fromkeys(formats))
-    for unknown in (f for f in wanted if f not in FORMATS):
-        raise _refused(f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
-    if "pdf" in wanted and shutil.which("pdflatex") is None:
-        hint = "install TeX Live, or write `latex` and compile it elsewhere"
-        raise _refused("`pdf` needs pdflatex, which is not installed", hint)
+    wanted = _known(formats)
     suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, references)
     files: dict[str, str] = {}
     for name in dict.fromkeys("latex" if f == "pdf" else f for f in wanted):
@@ -76,6 +71,17 @@ def write(
         files |= {f"figures/{anchor}.svg": svg(found) + "\n" for anchor, found in suite.scenes.items()}
     written = _save(files, Path(folder))
     return [*written, compile_pdf(Path(folder))] if "pdf" in wanted else written
+
+
+def _known(formats: Iterable[str]) -> list[str]:
+    """The formats asked for, each once; those that cannot be written are refused."""
+    wanted = list(dict.fromkeys(formats))
+    for unknown in (f for f in wanted if f not in FORMATS):
+        raise _refused(f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
+    if "pdf" in wanted and shutil.which("pdflatex") is None:
+        hint = "install TeX Live, or write `latex` and compile it elsewhere"
+        raise _refused("`pdf` needs pdflatex, which is not installed", hint)
+    return wanted
 
 
 def gather_pages(

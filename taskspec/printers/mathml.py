@@ -20,6 +20,9 @@ def mathml(node: m.Math, block: bool = False) -> str:
     return f'<math{display} alttext="{alt}">{_write(node)}</math>'
 
 
+_EN = '<mspace width="0.5em"/>'
+
+
 def _write(node: m.Math) -> str:
     match node:
         case m.Ident():
@@ -53,9 +56,7 @@ def _write(node: m.Math) -> str:
         case m.Matrix(rows=rows):
             return f"<mrow>{_delimiter('(', 'prefix')}{_table(rows)}{_delimiter(')', 'postfix')}</mrow>"
         case m.Arrow(over=over):
-            arrow = '<mo stretchy="true">→</mo>'
-            space = '<mspace width="0.5em"/>'
-            return f"<mover>{arrow}<mrow>{space}{_write(over)}{space}</mrow></mover>"
+            return f'<mover><mo stretchy="true">→</mo><mrow>{_EN}{_write(over)}{_EN}</mrow></mover>'
         case m.Big():
             return _big(node)
         case m.Hole(name=name):

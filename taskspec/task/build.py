@@ -122,16 +122,22 @@ class _Build:
             place = self.merged.span(("name",))
             raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
 
-    def task(self, given: dict[str, Any], suite: str) -> Task:
-        """The whole pipeline, in order."""
-        context, sections, scope = self.context, self.sections, self.names.scope
+    def _declare(self, given: dict[str, Any]) -> float:
+        """What the sections stand on: parameters, constants, components, horizon; gives the discount."""
+        context = self.context
         check_names(self.merged, self.collector)
         self._bind_parameters(given)
         self._bind_constants()
         context.state, context.action = self._components("state"), self._components("action")
         context.domains = [c.domain for c in (*context.state, *context.action) if c.domain is not None]
         context.forms.labels = frozenset(x for d in context.domains for x in d.labels if not is_word(x))
-        context.horizon, discount = self._horizon(), self._discount()
+        context.horizon = self._horizon()
+        return self._discount()
+
+    def task(self, given: dict[str, Any], suite: str) -> Task:
+        """The whole pipeline, in order."""
+        context, sections, scope = self.context, self.sections, self.names.scope
+        discount = self._declare(given)
         sections.parse()
         with context.builder.written() as first:
             initial = sections.initial()

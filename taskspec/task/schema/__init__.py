@@ -7,12 +7,12 @@ from taskspec.task.schema.check import validated as validated
 from taskspec.task.schema.export import json_schema as json_schema
 from taskspec.task.schema.models import AbstractionEntry as AbstractionEntry
 from taskspec.task.schema.models import ClaimEntry as ClaimEntry
-from taskspec.task.schema.models import ComponentEntry as ComponentEntry
 from taskspec.task.schema.models import Erratum as Erratum
 from taskspec.task.schema.models import FigureEntry as FigureEntry
-from taskspec.task.schema.models import ParameterEntry as ParameterEntry
-from taskspec.task.schema.models import Parameters as Parameters
-from taskspec.task.schema.models import Requirement as Requirement
 from taskspec.task.schema.models import Roles as Roles
 from taskspec.task.schema.models import Source as Source
+from taskspec.task.schema.typed import ComponentEntry as ComponentEntry
+from taskspec.task.schema.typed import ParameterEntry as ParameterEntry
+from taskspec.task.schema.typed import Parameters as Parameters
+from taskspec.task.schema.typed import Requirement as Requirement
 from taskspec.task.schema.variants import Spec as Spec

@@ -14,9 +14,9 @@ from taskspec.diagnostics import Collector, Diagnostic, Span, suggest
 from taskspec.limits import how_to_raise, limits
 from taskspec.source import Document, Path
 from taskspec.task.merge import Merged, variant_names
-from taskspec.task.schema import fields, values
+from taskspec.task.schema import fields, problems
 from taskspec.task.schema.models import FORMAT
-from taskspec.task.schema.values import Problem
+from taskspec.task.schema.problems import Problem
 from taskspec.task.schema.variants import Spec
 
 # What belongs where pydantic found something else, by the type of its error.
@@ -55,7 +55,7 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
         for problem in (*_format(document.data), *_many(document.data), *_bases(document.data), *_roles(document.data)):
             _add(collector, document, problem)
     else:
-        message = f"a spec is a mapping of sections, not {values.kind(document.data)}"
+        message = f"a spec is a mapping of sections, not {problems.kind(document.data)}"
         collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
     return collector.diagnostics
 
@@ -105,7 +105,7 @@ def _problems(error: dict[str, Any], data: Any) -> Iterator[Problem]:
             yield _missing_key(loc)
         case "extra_forbidden":
             known = _keys_at(Spec, loc[:-1])
-            yield values.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
+            yield problems.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
         case "literal_error":
             yield _not_an_option(error["input"], error["ctx"]["expected"]).below(*loc)
         case other:
@@ -125,7 +125,7 @@ def _missing_key(loc: Path) -> Problem:
 def _not_an_option(value: object, expected: str) -> Problem:
     options = re.findall(r"'([^']*)'", expected)
     hint = suggest(value, options) if isinstance(value, str) else None
-    message = f"{values.kind(value)} is not one of {', '.join(options)}"
+    message = f"{problems.kind(value)} is not one of {', '.join(options)}"
     return Problem("E218" if value is None else "E206", (), message, hint)
 
 
@@ -133,15 +133,15 @@ def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
     value = error["input"]
     if error_type in _MAPPINGS:
         hint = f"write {{type: {value}}}" if value in ("bool", "int", "real") else None
-        problem = values.wrong_kind("named entries (`name: ...`)", value, hint)
+        problem = problems.wrong_kind("named entries (`name: ...`)", value, hint)
         return problem if value is None else problem._replace(code="E201")
     if error_type == "greater_than_equal":
         return Problem("E204", (), f"{value} is too small: at least {error['ctx']['ge']}")
     if expected := _EXPECTED.get(error_type):
         is_number = isinstance(value, int | float)
         hint = "put it in quotes" if expected == "text" and is_number else None
-        return values.wrong_kind(expected, value, hint)
-    return Problem("E204", (), f"{values.kind(value)} cannot stand here: {error['msg']}")
+        return problems.wrong_kind(expected, value, hint)
+    return Problem("E204", (), f"{problems.kind(value)} cannot stand here: {error['msg']}")
 
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:

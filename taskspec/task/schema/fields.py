@@ -9,8 +9,8 @@ from typing import Annotated, Any, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler, WithJsonSchema
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from taskspec.task.schema import values
-from taskspec.task.schema.values import Problem
+from taskspec.task.schema import problems, values
+from taskspec.task.schema.problems import Problem
 
 PROBLEMS = "taskspec_problems"
 FORM = "x-form"  # pydantic follows every `$ref` it meets, so forms are linked afterwards
@@ -70,7 +70,7 @@ PartialObservation: TypeAlias = Annotated[Any, _check(values.partial_observation
 
 LETTER, MORE = r"A-Za-z\u0080-\uffff", "0-9_"
 """The characters of a name, for patterns: `\\w` is ASCII to an editor, so there every other character passes."""
-NAME = rf"(?!(?:{'|'.join(values.WORDS)})(?![{LETTER}{MORE}]))[{LETTER}][{LETTER}{MORE}]*"
+NAME = rf"(?!(?:{'|'.join(problems.WORDS)})(?![{LETTER}{MORE}]))[{LETTER}][{LETTER}{MORE}]*"
 NAMES: dict[str, dict[str, Any]] = {
     title: {"type": "string", "pattern": f"^{pattern}$", "patternErrorMessage": f"Not {what}."}
     for title, pattern, what in (
@@ -84,7 +84,7 @@ NAMES: dict[str, dict[str, Any]] = {
 
 Name: TypeAlias = Annotated[
     str,
-    AfterValidator(_checked(values.name)),
+    AfterValidator(_checked(problems.name)),
     WithJsonSchema(NAMES["Name"]),
 ]
 Primed: TypeAlias = Annotated[

@@ -10,17 +10,10 @@ from typing import Annotated, Any, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 from pydantic.fields import FieldInfo
 
-from taskspec.task.schema import values
+from taskspec.task.schema import problems
 from taskspec.task.schema.fields import Name, PartialObservation, fail
-from taskspec.task.schema.models import (
-    FORMAT,
-    ComponentEntry,
-    ParameterEntry,
-    Parameters,
-    Requirement,
-    Sections,
-    Strict,
-)
+from taskspec.task.schema.models import FORMAT, Sections
+from taskspec.task.schema.typed import ComponentEntry, ParameterEntry, Parameters, Requirement, Strict
 
 
 def _partial_type(annotation: Any) -> Any:
@@ -61,7 +54,7 @@ class PartialParameters(BaseModel):
 
     @model_validator(mode="after")
     def _check(self) -> PartialParameters:
-        fail([problem for key in self.__pydantic_extra__ for problem in values.name(key, (key,))])
+        fail([problem for key in self.__pydantic_extra__ for problem in problems.name(key, (key,))])
         return self
 
 

@@ -1,0 +1,162 @@
+"""Parameters and components: entries with a type, and the keys that each type has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from taskspec.task.schema import problems
+from taskspec.task.schema.fields import Bound, Labels, Setting, Shape, fail
+from taskspec.task.schema.problems import Problem
+
+Kind = Literal["int", "real", "bool", "choice"]
+
+
+class Strict(BaseModel):
+    """No unknown keys, no silent conversions, no changes afterwards."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class Typed(Strict):
+    """What parameters and components share."""
+
+    low: Bound = Field(None, description="Smallest value, included. Without it: no bound.")
+    high: Bound = Field(None, description="Largest value, included. Without it: no bound.")
+    values: Labels = Field(
+        None,
+        description="For a choice: its labels, or a mapping from each label to the number or "
+        "vector it stands for in arithmetic.",
+    )
+    symbol: str | None = Field(None, description="How to print it, in LaTeX: `c_0`, `\\beta`.")
+    doc: str | None = Field(None, description="What it is, in a few words.")
+
+
+EXCLUDED = {
+    "int": ("values", "symbols"),
+    "real": ("values", "symbols"),
+    "bool": ("low", "high", "values", "symbols"),
+    "choice": ("low", "high"),
+}
+"""The keys that an entry of each type does not have."""
+DEFAULTS = {"int": ["integer", "string"], "real": ["number", "string"], "bool": ["boolean"], "choice": ["string"]}
+"""What the default of each type is written as, in JSON Schema's words; a text is a formula, or a label."""
+
+
+def _rules(then: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
+    """What follows from an entry's type, for the JSON Schema."""
+    return {
+        "allOf": [
+            {"if": {"required": ["type"], "properties": {"type": {"const": kind}}}, "then": then(kind)}
+            for kind in EXCLUDED
+        ]
+    }
+
+
+def _component_rule(kind: str) -> dict[str, Any]:
+    return {"properties": dict.fromkeys(EXCLUDED[kind], False), "required": ["values"] if kind == "choice" else []}
+
+
+def _parameter_rule(kind: str) -> dict[str, Any]:
+    rule = _component_rule(kind)
+    return rule | {"properties": {**rule["properties"], "default": {"type": DEFAULTS[kind]}}}
+
+
+class ParameterEntry(Typed):
+    """A parameter of the task."""
+
+    model_config = ConfigDict(json_schema_extra=_rules(_parameter_rule))
+
+    type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
+    default: Setting = Field(description="The value when none is given.")
+
+    @model_validator(mode="after")
+    def _check(self) -> ParameterEntry:
+        fail([*_typed_problems(self, self.type), *_default_problems(self)])
+        return self
+
+
+class ComponentEntry(Typed):
+    """A part of the state or of the action."""
+
+    model_config = ConfigDict(json_schema_extra=_rules(_component_rule))
+
+    type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
+    shape: Shape = Field(None, description="Lengths of a vector or matrix: `[L]`, `[2, 2]`. Without it: one number.")
+    symbols: list[str] | None = Field(
+        None, description="For a choice: how to print its labels in LaTeX, in the same order."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> ComponentEntry:
+        fail([*_typed_problems(self, self.type), *_symbol_problems(self)])
+        return self
+
+
+def _typed_problems(entry: Typed, kind: Kind) -> Iterator[Problem]:
+    if kind == "choice" and entry.values is None:
+        hint = "list the labels: `values: [left, right]`"
+        yield Problem("E203", (), "a choice needs `values`", hint, of_key=True)
+    for key in (key for key in EXCLUDED[kind] if getattr(entry, key, None) is not None):
+        what = {"choice": "a choice", "bool": "a bool"}.get(kind, f"`type: {kind}`")
+        yield Problem("E214", (key,), f"{what} has no `{key}`", None, of_key=True)
+    low, high = entry.low, entry.high
+    if _is_number(low) and _is_number(high) and low > high:
+        yield Problem("E214", ("low",), f"the low end {low} is above the high end {high}")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _symbol_problems(entry: ComponentEntry) -> Iterator[Problem]:
+    if entry.symbols is None or entry.values is None or len(entry.symbols) == len(entry.values):
+        return
+    message = f"{len(entry.symbols)} symbols for {len(entry.values)} labels"
+    yield Problem("E214", ("symbols",), message)
+
+
+def _default_problems(entry: ParameterEntry) -> Iterator[Problem]:
+    value = entry.default
+    wanted = {"int": int, "real": int | float, "bool": bool, "choice": str}[entry.type]
+    is_odd_bool = isinstance(value, bool) and entry.type != "bool"
+    is_formula = isinstance(value, str) and entry.type in ("int", "real")
+    if is_odd_bool or not (isinstance(value, wanted) or is_formula):
+        yield Problem("E213", ("default",), f"{problems.kind(value)} is not of type {entry.type}")
+    elif entry.type == "choice" and value not in (entry.values or ()):
+        yield Problem("E213", ("default",), f"`{value}` is not one of the values")
+    elif _is_number(value):
+        if _is_number(entry.low) and value < entry.low:
+            yield Problem("E213", ("default",), f"{value} is below the low end {entry.low}")
+        if _is_number(entry.high) and value > entry.high:
+            yield Problem("E213", ("default",), f"{value} is above the high end {entry.high}")
+
+
+class Requirement(Strict):
+    """A condition that parameters must meet together."""
+
+    condition: str = Field(description="A condition over the parameters: `L >= B`.")
+    message: str = Field(description="What to say when it does not hold.")
+
+
+class Parameters(BaseModel):
+    """Parameters, and conditions across them."""
+
+    model_config = ConfigDict(strict=True, extra="allow", frozen=True)
+    __pydantic_extra__: dict[str, ParameterEntry]
+
+    require: list[Requirement] = Field(
+        default_factory=list, description="Conditions across parameters, each with its message."
+    )
+
+    @property
+    def entries(self) -> Mapping[str, ParameterEntry]:
+        """The parameters by name, in the order written."""
+        return self.__pydantic_extra__
+
+    @model_validator(mode="after")
+    def _check(self) -> Parameters:
+        fail([problem for key in self.entries for problem in problems.name(key, (key,))])
+        return self
