@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from taskspec.diagnostics import Diagnostic as Diagnostic
     from taskspec.diagnostics import SpecError as SpecError
     from taskspec.diagnostics import TaskspecError as TaskspecError
+    from taskspec.envs import Environment as Environment
     from taskspec.making import make as make
     from taskspec.making import make_vec as make_vec
     from taskspec.making import register as register
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 _PUBLIC = {
     "Diagnostic": "taskspec.diagnostics",
+    "Environment": "taskspec.envs",
     "SpecError": "taskspec.diagnostics",
     "TaskspecError": "taskspec.diagnostics",
     "Task": "taskspec.task.task",
@@ -30,6 +32,7 @@ _PUBLIC = {
 }
 __all__ = [
     "Diagnostic",
+    "Environment",
     "SpecError",
     "Task",
     "TaskspecError",

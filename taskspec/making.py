@@ -16,9 +16,10 @@ from taskspec.registry import entries, load, shipped
 if TYPE_CHECKING:
     from taskspec.backends.vector import Backend
     from taskspec.envs import Environment
-    from taskspec.envs.options import Autoreset, RenderMode
+    from taskspec.envs.options import Autoreset
     from taskspec.envs.vector import AutoresetMode, VectorEnvironment
-    from taskspec.task.task import Ending, TaskLike
+    from taskspec.task.options import Ending, RenderMode
+    from taskspec.task.task import TaskLike
 
 SPEC_ID = "taskspec/Spec-v0"
 
@@ -33,9 +34,11 @@ def make(
     observe_time: bool = False,
     **parameters: Any,
 ) -> Environment:
-    """The scalar environment of a task: `load` and `Task.make` in one call."""
+    """The scalar environment of a task: `load` and `taskspec.envs.Environment` in one call."""
+    from taskspec.envs import Environment
+
     task = load(source, variant, **parameters)
-    return task.make(render_mode=render_mode, ending=ending, observe_time=observe_time)
+    return Environment(task, render_mode=render_mode, ending=ending, observe_time=observe_time)
 
 
 def register(folder: str | os.PathLike[str]) -> list[str]:

@@ -15,7 +15,7 @@ from taskspec.files import Unfinished, refused, write_bytes
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Watch
     from taskspec.envs import Environment
-    from taskspec.envs.options import RenderMode
+    from taskspec.task.options import RenderMode
 
 RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
 """What an environment renders for each value of `--render`."""

@@ -19,13 +19,14 @@ from taskspec.backends.scalar.program import Clock, Failures, Lane, ScalarProgra
 from taskspec.draws.sample import sampler
 from taskspec.envs import keyboard, picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import ENDINGS, RenderMode, one_of, seed_of, with_horizon
+from taskspec.envs.options import ENDINGS, one_of, seed_of, with_horizon
 from taskspec.envs.spaces import space
 from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.registry import load
-from taskspec.task.task import Ending, TaskLike
+from taskspec.task.options import Ending, RenderMode
+from taskspec.task.task import TaskLike
 
 Reset = Callable[..., tuple[Any, dict[str, Any]]]
 

@@ -10,9 +10,10 @@ import gymnasium
 from taskspec.backends.vector import Engine
 from taskspec.envs import keyboard, picture, window
 from taskspec.envs.errors import LaneError, NotRunningError
-from taskspec.envs.options import RenderMode, one_of
+from taskspec.envs.options import one_of
 from taskspec.envs.spaces import space
 from taskspec.envs.state import plain_state
+from taskspec.task.options import RenderMode
 from taskspec.task.task import Task
 
 RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")
@@ -20,7 +21,7 @@ RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")
 
 
 @dataclass(frozen=True)
-class Lane:
+class LaneView:
     """A lane: what it is, and how it stands. It is read only; lanes are arrays, and are stepped together."""
 
     task: Task
@@ -66,7 +67,7 @@ class Lane:
 KNOWN = ("task", "state", "time", "observation_space", "action_space", "render_mode", "render", "get_keys_to_action")
 
 
-def asked(lane: Lane, name: str, *args: Any, **options: Any) -> Any:
+def asked(lane: LaneView, name: str, *args: Any, **options: Any) -> Any:
     """An attribute of a lane, or what a method of it gives.
 
     Raises:

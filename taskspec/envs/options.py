@@ -11,11 +11,10 @@ from gymnasium.envs.registration import EnvSpec
 
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.limits import count, how_to_raise, limits
-from taskspec.task.task import Ending, Task
+from taskspec.task.options import Ending
+from taskspec.task.task import Task
 
 ENDINGS = get_args(Ending)
-RenderMode: TypeAlias = Literal["ansi", "rgb_array", "rgb_array_list", "human"]
-"""What `render` gives: text, pixels, the pixels of all states since the last call, or a window."""
 Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]
 """Values of Gymnasium's `AutoresetMode`: when an episode that has ended begins anew."""
 

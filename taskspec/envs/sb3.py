@@ -16,11 +16,12 @@ from taskspec.backends import select
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.vector import Backend, LanesNotRunningError, Options
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.lanes import RENDER_MODES, Lane, asked, rendered, unset
-from taskspec.envs.options import RenderMode, positive, seed_of, uncopied
+from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
+from taskspec.envs.options import positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.extras import need
 from taskspec.registry import load
+from taskspec.task.options import RenderMode
 from taskspec.task.task import TaskLike
 
 need("stable_baselines3", "sb3")
@@ -128,7 +129,9 @@ class Sb3VecEnv(VecEnv):
         Raises:
             LaneError: lanes have nothing of that name.
         """
-        made = (Lane(self.task, self._engine, i, self.render_mode, self._started) for i in self._get_indices(indices))
+        made = (
+            LaneView(self.task, self._engine, i, self.render_mode, self._started) for i in self._get_indices(indices)
+        )
         return [asked(lane, method_name, *args, **kwargs) for lane in made]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:

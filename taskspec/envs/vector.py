@@ -23,11 +23,10 @@ from taskspec.backends.buffers import Array
 from taskspec.backends.vector import Backend, LanesNotRunningError, Mode, Options
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.lanes import RENDER_MODES, Lane, asked, rendered, unset
+from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
 from taskspec.envs.options import (
     ENDINGS,
     Autoreset,
-    RenderMode,
     invalid,
     lanes_of,
     one_of,
@@ -39,7 +38,8 @@ from taskspec.envs.options import (
 from taskspec.envs.spaces import space
 from taskspec.extras import install_package
 from taskspec.registry import load
-from taskspec.task.task import Ending, TaskLike
+from taskspec.task.options import Ending, RenderMode
+from taskspec.task.task import TaskLike
 
 if not hasattr(gymnasium.vector, "AutoresetMode"):
     raise SpecError(
@@ -191,8 +191,8 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         """
         unset(name)
 
-    def _lane(self, number: int) -> Lane:
-        return Lane(self.task, self._engine, number, self.render_mode, self._seeded)
+    def _lane(self, number: int) -> LaneView:
+        return LaneView(self.task, self._engine, number, self.render_mode, self._seeded)
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -169,12 +169,10 @@ class _Build:
             name=self.merged.name, suite=suite, version=self.spec.version, variant=self.merged.variant,
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
             horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
-            raw_initial=raw_initial, raw_next=raw_next,
-            terminal=terminal, expert=expert, claims=claims, examples=examples, absorbing_reward=absorbing,
-            builder=context.builder, reset_draws=tuple((first | seen).values()), step_draws=tuple((later | seen).values()),
-            spec=self.spec, surface=Surface(context.exprs, context.named_scopes, tuple(context.checker.moved.values())),
-            document=self.merged.document,
-            content_hash=self._hash(), figure=drawn,
+            raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
+            claims=claims, examples=examples, figure=drawn, builder=context.builder, reset_draws=tuple((first | seen).values()),
+            step_draws=tuple((later | seen).values()), spec=self.spec, document=self.merged.document, content_hash=self._hash(),
+            surface=Surface(context.exprs, context.named_scopes, tuple(context.checker.moved.values())),
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:

@@ -15,7 +15,6 @@ from taskspec.lang.types import Domain, Kind, Type
 FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
 """Spaces of observations that hold finite components only."""
 SpaceKind = Literal["auto", "box", "dict", "one_hot", "multi_discrete", "discrete"]
-Ending = Literal["terminate", "absorb"]
 COUNTABLE = 2**52
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,17 +10,18 @@ from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
+import taskspec
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.draws.layout import WordLayout
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, rewrite
 from taskspec.lang.types import BOOL, Kind, Type
 from taskspec.source import Document
+from taskspec.task.options import Ending, RenderMode
 from taskspec.task.parts import COUNTABLE as COUNTABLE
 from taskspec.task.parts import FINITE_SPACES as FINITE_SPACES
 from taskspec.task.parts import Claim as Claim
 from taskspec.task.parts import Component as Component
-from taskspec.task.parts import Ending as Ending
 from taskspec.task.parts import Example as Example
 from taskspec.task.parts import Figure as Figure
 from taskspec.task.parts import Followed as Followed
@@ -34,8 +34,6 @@ from taskspec.task.parts import Surface as Surface
 if TYPE_CHECKING:
     import gymnasium
 
-    from taskspec.envs.env import Environment
-    from taskspec.envs.options import RenderMode
     from taskspec.task.schema import Spec
 
 
@@ -117,17 +115,12 @@ class Task:
     @property
     def observation_space(self) -> gymnasium.Space[Any]:
         """The Gymnasium space of observations."""
-        return self._space("observation_layout")
+        return taskspec.make(self).observation_space
 
     @property
     def action_space(self) -> gymnasium.Space[Any]:
         """The Gymnasium space of actions."""
-        return self._space("action_layout")
-
-    def _space(self, layout: str) -> gymnasium.Space[Any]:
-        find = getattr(importlib.import_module("taskspec.task.spaces"), layout)
-        found: gymnasium.Space[Any] = importlib.import_module("taskspec.envs.spaces").space(find(self))
-        return found
+        return taskspec.make(self).action_space
 
     @cached_property
     def written(self) -> dict[str, Any]:
@@ -166,12 +159,9 @@ class Task:
 
     def make(
         self, *, render_mode: RenderMode | None = None, ending: Ending = "terminate", observe_time: bool = False
-    ) -> Environment:
+    ) -> taskspec.Environment:
         """The scalar Gymnasium environment of this task (see `taskspec.envs.Environment` for the options)."""
-        # This and `_space` call upward: conveniences for people, resolved by name so that the layers stay layers.
-        envs = importlib.import_module("taskspec.envs")
-        env: Environment = envs.Environment(self, render_mode=render_mode, ending=ending, observe_time=observe_time)
-        return env
+        return taskspec.make(self, render_mode=render_mode, ending=ending, observe_time=observe_time)
 
     def absorbing(self) -> Task:
         """The same task, with terminal states absorbing until the horizon and paying the absorbing reward."""

@@ -11,7 +11,8 @@ import numpy as np
 
 from taskspec.draws.batched import batch_sampler
 from taskspec.draws.layout import WordLayout
-from taskspec.exact.checks.phases import Check, CheckPhase
+from taskspec.exact.checks.check import Check
+from taskspec.exact.checks.phases import CheckPhase
 from taskspec.exact.model.codes import distinct, holds, union, without
 from taskspec.exact.model.cost import Cost
 from taskspec.exact.model.outcomes import Branch, branches, count, is_finite

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.checks.bounds import proved
+from taskspec.exact.checks.check import Check
 from taskspec.exact.checks.places import SectionScope, Written, distributions
 from taskspec.exact.model.cost import Cost
 from taskspec.exact.model.outcomes import count
@@ -28,43 +28,6 @@ Array = np.ndarray[Any, Any]
 Points = Grid | Samples
 MANY_TIMES = 1000
 MOST_OUTCOMES = 5000
-
-
-@dataclass(frozen=True, eq=False)
-class Check:
-    """One thing that must hold at every point: `node` has a value within `low` and `high`, and is a number.
-
-    `guards` are conditions; where one fails, nothing is asked. `subject` is what the value belongs
-    to; `section` and `entry` say where its expression is.
-    """
-
-    code: str
-    node: Node
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-    section: str
-    entry: str | None = None
-    subject: Component | None = None
-    place: s.Expr | None = None
-    guards: tuple[Node, ...] = ()
-    what: str = ""
-
-    @property
-    def finite(self) -> bool:
-        """Whether an infinite value is wrong even where the range has no end."""
-        return self.node.type.kind is Kind.REAL
-
-    def wrong(self, value: Array) -> Array:
-        """Where a value (*shape, M) is not allowed: (M,)."""
-        shape = self.node.type.shape
-        axes = tuple(range(len(shape)))
-        low = np.array(self.low if shape else self.low[0]).reshape(*shape, 1)
-        high = np.array(self.high if shape else self.high[0]).reshape(*shape, 1)
-        if self.node.type.kind is not Kind.REAL:
-            return np.asarray(((value < low) | (value > high)).any(axis=axes))
-        slack = (1e-6 if self.code == "E401" else 1e-9) * (1 + np.abs(np.where(np.isfinite(value), value, 0)))
-        inside = (value >= low - slack) & (value <= high + slack) & np.isfinite(value)
-        return np.asarray((~inside).any(axis=axes))
 
 
 @dataclass(frozen=True)
@@ -94,7 +57,7 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
 
 
 def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> CheckPhase:
-    left = tuple(c for c in checks if not proved(c, task.builder))
+    left = tuple(c for c in checks if not c.is_proved(task.builder))
     roots = [n for c in left for n in (*c.guards, c.node)]
     found = draws(roots)
     outcomes = count(found, {})

@@ -15,8 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.exact.checks.check import Check
 from taskspec.exact.checks.examine import Examination, Violation
-from taskspec.exact.checks.phases import Check, phases
+from taskspec.exact.checks.phases import phases
 from taskspec.exact.checks.wording import parameters, report
 from taskspec.exact.simulation.points import Method
 from taskspec.limits import limits

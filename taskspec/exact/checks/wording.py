@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector, Placed
+from taskspec.exact.checks.check import Check
 from taskspec.exact.checks.examine import Examination, Violation
-from taskspec.exact.checks.phases import Check, entries
+from taskspec.exact.checks.phases import entries
 from taskspec.exact.checks.places import SectionScope, narrow
 from taskspec.exact.model.space import domain, shown, words
 from taskspec.lang.ir import Role, reads

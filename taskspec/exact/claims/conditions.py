@@ -13,7 +13,8 @@ from taskspec.exact.model.failure import refuse
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.transitions import TIME
 from taskspec.exact.planning.certified.bounded import UNKNOWN
-from taskspec.exact.planning.certified.solver import Rule, Solver
+from taskspec.exact.planning.certified.rule import Rule
+from taskspec.exact.planning.certified.solver import Solver
 from taskspec.exact.scoring.returns import Results
 from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate

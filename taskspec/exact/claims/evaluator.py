@@ -36,7 +36,8 @@ from taskspec.exact.planning.certified.enclosure import (
     negative,
 )
 from taskspec.exact.planning.certified.readings import Inexact, Reader
-from taskspec.exact.planning.certified.solver import Rule, Solver
+from taskspec.exact.planning.certified.rule import Rule
+from taskspec.exact.planning.certified.solver import Solver
 from taskspec.exact.scoring.returns import Results
 from taskspec.lang import syntax as s
 from taskspec.lang.check import Checker

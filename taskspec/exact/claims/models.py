@@ -9,7 +9,7 @@ from fractions import Fraction
 from taskspec.exact.claims.refusals import Unfit
 from taskspec.exact.claims.vocabulary import MODELS
 from taskspec.exact.planning.certified.enclosure import Enclosure
-from taskspec.exact.planning.certified.solver import Rule
+from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.maxent import MaxEnt
 from taskspec.exact.planning.plans import Boltzmann, Greedy, Uniform
 from taskspec.exact.scoring.returns import Results

@@ -26,8 +26,8 @@ from taskspec.exact.model.failure import refuse, scipy_sparse
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.transitions import Steps
 from taskspec.exact.planning.certified.bounded import Bound, Bounded, Policy
+from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.certified.slack import UNIT
-from taskspec.exact.planning.certified.solver import Rule
 
 Array = np.ndarray[Any, Any]
 

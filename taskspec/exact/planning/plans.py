@@ -20,7 +20,7 @@ from taskspec.exact.model.model import Model
 from taskspec.exact.model.outcomes import count
 from taskspec.exact.model.transitions import TIME
 from taskspec.exact.planning.certified.bounded import Bound, Bounded, Policy
-from taskspec.exact.planning.certified.solver import Rule
+from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.maxent import MaxEnt
 from taskspec.lang.ir import Node, draws, reads
 from taskspec.task.task import Soft

@@ -19,7 +19,8 @@ from taskspec.exact.model.extract import extract
 from taskspec.exact.model.failure import refuse
 from taskspec.exact.model.model import Model
 from taskspec.exact.planning.certified.enclosure import Enclosure, NoNumber, rounded
-from taskspec.exact.planning.certified.solver import Rule, Solvers
+from taskspec.exact.planning.certified.rule import Rule
+from taskspec.exact.planning.certified.solver import Solvers
 from taskspec.exact.planning.plans import Greedy, Plan, Uniform, rule_of, tables
 from taskspec.exact.scoring.statuses import OfNumber
 from taskspec.exact.simulation.confidence import CUT, mean_interval, return_range

@@ -23,9 +23,9 @@ from taskspec.exact.planning.certified.bounded import FLOOR, Bound, Bounded, Pol
 from taskspec.exact.planning.certified.chains import Chain
 from taskspec.exact.planning.certified.components import idle_components, leading_to
 from taskspec.exact.planning.certified.enclosure import Enclosure
+from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.certified.search import REST, Search
 from taskspec.exact.planning.certified.slack import UNIT
-from taskspec.exact.planning.certified.solver import Rule
 
 Array = np.ndarray[Any, Any]
 ROUNDS = 200

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from taskspec.exact.planning.certified.bounded import Bounded
 from taskspec.exact.planning.certified.enclosure import Enclosure
 from taskspec.exact.planning.certified.rational import Rational
 from taskspec.exact.planning.certified.readings import Inexact, Reader
+from taskspec.exact.planning.certified.rule import Rule
 from taskspec.extras import is_installed
 
 Array = np.ndarray[Any, Any]
@@ -35,32 +36,6 @@ class ValueArithmetic(Protocol):
     def follow(self, policy: Any, q: Any) -> Any: ...
     def at_start(self, value: Any) -> Enclosure: ...
     def preference(self, policy: Any, wanted: Array) -> Array: ...
-
-
-class Rule:
-    """A way to choose actions, worked out from the last time to the first (`exact.plans`).
-
-    `is_rational` says whether rational arithmetic has its policies; `back` gives the policy (A, S) at a time, and what
-    is needed at the time before, from what is known at the time after it.
-    """
-
-    is_rational: ClassVar[bool] = True
-
-    @property
-    def is_best(self) -> bool:
-        """Whether its return is the optimal one."""
-        return False
-
-    def start(self, numbers: Any) -> Any:
-        """What is known at the end."""
-        return None
-
-    def back(self, numbers: Any, t: int, inner: Any) -> tuple[Any, Any]:
-        raise NotImplementedError
-
-    def settled(self, numbers: Any) -> Any:
-        """The policy (A, S) without a horizon."""
-        raise NotImplementedError
 
 
 class Solver(Protocol):

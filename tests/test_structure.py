@@ -1,0 +1,129 @@
+"""How the source is laid out: what imports what, what is called what, and how long files and functions are."""
+
+from __future__ import annotations
+
+import ast
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import taskspec
+
+FOLDER = Path(taskspec.__file__).parent
+LONGEST_FILE = 350
+LONGEST_FUNCTION = 40
+EXEMPT = "taskspec"
+"""The package itself: its table of public names is imported from on first use, long after the module has run."""
+
+
+@dataclass(frozen=True)
+class Module:
+    """One source file."""
+
+    name: str
+    path: Path
+
+    @cached_property
+    def text(self) -> str:
+        return self.path.read_text(encoding="utf-8")
+
+    @cached_property
+    def tree(self) -> ast.Module:
+        return ast.parse(self.text)
+
+    def imports(self, known: Iterable[str]) -> Iterator[str]:
+        """The modules that it names: in imports, those for types included, and in strings that are the name of a module.
+
+        That a module's package is imported before it does not count, as Python itself puts up with that.
+        """
+        for node in ast.walk(self.tree):
+            match node:
+                case ast.ImportFrom(module=str(module), names=names):
+                    yield from (f"{module}.{a.name}" if f"{module}.{a.name}" in known else module for a in names)
+                case ast.Import(names=names):
+                    yield from (a.name for a in names)
+                case ast.Constant(value=str(text)):
+                    yield text
+
+
+def modules(folder: Path, package: str) -> dict[str, Module]:
+    """The modules of a package by their full names."""
+    found = {}
+    for path in sorted(folder.rglob("*.py")):
+        parts = path.relative_to(folder).with_suffix("").parts
+        name = ".".join((package, *parts)).removesuffix(".__init__")
+        found[name] = Module(name, path)
+    return found
+
+
+def circle(found: dict[str, Module], exempt: str | None = None) -> list[str]:
+    """Modules each of which imports the next, the last one being the first again; empty if there are none."""
+    graph = {
+        name: {i for i in module.imports(found) if i in found and i not in (name, exempt)}
+        for name, module in found.items()
+        if name != exempt
+    }
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(reversed(error.args[1]))
+    return []
+
+
+SOURCE = modules(FOLDER, "taskspec")
+
+
+def test_no_file_imports_itself_by_way_of_others() -> None:
+    assert circle(SOURCE, EXEMPT) == []
+
+
+@pytest.mark.parametrize(
+    "back",
+    [
+        "import package.a",
+        "from package import a",
+        "from package.a import thing",
+        "def later():\n    from package.a import thing",
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from package.a import thing",
+        "import importlib\nthing = importlib.import_module('package.a')",
+        "PLACES = {'thing': 'package.a'}",
+    ],
+)
+def test_every_way_to_import_is_seen(tmp_path: Path, back: str) -> None:
+    for name, text in {"__init__": "", "a": "from package import b", "b": "import package.c as c", "c": back}.items():
+        (tmp_path / f"{name}.py").write_text(text)
+    assert set(circle(modules(tmp_path, "package"))) == {"package.a", "package.b", "package.c"}
+    (tmp_path / "c.py").write_text("import package.d\nthing = 'package'")
+    assert circle(modules(tmp_path, "package")) == []
+
+
+def test_a_class_name_means_one_thing() -> None:
+    places = defaultdict(list)
+    for module in SOURCE.values():
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.ClassDef):
+                places[node.name].append(module.name)
+    assert {name: where for name, where in places.items() if len(where) > 1} == {}
+
+
+def test_files_are_short() -> None:
+    lines = {name: len(module.text.splitlines()) for name, module in SOURCE.items()}
+    assert {name: n for name, n in lines.items() if n > LONGEST_FILE} == {}
+
+
+def test_functions_are_short() -> None:
+    long = {}
+    for module in SOURCE.values():
+        for node in ast.walk(module.tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno is not None:
+                long[f"{module.name}:{node.name}"] = node.end_lineno - node.lineno + 1
+    assert {name: n for name, n in long.items() if n > LONGEST_FUNCTION} == {}
+
+
+def test_every_file_says_what_is_in_it() -> None:
+    assert [name for name, module in SOURCE.items() if not ast.get_docstring(module.tree)] == []
