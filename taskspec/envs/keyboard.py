@@ -82,13 +82,13 @@ def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | 
     Raises:
         SpecError: E705 without pygame, or before Gymnasium 1.0; E717 where there is no display.
     """
-    _needs_patience()
     pygame = need("pygame", "play")
     try:
         pygame.display.init()
     except pygame.error as error:
         message = f"there is no display to play on ({error})"
         raise SpecError([Diagnostic("E717", None, message, "`taskspec run --render gif` makes a film")]) from None
+    _needs_patience()
     need("gymnasium.utils.play", "play").play(env, callback=callback, fps=fps, wait_on_player=True)
 
 
