@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 import taskspec
+from taskspec.exact import scores
 from taskspec.registry import task_ids
 
 
@@ -32,3 +33,13 @@ def test_roles_are_the_variants_of_expert_and_learner() -> None:
 def test_spaces_follow_the_conventions() -> None:
     task = taskspec.load("Branching").observing_time()
     assert task.observation_space == taskspec.make("Branching", observe_time=True).observation_space
+
+
+def test_scores_are_flat_rows() -> None:
+    found = scores(taskspec.load("Branching", L=4))
+    rows = found.rows()
+    assert [row["return"] for row in rows] == ["optimal", "random", "worst", "expert"]
+    assert rows[1] == {
+        "id": "derail/Branching-v0", "L": 4, "B": 2, "return": "random", "value": 1 / 16, "error": 0.0, "status": "exact",
+    }  # fmt: skip
+    assert all(isinstance(value, str | int | float) for row in rows for value in row.values())

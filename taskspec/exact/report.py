@@ -165,6 +165,14 @@ class Scores:
         told = {name: None if r is None else asdict(r) | {"status": r.status} for name, r in returns.items()}
         return asdict(self) | told | {"parameters": dict(self.parameters), "gap": self.gap}
 
+    def rows(self) -> list[dict[str, Any]]:
+        """One flat row for each return that is known, as `pandas.DataFrame` takes them."""
+        known = [(name, found) for name in RETURNS if (found := getattr(self, name)) is not None]
+        return [
+            {**self.parameters, "id": self.id, "return": name, "value": r.value, "error": r.error, "status": r.status}
+            for name, r in known
+        ]
+
     def save(self, path: str | Path) -> None:
         """Keep the scores in a JSON file, under the task's content hash."""
         write_text(Path(path), json.dumps(self.record(), indent=2, default=str) + "\n")
