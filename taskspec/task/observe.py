@@ -71,7 +71,8 @@ class Observed:
         if reached is None:
             return edges
         low, high = reached[0] if reached[0] >= -FAR else -math.inf, reached[1] if reached[1] <= FAR else math.inf
-        return [(a if math.isfinite(a) else low, b if math.isfinite(b) else high) for a, b in edges]
+        ends = ((a if math.isfinite(a) else low, b if math.isfinite(b) else high) for a, b in edges)
+        return [(min(pair), max(pair)) for pair in ends]  # a real that starts outside its range is an error of `check`
 
 
 def _bounded(c: Component, edges: Edges) -> Component:
