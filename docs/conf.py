@@ -35,7 +35,8 @@ html_math_renderer = "mathml"
 html_show_sphinx = html_show_sourcelink = html_copy_source = False
 
 DOCS = Path(__file__).parent
-SHOWN = {"readme": "README.md", "contributing": "CONTRIBUTING.md"}  # pages of the site, and the files that they show
+SHOWN = {"readme": "README.md", "contributing": "CONTRIBUTING.md", "security": "SECURITY.md"}
+"""Pages of the site, and the files above this folder that they show."""
 LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.md\)")
 GROUP = re.compile(r"^- (?=[^\[])", re.MULTILINE)
 
