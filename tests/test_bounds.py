@@ -9,7 +9,7 @@ import math
 import random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from taskspec.lang.builder import Builder
@@ -21,13 +21,13 @@ INF = math.inf
 
 
 @pytest.mark.parametrize("root", EVERY)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.data_too_large])
 @given(chance=st.randoms(use_true_random=False))
 def test_of_every_operator(root: str, chance: random.Random) -> None:
     assert breaches(chance, QUICK, root)[1] == []
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.data_too_large])
 @given(chance=st.randoms(use_true_random=False))
 def test_of_trees_of_operators(chance: random.Random) -> None:
     assert breaches(chance, QUICK)[1] == []

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 import string
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -89,7 +90,10 @@ def play(env: gymnasium.Env[Any, Any], callback: Step | None = None, fps: int | 
         message = f"there is no display to play on ({error})"
         raise SpecError([Diagnostic("E717", None, message, "`taskspec run --render gif` makes a film")]) from None
     _needs_patience()
-    need("gymnasium.utils.play", "play").play(env, callback=callback, fps=fps, wait_on_player=True)
+    with warnings.catch_warnings():  # it says that matplotlib is missing where that is only without windows of its own
+        warnings.simplefilter("ignore", UserWarning)
+        window = need("gymnasium.utils.play", "play")
+    window.play(env, callback=callback, fps=fps, wait_on_player=True)
 
 
 def _needs_patience() -> None:

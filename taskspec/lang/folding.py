@@ -17,7 +17,8 @@ def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Typ
     """The elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
     constants = [a for a in args if isinstance(a, Const)]
     flats = [c.flat for c in constants]
-    if result.kind is not Kind.REAL and any(isinstance(v, float) for flat in flats for v in flat):
+    reals = [c.flat for c in constants if c.type.kind is Kind.REAL]  # a table of ints may have a million of them
+    if result.kind is not Kind.REAL and any(isinstance(v, float) for flat in reals for v in flat):
         flats = [tuple(map(plain, flat)) for flat in flats]
     return apply_flat(name, flats, tuple(c.type for c in constants), static, result)
 

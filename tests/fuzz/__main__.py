@@ -25,6 +25,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
+from taskspec import __version__
+
 CHUNK = 2_000
 STUCK = 120
 """Seconds without a word after which a process is ended: something that the alarm cannot interrupt."""
@@ -131,7 +133,7 @@ def summary(tally: Tally, seconds: float, jobs: int) -> str:
     crashes, hangs, differences = kinds["died"] + kinds["ended"], kinds["hang"], kinds["another"] + kinds["message"]
     raised = sum(kinds.values()) - crashes - hangs - differences
     machine = f"{platform.system()} {platform.machine()}, {jobs} processes, Python {platform.python_version()}"
-    libraries = ", ".join(f"{name} {version(name)}" for name in ("taskspec", "numpy", "PyYAML"))
+    libraries = f"taskspec {__version__}, numpy {version('numpy')}, PyYAML {version('PyYAML')}"
     return (
         f"{tally.inputs:,} inputs ({tally.twice:,} of them twice), {differences} differences, {raised} exceptions, "
         f"{crashes} crashes, {hangs} hangs, slowest {tally.slowest[0]:.1f} s, peak memory {tally.peak / 2**20:.0f} MB; "

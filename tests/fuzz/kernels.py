@@ -176,6 +176,6 @@ def _compiled(source: str, constants: Mapping[str, Array]) -> Callable[..., Any]
 
     from taskspec.backends.numba import basics, draws, operators
 
-    space = {**vars(basics), **vars(draws), **vars(operators), **constants}
+    space = {**vars(math), **vars(basics), **vars(draws), **vars(operators), **constants}
     exec(source, space)
     return numba.njit(error_model="numpy", boundscheck=True)(space["advance"])  # type: ignore[no-any-return]

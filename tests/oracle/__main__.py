@@ -12,7 +12,7 @@ from tests.oracle.run import Tally, endings, faults, machine, run
 
 def summary(tally: Tally, seconds: float, jobs: int) -> str:
     steps = sum(n for stage, n in tally.compared.items() if stage.split()[0] in ("scalar", "numpy", "numba", "jax"))
-    made = machine(seconds, jobs, "taskspec", "numpy", "gymnasium")
+    made = machine(seconds, jobs, "numpy", "gymnasium")
     return f"{tally.specs:,} specs, {steps:,} steps, {endings(tally)}; {made}"
 
 

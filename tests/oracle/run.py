@@ -15,6 +15,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Any
 
+from taskspec import __version__
+
 CHUNK = 1000
 
 ALONE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
@@ -106,6 +108,5 @@ def endings(tally: Tally) -> str:
 def machine(seconds: float, jobs: int, *libraries: str) -> str:
     """When a run was made, how long it took, and on what."""
     system = f"{platform.system()} {platform.machine()}, {jobs} processes, Python {platform.python_version()}"
-    return (
-        f"{datetime.now(UTC).date()}, {seconds:.0f} s on {system}, {', '.join(f'{n} {version(n)}' for n in libraries)}"
-    )
+    versions = ", ".join((f"taskspec {__version__}", *(f"{name} {version(name)}" for name in libraries)))
+    return f"{datetime.now(UTC).date()}, {seconds:.0f} s on {system}, {versions}"

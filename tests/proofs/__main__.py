@@ -46,7 +46,7 @@ def verdicts(tally: Tally) -> str:
 def summary(tally: Tally, seconds: float, jobs: int) -> str:
     made = tally.compared
     beside = f"{made['storm']:,} by Storm" if storm.is_installed() else "none by Storm, which is not installed"
-    libraries = ("taskspec", "numpy", "scipy", *(("stormpy",) if storm.is_installed() else ()))
+    libraries = ("numpy", "scipy", *(("stormpy",) if storm.is_installed() else ()))
     return (
         f"{tally.specs:,} models, {made['rows']:,} rows, {made['returns']:,} returns ({made['returns withheld']:,} withheld, "
         f"{beside}), {made['claims']:,} claims, {endings(tally)}; {machine(seconds, jobs, *libraries)}"

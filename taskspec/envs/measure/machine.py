@@ -10,7 +10,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("taskspec", "numpy", "numba", "jax", "gymnasium", "seals", "gymnax", "envpool")
+import taskspec
+
+PACKAGES = ("numpy", "numba", "jax", "gymnasium", "seals", "gymnax", "envpool")
 CPU_INFO = Path("/proc/cpuinfo")
 
 
@@ -34,7 +36,7 @@ def _processor() -> str:
 
 
 def _versions() -> dict[str, str]:
-    found = {}
+    found = {"taskspec": taskspec.__version__}
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
             found[name] = metadata.version(name)
