@@ -39,7 +39,8 @@ class _Reader:
         """Marks up to a closing bracket."""
         out: Line = ()
         while self.at < len(self.text):
-            if stop and self.sees(stop) and (out or stop not in "|‖"):
+            expected = not out or isinstance(out[-1], Mark)  # an operand comes next, so that a bar opens
+            if stop and self.sees(stop) and (not expected or stop not in "|‖"):
                 break
             char = self.text[self.at]
             if char in ")]}⌋⌉;" or ROW.match(self.text, self.at):
@@ -50,7 +51,7 @@ class _Reader:
                 self.at += 1
                 out = (*out[:-1], self.fraction(out))
             else:
-                out += self.thing(not out or isinstance(out[-1], Mark))
+                out += self.thing(expected)
         return out
 
     def fraction(self, before: Line) -> Frac:
