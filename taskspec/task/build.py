@@ -256,7 +256,7 @@ class _Build:
         if not 1 <= steps <= Limits.horizon:
             self.collector.add("E407", expr.place, f"a horizon of {steps:,} steps is not possible",
                                f"between 1 and {Limits.horizon:,}, or `none`")  # fmt: skip
-        return steps
+        return min(max(steps, 1), Limits.horizon)  # so that the time has values, and the rest is read with them
 
     def _discount(self) -> float:
         expr = self.context.forms.expr(("discount",)) if "discount" in self.data else None
