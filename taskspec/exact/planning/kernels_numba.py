@@ -2,7 +2,8 @@
 
 States are swept in blocks. A block whose successors all lie in blocks that did not change in the
 last sweep keeps its values: in tasks where steps are local, values spread from the rewards like a
-wave, and only what the wave has reached is computed.
+wave, and only what the wave has reached is computed. A sweep with other rewards or probabilities computes
+all blocks, those included whose steps all end the episode.
 """
 
 from __future__ import annotations
@@ -31,12 +32,13 @@ def extreme_values(numbers: Bounded, largest: bool) -> Bound:
     changed = active = np.ones(0, np.bool_)
     for t in range(numbers.horizon - 1, -1, -1):
         part = numbers.part(t)
+        lost = numbers.lost(part, value[:, 0], value[:, 1])
         if part.step is not before:
             kernel, arrays, blocks = _prepared(model, part.step)
-            changed = np.ones(len(blocks), np.bool_)
-        lost = numbers.lost(part, value[:, 0], value[:, 1])
+            changed = active = np.ones(len(blocks), np.bool_)
+        else:
+            active = _active(blocks, changed | (lost > 0))
         constants = (model.discount, sign, c, part.inflate, numbers.rounding, lost, numbers.floor)
-        active = _active(blocks, changed | (lost > 0))
         changed = kernel(arrays, part.reward, part.reward_error, active, changed, value, spare, constants)
         value, spare, before = spare, value, part.step
     return Bound(value[:, 0].copy(), value[:, 1].copy())
@@ -53,7 +55,7 @@ def _prepared(model: Model, step: Step) -> tuple[Any, tuple[Array, ...], Array]:
 
 @njit(cache=True)
 def _successors(indptr: Array, columns: Array, states: int, actions: int) -> Array:
-    """For each block the first and the last block that its steps lead to, (blocks, 2)."""
+    """For each block the first and the last block that its steps lead to, (blocks, 2); a last before the first: none."""
     count = (states + BLOCK - 1) // BLOCK
     found = np.empty((count, 2), np.int64)
     for b in range(count):
