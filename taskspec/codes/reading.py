@@ -75,17 +75,20 @@ YAML is indented with spaces only. Tell your editor to insert spaces in YAML fil
     Code(
         "E106",
         "split-by-comma",
-        "an expression cut in two by a comma or a bracket",
+        "a text cut in pieces by a comma or a bracket",
         """
 Between `{` and `}`, or `[` and `]`, a comma ends an entry, whatever round brackets stand around it,
-and `[`, `{` begin a new list or mapping. YAML reads `{x: clip(a, 0, 1)}` as three entries. Put the
-expression in quotes, or give it a line of its own.
+and `[`, `{` begin a new list or mapping. YAML reads `{x: clip(a, 0, 1)}` as three entries, and
+`{type: int, doc: keys, boxes and doors}` as one with a key `boxes and doors`. Put the text in quotes, as
+the hint shows it, or give it a line of its own. A comprehension is quoted with its brackets.
 
 ```yaml
 dynamics: {x': clip(a, 0, 1)}      # wrong: three entries
 dynamics: {x': "clip(a, 0, 1)"}    # right
 dynamics:
   x': clip(a, 0, 1)                # right
+here: [f(i, 0) for i in range(4)]      # wrong: two texts
+here: "[f(i, 0) for i in range(4)]"    # right
 ```
 """,
     ),
@@ -100,6 +103,9 @@ Between `{` and `}` every entry is `key: value`, with a space after the colon.
 parameters: {L: {type: int, default:10}}     # wrong: one key, named `default:10`
 parameters: {L: {type: int, default: 10}}    # right
 ```
+
+A single word without a value may also be the rest of a text with a comma: `{doc: keys, boxes}`. Then the
+text goes in quotes.
 """,
     ),
     Code(

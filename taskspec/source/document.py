@@ -145,22 +145,16 @@ def read_text(text: str, name: str = "<string>") -> Document:
 
 def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
     # PyYAML is imported when the first spec is read, not when the package is.
-    from taskspec.source.compose import compose
-    from taskspec.source.syntax import explain
+    from taskspec.source.recover import compose_all
     from taskspec.source.traps import find
 
-    composed = compose(text)
-    root, stop = composed.root, composed.stop
-    if stop and stop.code == "E114":
-        return root, [stop]  # a text past the bounds is not looked at any further
-    findings = [] if root is None else list(find(text, root, composed.bad_keys))
-    if composed.syntax:
-        stop = explain(text, composed.syntax)
-    elif root is None and stop is None:
-        stop = TextProblem("E115", 0, 0, "the file holds nothing but blanks and comments")
-    if stop and all(each.start != stop.start for each in findings):
-        findings.append(stop)
-    return root, findings
+    composed, stops = compose_all(text)
+    if stops and stops[-1].code == "E114":
+        return composed.root, stops[-1:]  # a text past the bounds is not looked at any further
+    traps = [] if composed.root is None else list(find(text, composed.root, composed.bad_keys))
+    findings = [each for each in traps if not any(stop.covers(each) for stop in stops)]
+    findings += [stop for stop in stops if not any(each.covers(stop) for each in findings)]
+    return composed.root, findings
 
 
 def _before_reading(text: str) -> Iterable[TextProblem]:

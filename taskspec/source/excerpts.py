@@ -8,7 +8,8 @@ from taskspec.source.nodes import TextProblem
 
 _PAIRS = {"(": ")", "[": "]", "{": "}"}
 _CLOSERS = frozenset(_PAIRS.values())
-_LONGEST = 70  # longer than this, a value is not repeated in a hint
+_LONGEST = 70  # longer than this, a value is cut in a message
+_PASTED = 500  # longer than this, a value is not repeated in a hint
 
 SPECIAL = {
     "*": "the name of an alias",
@@ -73,9 +74,9 @@ def quoted(written: str) -> str:
 
 
 def in_quotes(written: str) -> str:
-    """The advice to put a text in quotes, showing it when it is short."""
-    advice = "put the whole value in quotes"
-    return f"{advice}: {quoted(written)}" if len(written) <= _LONGEST else advice
+    """The advice to put a text in quotes, ready to be pasted unless it is very long."""
+    advice = "put this text in quotes"
+    return f"{advice}: {quoted(written)}" if len(written) <= _PASTED else advice
 
 
 def shown(written: str) -> str:

@@ -50,3 +50,7 @@ class TextProblem(NamedTuple):
     end: int
     message: str
     hint: str | None = None
+
+    def covers(self, other: TextProblem) -> bool:
+        """Whether another problem lies within this one."""
+        return self.start <= other.start and other.end <= self.end

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
+from taskspec.source.commas import cut
 from taskspec.source.compose import Syntax
 from taskspec.source.excerpts import (
     SPECIAL,
@@ -113,15 +114,7 @@ def _split_by_bracket(text: str, syntax: Syntax) -> TextProblem | None:
         return None
     if not isinstance(last, ScalarNode) or last.style != "plain":
         return None
-    return split_expression(text, last.start)
-
-
-def split_expression(text: str, start: int) -> TextProblem:
-    """The finding for an expression between braces or brackets that YAML cuts in pieces."""
-    end = value_end(text, start, in_flow=True)
-    written = text[start:end]
-    message = f"YAML cuts `{shown(written)}` in pieces, because it stands between braces or brackets"
-    return TextProblem("E106", start, end, message, in_quotes(written))
+    return cut(text, last.start, syntax.open)
 
 
 def _unmatched(text: str, syntax: Syntax) -> TextProblem | None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from taskspec.source.commas import in_list, in_mapping, is_absent, is_key
 from taskspec.source.excerpts import in_quotes, shown, value_end
 from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, TextProblem
 from taskspec.source.scalars import is_overlong_number
-from taskspec.source.syntax import split_expression, starts_with_brace
+from taskspec.source.syntax import starts_with_brace
 
 # An escape that makes a control character, or begins the name of a well-known TeX command.
 _TEX = re.compile(r"\\(?:\\|([abefrv0](?=[A-Za-z])|n(?:u|abla|eq)\b|t(?:heta|au|imes|ilde|frac)))")
@@ -24,11 +25,11 @@ def find(text: str, root: Node, bad_keys: list[Node]) -> Iterator[TextProblem]:
             case ScalarNode():
                 yield from _scalar(text, node)
             case MappingNode():
-                yield from _duplicates(node)
-                if node.flow:
-                    yield from _flow_mapping(text, node)
+                cuts = list(_flow_mapping(text, node)) if node.flow else []
+                yield from cuts
+                yield from (each for each in _duplicates(node) if not any(cut.covers(each) for cut in cuts))
             case SequenceNode() if node.flow:
-                yield from _split(text, node.items)
+                yield from in_list(text, node)
 
 
 def walk(node: Node) -> Iterator[Node]:
@@ -82,49 +83,9 @@ def _duplicates(node: MappingNode) -> Iterator[TextProblem]:
 def _flow_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
     if text[node.start] != "{":
         return  # one pair in a list: `[a: b]`
-    empty = [key for key, value in node.entries if _is_absent(value)]
-    if empty and len(empty) == len(node.entries) and not _is_key(text, empty[0]):
+    empty = [key for key, value in node.entries if is_absent(value)]
+    if empty and len(empty) == len(node.entries) and not is_key(text, empty[0]):
         end = max(node.end, value_end(text, node.start, in_flow=True))
         yield starts_with_brace(text, node.start, end)
-        return
-    children = [part for entry in node.entries for part in entry]
-    pieces = list(_split(text, children))
-    yield from pieces
-    for key in empty:
-        if not any(piece.start <= key.start < piece.end for piece in pieces):
-            yield _without_value(key)
-
-
-def _is_absent(value: Node) -> bool:
-    return isinstance(value, ScalarNode) and value.style == "plain" and not value.value
-
-
-def _is_key(text: str, key: ScalarNode) -> bool:
-    """Whether what stands between braces was meant as a key, and not as a member of a set."""
-    after = re.compile(r"\s*").match(text, key.end)
-    return _is_glued(key) or (after is not None and text[after.end() : after.end() + 1] == ":")
-
-
-def _is_glued(key: ScalarNode) -> bool:
-    """Whether a key without value was meant as `key: value`, and lacks the space."""
-    return key.style == "plain" and re.fullmatch(r"\w+:[^:]+", key.value) is not None
-
-
-def _without_value(key: ScalarNode) -> TextProblem:
-    message = f"the key `{shown(key.value)}` has no value"
-    hint = None
-    if _is_glued(key):
-        hint = f"write a space after the colon: {key.value.replace(':', ': ', 1)}"
-    return TextProblem("E107", key.start, key.end, message, hint)
-
-
-def _split(text: str, children: list[Node]) -> Iterator[TextProblem]:
-    """Expressions cut by a comma inside their own brackets: a piece opens more than it closes."""
-    done = 0
-    for child in children:
-        if not isinstance(child, ScalarNode) or child.style != "plain" or child.start < done:
-            continue
-        if child.value.count("(") > child.value.count(")"):
-            finding = split_expression(text, child.start)
-            done = finding.end
-            yield finding
+    else:
+        yield from in_mapping(text, node)

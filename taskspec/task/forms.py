@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from keyword import iskeyword
 from typing import Any
 
@@ -11,6 +12,7 @@ from taskspec.lang.parse import literal, parse, parse_into
 from taskspec.source import Path
 from taskspec.task.merge import Merged
 
+_FOR = re.compile(r"\sfor\s")
 Tree = dict[str, Any] | list[Any] | str | int | float | bool | None
 
 
@@ -59,9 +61,19 @@ class Forms:
     def _list(self, items: list[Any], path: Path) -> s.Expr | None:
         if items and all(isinstance(i, dict) and i.keys() & {"if", "then", "else"} for i in items):
             return self._pieces(items, path)
+        if len(items) == 1 and isinstance(items[0], str) and _FOR.search(items[0]):
+            return parse_into(self._in_brackets(items[0], (*path, 0)), self.collector)
         exprs = [self.tree(item, (*path, i)) for i, item in enumerate(items)]
         found = tuple(e for e in exprs if e is not None)
         return s.Vector(found, self.place(path)) if len(found) == len(items) else None
+
+    def _in_brackets(self, item: str, path: Path) -> s.SourceText:
+        """The only text of a list with the brackets of the list: `[f(i) for i in range(n)]` is a comprehension."""
+
+        def locate(start: int, end: int) -> Span:
+            return self.merged.span(path, max(start - 1, 0), min(end - 1, len(item)))
+
+        return s.SourceText(f"[{item}]", locate)
 
     def _pieces(self, items: list[dict[str, Any]], path: Path) -> s.Expr | None:
         """`if:`/`then:` entries and a last `else:`."""
