@@ -26,7 +26,8 @@ from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.registry import load
 from taskspec.task.options import Ending, RenderMode
-from taskspec.task.task import TaskLike
+from taskspec.task.spaces import action_layout, observation_layout
+from taskspec.task.task import Task, TaskLike
 
 Reset = Callable[..., tuple[Any, dict[str, Any]]]
 
@@ -77,6 +78,11 @@ class Environment(gymnasium.Env[Any, Any]):
         self._seed: int | None = None
         self._spec: EnvSpec | None = None
         self._start(0, Clock())
+
+    @staticmethod
+    def spaces_of(task: Task) -> tuple[gymnasium.Space[Any], gymnasium.Space[Any]]:
+        """The spaces of observations and of actions that the environments of a task have; makes no environment."""
+        return space(observation_layout(task)), space(action_layout(task))
 
     # -- Gymnasium ------------------------------------------------------------------------------------------------
 

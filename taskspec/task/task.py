@@ -115,12 +115,12 @@ class Task:
     @property
     def observation_space(self) -> gymnasium.Space[Any]:
         """The Gymnasium space of observations."""
-        return taskspec.make(self).observation_space
+        return taskspec.Environment.spaces_of(self)[0]
 
     @property
     def action_space(self) -> gymnasium.Space[Any]:
         """The Gymnasium space of actions."""
-        return taskspec.make(self).action_space
+        return taskspec.Environment.spaces_of(self)[1]
 
     @cached_property
     def written(self) -> dict[str, Any]:
