@@ -8,8 +8,6 @@ all blocks, those included whose steps all end the episode.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +17,9 @@ from taskspec.exact.model.model import Model, Step
 from taskspec.exact.planning.certified.bounded import Bound, Bounded
 
 Array = np.ndarray[Any, Any]
+Slots = tuple[Array, Array, tuple[int, ...], tuple[int, ...]]
+"""Columns (A, S, K) and weights (A, K) of outcomes, and a tuple each as long as there are actions and outcomes, which is part of
+its type: what is compiled knows how many."""
 BLOCK = 1024
 MOST_OUTCOMES = 64
 
@@ -34,23 +35,26 @@ def extreme_values(numbers: Bounded, largest: bool) -> Bound:
         part = numbers.part(t)
         lost = numbers.lost(part, value[:, 0], value[:, 1])
         if part.step is not before:
-            kernel, arrays, blocks = _prepared(model, part.step)
+            rows, slots, blocks = _prepared(model, part.step)
             changed = active = np.ones(len(blocks), np.bool_)
         else:
             active = _active(blocks, changed | (lost > 0))
         constants = (model.discount, sign, c, part.inflate, numbers.rounding, lost, numbers.floor)
-        changed = kernel(arrays, part.reward, part.reward_error, active, changed, value, spare, constants)
+        changed = _swept(rows, slots, part.reward, part.reward_error, active, changed, value, spare, constants)
         value, spare, before = spare, value, part.step
     return Bound(value[:, 0].copy(), value[:, 1].copy())
 
 
-def _prepared(model: Model, step: Step) -> tuple[Any, tuple[Array, ...], Array]:
+def _prepared(model: Model, step: Step) -> tuple[tuple[Array, ...], Slots | None, Array]:
+    """What follows every state and action: as rows, or where each has the same number of outcomes as slots; and the blocks."""
     going, slots = step.going, step.slots
+    rows = going.indptr, going.indices, going.data
     blocks = _successors(going.indptr, going.indices, model.n_states, model.n_actions)
-    if slots is not None and slots.size <= MOST_OUTCOMES:
-        columns = going.indices.reshape(model.n_actions, model.n_states, -1)
-        return _slots(*slots.shape), (columns, slots), blocks
-    return _rows, (going.indptr, going.indices, going.data), blocks
+    if slots is None or slots.size > MOST_OUTCOMES:
+        return rows, None, blocks
+    actions, outcomes = slots.shape
+    columns = going.indices.reshape(model.n_actions, model.n_states, -1)
+    return rows, (columns, slots, (0,) * actions, (0,) * outcomes), blocks
 
 
 @njit(cache=True)
@@ -83,19 +87,19 @@ def _active(blocks: Array, changed: Array) -> Array:
 
 
 @njit(cache=True, fastmath={"contract"})
-def _rows(
-    arrays: tuple[Array, ...], reward: Array, reward_error: Array, active: Array, changed: Array, value: Array,
-    out: Array, constants: tuple[float, ...],
+def _swept(
+    rows: tuple[Array, ...], slots: Slots | None, reward: Array, reward_error: Array, active: Array, changed: Array,
+    value: Array, out: Array, constants: tuple[float, ...],
 ) -> Array:  # fmt: skip
     """One step back: writes `out`, and gives which blocks differ from `value`.
 
-    Beside a value is kept its error, and on top what the rounding of a row adds for it. The error of the best action is
-    at most the largest of all. `changed` are the blocks in which `value` differs from what `out` still holds.
+    Numba compiles one of the two ways to read outcomes; with `slots` the loops are of known length, unrolled, and twice as
+    fast. Beside a value is kept its error, and on top what the rounding of a row adds for it. The error of the best action
+    is at most the largest of all. `changed` are the blocks in which `value` differs from what `out` still holds.
     """
-    indptr, columns, weights = arrays
+    indptr, columns, weights = rows
     discount, sign, c, inflate, rounding, lost, floor = constants
     states = len(out)
-    actions = len(reward) // states
     after = np.zeros(len(active), np.bool_)
     for b in range(len(active)):
         first, last = b * BLOCK, min(states, (b + 1) * BLOCK)
@@ -105,12 +109,17 @@ def _rows(
             continue
         for s in range(first, last):
             best, worst = -np.inf, 0.0
-            for a in range(actions):
+            for a in range(len(reward) // states if slots is None else len(slots[2])):
                 row = a * states + s
                 ahead, error = 0.0, 0.0
-                for k in range(indptr[row], indptr[row + 1]):
-                    ahead += weights[k] * value[columns[k], 0]
-                    error += weights[k] * value[columns[k], 1]
+                if slots is None:
+                    for k in range(indptr[row], indptr[row + 1]):
+                        ahead += weights[k] * value[columns[k], 0]
+                        error += weights[k] * value[columns[k], 1]
+                else:
+                    for k in range(len(slots[3])):
+                        ahead += slots[1][a, k] * value[slots[0][a, s, k], 0]
+                        error += slots[1][a, k] * value[slots[0][a, s, k], 1]
                 q = reward[row] + discount * ahead
                 off = reward_error[row] + rounding * (abs(q) + abs(reward[row])) + discount * (error + lost)
                 best, worst = max(best, sign * q), max(worst, off + (floor if error > 0 else 0.0))
@@ -118,41 +127,3 @@ def _rows(
             out[s, 1] = worst * inflate + c * abs(best) + (floor if best != 0 else 0.0)
             after[b] |= out[s, 0] != value[s, 0] or out[s, 1] != value[s, 1]
     return after
-
-
-@cache
-def _slots(actions: int, outcomes: int) -> Callable[..., Array]:
-    """`_rows` for fixed numbers of actions and outcomes: loops of known length are unrolled, twice as fast."""
-
-    @njit(cache=True, fastmath={"contract"})
-    def kernel(
-        arrays: tuple[Array, ...], reward: Array, reward_error: Array, active: Array, changed: Array, value: Array,
-        out: Array, constants: tuple[float, ...],
-    ) -> Array:  # fmt: skip
-        columns, weights = arrays
-        discount, sign, c, inflate, rounding, lost, floor = constants
-        states = len(out)
-        after = np.zeros(len(active), np.bool_)
-        for b in range(len(active)):
-            first, last = b * BLOCK, min(states, (b + 1) * BLOCK)
-            if not active[b]:
-                if changed[b]:
-                    out[first:last] = value[first:last]
-                continue
-            for s in range(first, last):
-                best, worst = -np.inf, 0.0
-                for a in range(actions):
-                    row = a * states + s
-                    ahead, error = 0.0, 0.0
-                    for k in range(outcomes):
-                        ahead += weights[a, k] * value[columns[a, s, k], 0]
-                        error += weights[a, k] * value[columns[a, s, k], 1]
-                    q = reward[row] + discount * ahead
-                    off = reward_error[row] + rounding * (abs(q) + abs(reward[row])) + discount * (error + lost)
-                    best, worst = max(best, sign * q), max(worst, off + (floor if error > 0 else 0.0))
-                out[s, 0] = sign * best
-                out[s, 1] = worst * inflate + c * abs(best) + (floor if best != 0 else 0.0)
-                after[b] |= out[s, 0] != value[s, 0] or out[s, 1] != value[s, 1]
-        return after
-
-    return kernel

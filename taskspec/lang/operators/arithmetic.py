@@ -67,21 +67,21 @@ def max2(a: Number, b: Number) -> Number:
 
 TABLE = (
     Operator(
-        name="add", rule=arithmetic, reference=lambda a, b: a + b, doc="Sum.", samples=PAIRS + NANS,
+        name="add", rule=arithmetic, reference=lambda a, b: a + b, samples=PAIRS + NANS,
         scalar=Scalar("({0} + {1})"), array=Array("({0} + {1})"),
         bounds=lambda a, n: (a[0].low + a[1].low, a[0].high + a[1].high), finite=bounding.bounded,
         linear=linearity.every, rational=True, whole=True, wraps=True,
         infix=Infix("+", "add", 5, "{0} + {1}", "Sum.", Brackets(Level.SUM, (Level.SUM,), lead=True)),
     ),
     Operator(
-        name="sub", rule=arithmetic, reference=lambda a, b: a - b, doc="Difference.", samples=PAIRS + NANS,
+        name="sub", rule=arithmetic, reference=lambda a, b: a - b, samples=PAIRS + NANS,
         scalar=Scalar("({0} - {1})"), array=Array("({0} - {1})"),
         bounds=lambda a, n: (a[0].low - a[1].high, a[0].high - a[1].low), finite=bounding.bounded,
         linear=linearity.every, rational=True, whole=True, wraps=True,
         infix=Infix("-", "sub", 5, "{0} - {1}", "Difference.", Brackets(Level.SUM, (Level.SUM, Level.REMAINDER), lead=True)),
     ),
     Operator(
-        name="mul", rule=arithmetic, reference=lambda a, b: a * b, doc="Product.", samples=PAIRS + NANS,
+        name="mul", rule=arithmetic, reference=lambda a, b: a * b, samples=PAIRS + NANS,
         scalar=Scalar("({0} * {1})"), array=Array("({0} * {1})"),
         bounds=bounding.product, finite=bounding.bounded, linear=linearity.one, rational=True, whole=True, wraps=True,
         infix=Infix(
@@ -89,12 +89,12 @@ TABLE = (
         ),
     ),
     Operator(
-        name="neg", rule=arithmetic, reference=lambda a: -a, doc="Negation.", samples=((3,), (-2.5,), (0,), (math.nan,)),
+        name="neg", rule=arithmetic, reference=lambda a: -a, samples=((3,), (-2.5,), (0,), (math.nan,)),
         scalar=Scalar("(-{0})"), array=Array("(-{0})"),
         bounds=lambda a, n: (-a[0].high, -a[0].low), linear=linearity.every, rational=True, whole=True, wraps=True,
     ),
     Operator(
-        name="div", rule=real, reference=div, doc="Real division, IEEE at zero.", samples=PAIRS + ZEROS + NANS,
+        name="div", rule=real, reference=div, samples=PAIRS + ZEROS + NANS,
         scalar=Scalar("({0} / {1} if {1} else div({0}, {1}))", divides="({0} / {1})", names={"div": div}),
         array=Array("({0} / {1})"), kernel=Kernel("({0} / {1})"),
         bounds=bounding.quotient, finite=bounding.divided, linear=linearity.unless_second, rational=True,
@@ -104,7 +104,7 @@ TABLE = (
         ),
     ),
     Operator(
-        name="floordiv", rule=arithmetic, reference=floordiv, doc="Division rounded down; an int by 0 is 0.",
+        name="floordiv", rule=arithmetic, reference=floordiv,
         samples=PAIRS + ZEROS + NANS[:1],
         scalar=Scalar("({0} // {1} if {1} else 0)", real="floordiv({0}, {1})", divides="({0} // {1})",
                       names={"floordiv": floordiv}),
@@ -116,7 +116,7 @@ TABLE = (
         ),
     ),
     Operator(
-        name="mod", rule=arithmetic, reference=mod, doc="Remainder with the sign of the divisor; an int by 0 is 0.",
+        name="mod", rule=arithmetic, reference=mod,
         samples=PAIRS + ZEROS + NANS[:1],
         scalar=Scalar("({0} % {1} if {1} else 0)", real="({0} % {1} if {1} else nan)", divides="({0} % {1})"),
         array=Array("rt.mod({0}, {1})"), kernel=Kernel(real="mod_real({0}, {1})", whole="mod_int({0}, {1})"),
@@ -127,14 +127,14 @@ TABLE = (
         ),
     ),
     Operator(
-        name="pow", rule=real, reference=pow_, doc="Power of reals (C's pow; a negative base with a fraction is nan).",
+        name="pow", rule=real, reference=pow_,
         samples=((2.0, 0.5), (-8.0, 3.0), (-8.0, 0.5), (0.0, 0.0), (0.0, -1.0), (10.0, 400.0), (1.5, -2.0), (math.nan, 0.0)),
         scalar=Scalar("pow_({0}, {1})", names={"pow_": pow_}), array=Array("rt.pow({0}, {1})"),
         finite=bounding.nowhere, precise=False,
         infix=Infix("**", "pow", 8, "{0}^{{1}}", "Power.", Brackets(Level.POWER, (Level.ATOM, Level.SCOPE))),
     ),
     Operator(
-        name="abs", rule=arithmetic, reference=abs, doc="Absolute value.", samples=((3,), (-3,), (-2.5,), (math.nan,)),
+        name="abs", rule=arithmetic, reference=abs, samples=((3,), (-3,), (-2.5,), (math.nan,)),
         scalar=Scalar("abs({0})"), array=Array("xp.abs({0})"),
         kernel=Kernel("abs({0})", whole="select({0} < 0, -{0}, {0})"),
         bounds=bounding.magnitude, whole=True, wraps=True,
@@ -143,7 +143,7 @@ TABLE = (
         ),
     ),
     Operator(
-        name="sign", rule=arithmetic, reference=sign, doc="-1, 0 or 1; 0 for nan.",
+        name="sign", rule=arithmetic, reference=sign,
         samples=((3,), (-3,), (0,), (-2.5,), (0.0,), (math.nan,)),
         scalar=Scalar("sign({0})", names={"sign": sign}), array=Array("rt.sign({0})"),
         kernel=Kernel(real="(f64({0} > 0.0) - f64({0} < 0.0))", whole="(i32({0} > 0) - i32({0} < 0))"),
@@ -151,14 +151,14 @@ TABLE = (
         function=Function("sign", ("x",), r"\operatorname{sign}({0})", "-1, 0 or 1.", ((-3,), (0,), (2.5,)), applies("sign")),
     ),
     Operator(
-        name="min2", rule=arithmetic, reference=min2, doc="The smaller of two.", samples=PAIRS + NANS,
+        name="min2", rule=arithmetic, reference=min2, samples=PAIRS + NANS,
         scalar=Scalar("({0} if {0} <= {1} else {1})", real="({0} if {0} <= {1} or {1} != {1} else {1})"),
         array=Array("xp.minimum({0}, {1})", real="rt.min2({0}, {1})", nonzero="xp.fmin({0}, {1})"),
         kernel=Kernel(real="min2({0}, {1})", whole="select({0} <= {1}, {0}, {1})"),
         bounds=bounding.extreme(min), whole=True,
     ),
     Operator(
-        name="max2", rule=arithmetic, reference=max2, doc="The larger of two.", samples=PAIRS + NANS,
+        name="max2", rule=arithmetic, reference=max2, samples=PAIRS + NANS,
         scalar=Scalar("({0} if {0} >= {1} else {1})", real="({0} if {0} >= {1} or {1} != {1} else {1})"),
         array=Array("xp.maximum({0}, {1})", real="rt.max2({0}, {1})", nonzero="xp.fmax({0}, {1})"),
         kernel=Kernel(real="max2({0}, {1})", whole="select({0} >= {1}, {0}, {1})"),

@@ -49,13 +49,13 @@ def _root(args: Args, node: Any) -> Interval:
 
 TABLE = (
     Operator(
-        name="sqrt", rule=real, reference=sqrt, doc="Square root; nan below 0.", samples=REALS,
+        name="sqrt", rule=real, reference=sqrt, samples=REALS,
         scalar=Scalar("sqrt({0})", names={"sqrt": sqrt}), array=Array("xp.sqrt({0})"), kernel=Kernel(names=("sqrt",)),
         bounds=_root, finite=lambda args, found: args[0].finite and args[0].low >= 0,
         function=Function("sqrt", ("x",), r"\sqrt{{0}}", "Square root.", ((2.0,), (9,), (-1.0,)), applies("sqrt")),
     ),
     Operator(
-        name="exp", rule=real, reference=exp, doc="Exponential; inf on overflow.", samples=(*REALS, (800.0,), (-800.0,)),
+        name="exp", rule=real, reference=exp, samples=(*REALS, (800.0,), (-800.0,)),
         scalar=Scalar("exp({0})", names={"exp": exp}), array=Array("xp.exp({0})"), kernel=Kernel(names=("exp",)),
         bounds=bounding.fixed(0, INF), finite=lambda args, found: args[0].finite and args[0].high < 700, precise=False,
         function=Function(
@@ -64,37 +64,37 @@ TABLE = (
         ),
     ),
     Operator(
-        name="log", rule=real, reference=log, doc="Natural logarithm; -inf at 0, nan below.", samples=REALS,
+        name="log", rule=real, reference=log, samples=REALS,
         scalar=Scalar("log({0})", names={"log": log}), array=Array("xp.log({0})"), kernel=Kernel(names=("log",)),
         bounds=bounding.fixed(*EVERYTHING), finite=lambda args, found: args[0].finite and args[0].low > 0, precise=False,
         function=Function("log", ("x",), r"\log({0})", "Natural logarithm.", ((0.5,), (0.0,)), applies("log")),
     ),
     Operator(
-        name="sin", rule=real, reference=sin, doc="Sine (radians); nan at infinity.", samples=REALS,
+        name="sin", rule=real, reference=sin, samples=REALS,
         scalar=Scalar("sin({0})", names={"sin": sin}), array=Array("xp.sin({0})"),
         bounds=bounding.fixed(-1, 1), precise=False,
         function=Function("sin", ("x",), r"\sin({0})", "Sine, in radians.", _PLACES, applies("sin")),
     ),
     Operator(
-        name="cos", rule=real, reference=cos, doc="Cosine (radians); nan at infinity.", samples=REALS,
+        name="cos", rule=real, reference=cos, samples=REALS,
         scalar=Scalar("cos({0})", names={"cos": cos}), array=Array("xp.cos({0})"),
         bounds=bounding.fixed(-1, 1), precise=False,
         function=Function("cos", ("x",), r"\cos({0})", "Cosine, in radians.", _PLACES, applies("cos")),
     ),
     Operator(
-        name="tan", rule=real, reference=tan, doc="Tangent (radians); nan at infinity.", samples=REALS,
+        name="tan", rule=real, reference=tan, samples=REALS,
         scalar=Scalar("tan({0})", names={"tan": tan}), array=Array("xp.tan({0})"), kernel=Kernel(names=("tan",)),
         finite=bounding.nowhere, precise=False,
         function=Function("tan", ("x",), r"\tan({0})", "Tangent, in radians.", _PLACES, applies("tan")),
     ),
     Operator(
-        name="tanh", rule=real, reference=math.tanh, doc="Hyperbolic tangent.", samples=REALS,
+        name="tanh", rule=real, reference=math.tanh, samples=REALS,
         scalar=Scalar("tanh({0})", names={"tanh": math.tanh}), array=Array("xp.tanh({0})"), kernel=Kernel(names=("tanh",)),
         bounds=bounding.fixed(-1, 1), precise=False,
         function=Function("tanh", ("x",), r"\tanh({0})", "Hyperbolic tangent.", _PLACES, applies("tanh")),
     ),
     Operator(
-        name="asinh", rule=real, reference=math.asinh, doc="Inverse hyperbolic sine.", samples=REALS,
+        name="asinh", rule=real, reference=math.asinh, samples=REALS,
         scalar=Scalar("asinh({0})", names={"asinh": math.asinh}), array=Array("xp.arcsinh({0})"),
         kernel=Kernel(names=("asinh",)), bounds=bounding.increasing(math.asinh, ulps=4), precise=False,
         function=Function(
@@ -102,7 +102,7 @@ TABLE = (
         ),
     ),
     Operator(
-        name="atan2", rule=real, reference=math.atan2, doc="Angle of the point (x, y) as atan2(y, x).",
+        name="atan2", rule=real, reference=math.atan2,
         samples=(*tuple((float(a), float(b)) for a, b in PAIRS), (0.0, 0.0), (1.0, 0.0)),
         scalar=Scalar("atan2({0}, {1})", names={"atan2": math.atan2}), array=Array("xp.arctan2({0}, {1})"),
         kernel=Kernel(names=("atan2",)), bounds=bounding.fixed(-math.pi, math.pi), precise=False,

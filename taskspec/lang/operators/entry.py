@@ -23,8 +23,8 @@ class Function:
 
     `arguments` are names for the reference and for messages; the last may be `*rest`. `latex` is a template over
     `{0}`, `{1}`, ...; `{*}` stands for all arguments with commas, and `brackets` says which operands need them. `static`
-    arguments must be constants; `indices` are arguments that say where in the first one. `build` makes the core nodes: the
-    operator that the entry is about, unless it is given.
+    arguments must be constants; `indices` are arguments that say where in the first one. `build` makes the core nodes, with
+    `applies` those of one operator.
     """
 
     name: str
@@ -137,7 +137,6 @@ class Operator:
     rule: TypeRule
     promote: Promote = to_result
     reference: Callable[..., Any]
-    doc: str
     samples: tuple[tuple[Any, ...], ...]
     scalar: Scalar
     array: Array

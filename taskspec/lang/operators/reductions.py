@@ -69,7 +69,7 @@ _SEVERAL = ((3, 2), (1.5, -2, 4), (INTS,), (MIXED,))
 
 TABLE = (
     Operator(
-        name="sum", rule=reduction(number), reference=sum_, doc="Sum of all elements, left to right; 0 if none.",
+        name="sum", rule=reduction(number), reference=sum_,
         samples=VECTORS, elementwise=False,
         scalar=Scalar("sum_({0})", chain=(" + ", "0"), names={"sum_": sum_}), array=Array("rt.sum({0})"),
         bounds=bounding.total, finite=bounding.bounded, linear=linearity.every, whole=True, wraps=True,
@@ -77,7 +77,7 @@ TABLE = (
                           applies("sum"), brackets=_BIG),
     ),
     Operator(
-        name="prod", rule=reduction(number), reference=math.prod, doc="Product of all elements; 1 if none.",
+        name="prod", rule=reduction(number), reference=math.prod,
         samples=VECTORS, elementwise=False,
         scalar=Scalar("prod({0})", chain=(" * ", "1"), names={"prod": math.prod}), array=Array("rt.prod({0})"),
         bounds=bounding.power, finite=bounding.bounded, whole=True, wraps=True,
@@ -86,27 +86,27 @@ TABLE = (
     ),
     Operator(
         name="any", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=any,
-        doc="Whether some element holds.", samples=MASKS, elementwise=False,
+        samples=MASKS, elementwise=False,
         scalar=Scalar("any({0})", chain=(" or ", "False")), array=Array("rt.any({0})"),
         function=Function("any", ("x",), r"\exists\,{0}", "Whether some element holds.", (((True, False),),), applies("any"),
                           brackets=_QUANTIFIED),
     ),
     Operator(
         name="all", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=all,
-        doc="Whether every element holds.", samples=MASKS, elementwise=False,
+        samples=MASKS, elementwise=False,
         scalar=Scalar("all({0})", chain=(" and ", "True")), array=Array("rt.all({0})"),
         function=Function("all", ("x",), r"\forall\,{0}", "Whether every element holds.", (((True, False),), ((True, True),)),
                           applies("all"), brackets=_QUANTIFIED),
     ),
     Operator(
-        name="count", rule=reduction(conditions(Kind.INT)), promote=as_they_are, reference=sum_, doc="How many elements hold.",
+        name="count", rule=reduction(conditions(Kind.INT)), promote=as_they_are, reference=sum_,
         samples=MASKS, elementwise=False,
         scalar=Scalar("sum_({0})", chain=(" + ", "0")), array=Array("rt.count({0})"),
         bounds=lambda args, node: (0, node.args[0].type.size),
         function=Function("count", ("x",), r"\#\{{0}\}", "How many elements hold.", (((True, False, True),),), applies("count")),
     ),
     Operator(
-        name="min", rule=reduction(number, empty=False), reference=min_, doc="Smallest element.",
+        name="min", rule=reduction(number, empty=False), reference=min_,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("min_({0})", whole="min({0})", names={"min_": min_}), array=Array("rt.min({0})"),
         bounds=bounding.same, whole=True,
@@ -114,7 +114,7 @@ TABLE = (
                           _SEVERAL, _extreme("min2", "min")),
     ),
     Operator(
-        name="max", rule=reduction(number, empty=False), reference=max_, doc="Largest element.",
+        name="max", rule=reduction(number, empty=False), reference=max_,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("max_({0})", whole="max({0})", names={"max_": max_}), array=Array("rt.max({0})"),
         bounds=bounding.same, whole=True,
@@ -123,14 +123,14 @@ TABLE = (
     ),
     Operator(
         name="argmin", rule=reduction(lambda k: Kind.INT, empty=False), reference=argmin,
-        doc="Index of the smallest element, the first of equals.", samples=VECTORS + NAN_VECTORS, elementwise=False,
+        samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("argmin({0})", names={"argmin": argmin}), array=Array("rt.argmin({0})"), bounds=bounding.place,
         function=Function("argmin", ("x",), r"\operatorname{arg\,min}({0})",
                           "Index of the smallest element, the first of equals.", ((INTS,), ((1, 0, 0),)), applies("argmin")),
     ),
     Operator(
         name="argmax", rule=reduction(lambda k: Kind.INT, empty=False), reference=argmax,
-        doc="Index of the largest element, the first of equals.", samples=VECTORS + NAN_VECTORS, elementwise=False,
+        samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("argmax({0})", names={"argmax": argmax}), array=Array("rt.argmax({0})"), bounds=bounding.place,
         function=Function("argmax", ("x",), r"\operatorname{arg\,max}({0})",
                           "Index of the largest element, the first of equals.", ((INTS,), ((0, 1, 1),)), applies("argmax")),

@@ -29,20 +29,20 @@ floor, ceil, round_ = _saturating(math.floor), _saturating(math.ceil), _saturati
 
 TABLE = (
     Operator(
-        name="floor", rule=to_integer, promote=as_they_are, reference=floor, doc="Rounded down, as an int.", samples=REALS,
+        name="floor", rule=to_integer, promote=as_they_are, reference=floor, samples=REALS,
         scalar=Scalar("floor({0})", names={"floor": floor}), array=Array("rt.to_int(xp.floor({0}))"),
         bounds=bounding.to_int(floor), rounds=True,
         function=Function("floor", ("x",), r"\lfloor {0} \rfloor", "Rounded down to an int.", ((2.7,), (-2.1,), (MIXED,)),
                           applies("floor")),
     ),
     Operator(
-        name="ceil", rule=to_integer, promote=as_they_are, reference=ceil, doc="Rounded up, as an int.", samples=REALS,
+        name="ceil", rule=to_integer, promote=as_they_are, reference=ceil, samples=REALS,
         scalar=Scalar("ceil({0})", names={"ceil": ceil}), array=Array("rt.to_int(xp.ceil({0}))"),
         bounds=bounding.to_int(ceil), rounds=True,
         function=Function("ceil", ("x",), r"\lceil {0} \rceil", "Rounded up to an int.", ((2.2,), (-2.9,)), applies("ceil")),
     ),
     Operator(
-        name="round", rule=to_integer, promote=as_they_are, reference=round_, doc="Rounded to the nearest int, halves to even.",
+        name="round", rule=to_integer, promote=as_they_are, reference=round_,
         samples=(*REALS, (0.5,), (1.5,), (-2.5,)),
         scalar=Scalar("round_({0})", names={"round_": round_}), array=Array("rt.to_int(xp.round({0}))"),
         bounds=bounding.to_int(round_), rounds=True,
@@ -50,11 +50,11 @@ TABLE = (
                           applies("round")),
     ),
     Operator(
-        name="to_int", rule=truth, promote=as_they_are, reference=int, doc="A condition as 0 or 1.", samples=((True,), (False,)),
+        name="to_int", rule=truth, promote=as_they_are, reference=int, samples=((True,), (False,)),
         scalar=Scalar("(1 if {0} else 0)"), array=Array("rt.as_int({0})"), kernel=Kernel("i32({0})"), bounds=bounding.same,
     ),
     Operator(
-        name="to_real", rule=real, promote=as_they_are, reference=float, doc="An int or a condition as a real.",
+        name="to_real", rule=real, promote=as_they_are, reference=float,
         samples=((True,), (False,), (3,), (-4,)),
         scalar=Scalar("float({0})"), array=Array("rt.as_real({0})"), kernel=Kernel("f64({0})"), bounds=bounding.same,
         linear=linearity.every, whole=True,

@@ -39,7 +39,6 @@ class Structure:
     name: str
     rule: Callable[[tuple[Type, ...], tuple[int, ...]], Type]
     reference: Callable[[Sequence[Flat], tuple[Type, ...], tuple[int, ...]], Flat]
-    doc: str
     samples: tuple[tuple[tuple[Any, ...], tuple[int, ...]], ...]
     bounds: Callable[[Args, Apply], Interval] = bounding.same
     linear: Linear = linearity.every
@@ -105,36 +104,44 @@ _WIDE = tuple(tuple(range(i, i + 20)) for i in range(3))
 STRUCTURES: dict[str, Structure] = {
     entry.name: entry
     for entry in (
-        Structure("vector", _vector_type, lambda a, t, s: _join(a), "Arguments of one shape, stacked.",
+        # Arguments of one shape, stacked.
+        Structure("vector", _vector_type, lambda a, t, s: _join(a),
                   (((1, 2, 3), ()), ((_V, _R), ()), ((_M, _M), ()), ((_LONG, _LONG), ()), ((True, 0.5), ())),
                   bounding.union),
-        Structure("concat", _concat_type, lambda a, t, s: _join(a), "Arguments laid end to end.",
+        # Arguments laid end to end.
+        Structure("concat", _concat_type, lambda a, t, s: _join(a),
                   (((_V, (9,)), ()), ((_M, _M), ()), ((_R, _LONG), ()), ((_LONG, _V), ())), bounding.union),
+        # Static (start, count, step) along the first axis.
         Structure(
             "slice", lambda t, s: Type(t[0].kind, (s[1], *t[0].shape[1:])), _slice,
-            "Static (start, count, step) along the first axis.",
             (((_V,), (1, 2, 1)), ((_V,), (3, 4, -1)), ((_M,), (2, 2, -2)), ((_LONG,), (0, 7, 3)), ((_LONG,), (19, 20, -1)),
              ((_WIDE,), (2, 3, -1)), ((_WIDE,), (1, 2, 1))),
         ),
+        # Static (index,) along the first axis.
         Structure(
             "element", lambda t, s: Type(t[0].kind, t[0].shape[1:]),
-            lambda a, t, s: _row(a[0], t[0].shape, s[0]), "Static (index,) along the first axis.",
+            lambda a, t, s: _row(a[0], t[0].shape, s[0]),
             (((_V,), (2,)), ((_M,), (1,)), ((_LONG,), (19,)), ((_WIDE,), (2,))),
         ),
-        Structure("reshape", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0], "The same elements, in shape `static`.",
+        # The same elements, in shape `static`.
+        Structure("reshape", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0],
                   (((_V,), (2, 2)), ((_M,), (6,)), ((_LONG,), (5, 4)), ((2.5,), (1,)))),
+        # A scalar repeated in shape `static`.
         Structure(
             "fill", lambda t, s: Type(t[0].kind, s), lambda a, t, s: a[0] * Type(Kind.INT, s).size,
-            "A scalar repeated in shape `static`.", (((2,), (3,)), ((math.nan,), (2, 2)), ((True,), (30,))),
+            (((2,), (3,)), ((math.nan,), (2, 2)), ((True,), (30,))),
         ),
-        Structure("index", _index_type, _index, "Rows of the first argument at the indices of the second.",
+        # Rows of the first argument at the indices of the second.
+        Structure("index", _index_type, _index,
                   (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
                    ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ())),
                   linear=linearity.unless_second),
-        Structure("put", _put_type, _put, "The vector with the element at an index replaced.",
+        # The vector with the element at an index replaced.
+        Structure("put", _put_type, _put,
                   (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
                    ((_WIDE, 1, _LONG), ())), lambda args, node: bounding.union((args[0], args[2]), node), never),
-        Structure("swap", lambda t, s: t[0], _swap, "The vector with two elements exchanged.",
+        # The vector with two elements exchanged.
+        Structure("swap", lambda t, s: t[0], _swap,
                   (((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ())),
                   linear=never),
     )

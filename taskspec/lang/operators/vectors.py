@@ -39,7 +39,7 @@ def _quick_argsort(x: Vector) -> list[int]:
 
 TABLE = (
     Operator(
-        name="sort", rule=vector(lambda k: k), promote=as_they_are, reference=sort, doc="Elements in ascending order.",
+        name="sort", rule=vector(lambda k: k), promote=as_they_are, reference=sort,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("sort({0})", whole="sorted({0})", names={"sort": _quick_sort}), array=Array("rt.sort({0})"),
         bounds=bounding.same, whole=True,
@@ -48,13 +48,13 @@ TABLE = (
     ),
     Operator(
         name="argsort", rule=vector(lambda k: Kind.INT), promote=as_they_are, reference=argsort,
-        doc="Indices that sort the vector, stably.", samples=VECTORS + NAN_VECTORS, elementwise=False,
+        samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("argsort({0})", names={"argsort": _quick_argsort}), array=Array("rt.argsort({0})"), bounds=bounding.place,
         function=Function("argsort", ("x",), r"\operatorname{argsort}({0})", "Indices that sort the vector.",
                           ((INTS,), (MIXED,), ((1, 0, 1, 0),)), applies("argsort")),
     ),
     Operator(
-        name="cumsum", rule=vector(number), reference=cumsum, doc="Running sums.", samples=VECTORS, elementwise=False,
+        name="cumsum", rule=vector(number), reference=cumsum, samples=VECTORS, elementwise=False,
         scalar=Scalar("cumsum({0})", names={"cumsum": cumsum}), array=Array("rt.cumsum({0})"),
         bounds=bounding.running, finite=bounding.bounded, whole=True, wraps=True,
         function=Function("cumsum", ("x",), r"\operatorname{cumsum}({0})", "Running sums.", ((INTS,), (MIXED,)),

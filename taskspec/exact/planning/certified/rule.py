@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 
-class Rule:
-    """A way to choose actions, worked out from the last time to the first (`exact.plans`).
-
-    `is_rational` says whether rational arithmetic has its policies; `back` gives the policy (A, S) at a time, and what
-    is needed at the time before, from what is known at the time after it.
-    """
+class Rule(ABC):
+    """A way to choose actions, worked out from the last time to the first (`exact.planning.plans`)."""
 
     is_rational: ClassVar[bool] = True
+    """Whether rational arithmetic has its policies."""
 
     @property
     def is_best(self) -> bool:
@@ -23,9 +21,10 @@ class Rule:
         """What is known at the end."""
         return None
 
+    @abstractmethod
     def back(self, numbers: Any, t: int, inner: Any) -> tuple[Any, Any]:
-        raise NotImplementedError
+        """The policy (A, S) at a time, and what is needed at the time before, from what is known at the time after."""
 
+    @abstractmethod
     def settled(self, numbers: Any) -> Any:
         """The policy (A, S) without a horizon."""
-        raise NotImplementedError
