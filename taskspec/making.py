@@ -14,7 +14,7 @@ from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.registry import entries, load, shipped
 
 if TYPE_CHECKING:
-    from taskspec.backends.vector import Backend
+    from taskspec.backends.table import BackendName
     from taskspec.envs import Environment
     from taskspec.envs.options import Autoreset
     from taskspec.envs.vector import AutoresetMode, VectorEnvironment
@@ -88,7 +88,7 @@ def make_vec(
     /,
     *,
     num_envs: int = 1,
-    backend: Backend = "auto",
+    backend: BackendName = "auto",
     autoreset_mode: AutoresetMode | Autoreset = "NextStep",
     reuse: bool = False,
     num_threads: int = 1,

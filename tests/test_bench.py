@@ -17,11 +17,13 @@ from rich.theme import Theme
 from typer.testing import CliRunner
 
 from taskspec.backends import select
+from taskspec.backends.table import PROGRAMS
 from taskspec.cli import bench_chart, bench_print, bench_vector
 from taskspec.cli.app import app
 from taskspec.cli.console import STYLES
 from taskspec.envs import measure
 from taskspec.envs.measure import Contestant, Rate, tables
+from taskspec.extras import is_installed
 from tests.conftest import needs_vectors
 
 ROOT = Path(__file__).parent.parent
@@ -119,7 +121,7 @@ def test_a_task_is_measured_on_all_that_suits_it_by_default(monkeypatch: pytest.
     monkeypatch.setattr(bench_vector, "LANES", (2,))
     found = Done("vector", "Branching", "--no-start", *QUICK, "--json").data
     optional = {"numba": "numba", "jax-scan": "jax"}
-    installed = ["scalar", "numpy", *(p for p, package in optional.items() if measure.installed(package))]
+    installed = ["scalar", "numpy", *(p for p, package in optional.items() if is_installed(package))]
     assert [r["program"] for r in found["results"]] == installed
 
 
@@ -205,8 +207,8 @@ def test_without_seals_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.parametrize(("program", "package"), [("numba", "numba"), ("jax", "jax"), ("jax-scan", "jax")])
 def test_without_a_backend_it_says_what_to_install(program: str, package: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = select.find_spec
-    monkeypatch.setattr(select, "find_spec", lambda name: None if name == package else real(name))
+    real = select.is_installed
+    monkeypatch.setattr(select, "is_installed", lambda name: name != package and real(name))
     done = Done("vector", "Branching", "-b", program)
     assert (done.status, done.out) == (1, "")
     assert "E705" in done.err and f'pip install -e ".[{package}]"' in done.err
@@ -247,7 +249,7 @@ def rates() -> list[Rate]:
 
 
 def _decades(c: Contestant) -> tuple[float, float]:
-    return (6.0, 9.3) if c.program in measure.PROGRAMS else (4.0, 7.5)
+    return (6.0, 9.3) if c.program in PROGRAMS else (4.0, 7.5)
 
 
 def _printed(table: Any, width: int = 80) -> list[str]:

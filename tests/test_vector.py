@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import gymnasium as gym
 import numpy as np
@@ -12,6 +13,7 @@ from gymnasium.vector import AutoresetMode
 import taskspec
 from taskspec import SpecError
 from taskspec.backends import select
+from taskspec.backends.table import BACKENDS, BackendName
 from taskspec.envs import ActionError, NotRunningError
 from taskspec.envs.conformance import Agreement, check_environment
 from taskspec.envs.vector import VectorEnvironment
@@ -223,12 +225,16 @@ def test_masks_are_checked() -> None:
 
 def test_a_missing_backend_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     task = taskspec.load("derail/Sort-v0")
-    monkeypatch.setattr(select, "find_spec", lambda name: None)
+    monkeypatch.setattr(select, "is_installed", lambda name: False)
     assert select.choose(task, "auto") == "numpy"
     with pytest.raises(SpecError, match=r"\[numba\]"):
         select.choose(task, "numba")
     with pytest.raises(SpecError, match="there is no backend"):
         select.choose(task, "numby")
+
+
+def test_the_type_of_names_of_backends_is_that_of_the_table() -> None:
+    assert get_args(BackendName) == ("auto", *BACKENDS)
 
 
 def test_states_can_be_read() -> None:

@@ -2,31 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
+from taskspec.backends.table import AUTOMATIC, BACKENDS
 from taskspec.backends.vector import Engine, Options
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
-from taskspec.extras import install, missing
+from taskspec.extras import install, is_installed, missing
 from taskspec.task.task import Task
-
-
-@dataclass(frozen=True, slots=True)
-class Backend:
-    """Where the engine of a backend is, and the package that it needs besides NumPy."""
-
-    module: str
-    engine: str
-    needs: str | None = None
-
-
-BACKENDS: dict[str, Backend] = {
-    "numpy": Backend("taskspec.backends.numpy.engine", "NumpyEngine"),
-    "numba": Backend("taskspec.backends.numba", "NumbaEngine", needs="numba"),
-    "jax": Backend("taskspec.backends.jax", "JaxEngine", needs="jax"),
-}
 
 
 def engine(task: Task, lanes: int, backend: str, options: Options) -> Engine:
@@ -35,28 +18,37 @@ def engine(task: Task, lanes: int, backend: str, options: Options) -> Engine:
     Raises:
         SpecError: E713 for a backend that does not exist, E705 for one whose packages are not installed.
     """
-    return _make(choose(task, backend))(task, lanes, options)  # type: ignore[no-any-return]
+    made: Engine = _named(BACKENDS[choose(task, backend)].engine)(task, lanes, options)
+    return made
 
 
 def choose(task: Task, backend: str) -> str:
     """The backend that a name stands for."""
     if backend == "auto":
-        return "numba" if find_spec("numba") is not None and _suits_numba(task) else "numpy"
+        return next(name for name in AUTOMATIC if installed(name) and suits(name, task))
     if backend not in BACKENDS:
         names = ("auto", *BACKENDS)
         message = f"there is no backend {backend!r}; there are {', '.join(names)}"
         raise SpecError([Diagnostic("E713", None, message, suggest(str(backend), names))])
     needs = BACKENDS[backend].needs
-    if needs is not None and find_spec(needs) is None:
+    if needs is not None and not installed(backend):
         raise missing(needs, install(backend), f"the backend {backend!r}")
     return backend
 
 
-def _suits_numba(task: Task) -> bool:
-    suits: bool = import_module("taskspec.backends.numba.kernel").suits(task)
-    return suits
+def installed(backend: str) -> bool:
+    """Whether the package that a backend needs can be imported."""
+    needs = BACKENDS[backend].needs
+    return needs is None or is_installed(needs)
 
 
-def _make(backend: str) -> Any:
-    entry = BACKENDS[backend]
-    return getattr(import_module(entry.module), entry.engine)
+def suits(backend: str, task: Task) -> bool:
+    """Whether a backend that is installed is quick with a task."""
+    asked = BACKENDS[backend].suits
+    return asked is None or _named(asked)(task)
+
+
+def _named(place: str) -> Any:
+    """What a place, `module:name`, is of."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)

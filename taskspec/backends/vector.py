@@ -11,7 +11,6 @@ from taskspec.task.spaces import SpaceLayout
 
 Mode = Literal["next_step", "same_step", "disabled"]
 """When an environment whose episode has ended is reset: by the next step, by the same step, by the caller only."""
-Backend = Literal["auto", "numpy", "numba", "jax"]
 
 
 class LanesNotRunningError(Exception):

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
+from taskspec.backends.table import BACKENDS, PROGRAMS
 from taskspec.cli.options import CHARTS, Json, Parameters, complete_targets, flowed
 from taskspec.limits import Limits
 
-PROGRAMS = ("scalar", "numpy", "numba", "jax", "jax-scan")
-BACKENDS = ("auto", "numpy", "numba", "jax")
+VECTOR = ("auto", *BACKENDS)
 
 Tasks = Annotated[
     list[str] | None,
@@ -63,7 +63,7 @@ def seals(
         ),
     ] = None,
     backend: Annotated[
-        str, typer.Option("--backend", "-b", metavar="NAME", help=f"Ours, with --lanes: {', '.join(BACKENDS)}.")
+        str, typer.Option("--backend", "-b", metavar="NAME", help=f"Ours, with --lanes: {', '.join(VECTOR)}.")
     ] = "auto",
     rounds: Rounds = 9,
     seconds: Seconds = 0.1,
@@ -75,7 +75,7 @@ def seals(
     from taskspec.cli.failures import misuse
     from taskspec.cli.targets import checked_choice
 
-    if checked_choice("--backend", backend, BACKENDS) != "auto" and lanes is None:
+    if checked_choice("--backend", backend, VECTOR) != "auto" and lanes is None:
         raise misuse("--backend goes with --lanes: a single environment has none")
     _end(bench_seals.bench(only or [], lanes, backend, rounds, seconds, json), strict)
 

@@ -9,12 +9,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taskspec.backends.table import BACKENDS, PROGRAMS, QUICKEST
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, refuse
 from taskspec.cli.options import CHARTS
 from taskspec.cli.targets import checked_choice
 from taskspec.diagnostics import TaskspecError
 from taskspec.envs import measure
+from taskspec.extras import is_installed
 
 if TYPE_CHECKING:
     from taskspec.cli.bench_print import Progress
@@ -28,7 +30,8 @@ REPEATS = 3
 MANY_LANES = 1_000_000
 """For how many lanes of `MANY_TASK` memory is also counted."""
 MANY_TASK = "RiskyPath"
-OTHERS = ("numba", "jax", "seals", "gymnax", "envpool")
+PACKAGES = (*filter(None, (b.needs for b in BACKENDS.values())), "seals", "gymnax", "envpool")
+"""What the project's own table needs, all of it optional."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +90,7 @@ def bench(wanted: Wanted) -> bool:
     name, clock = measure.clock_for(device, wanted.num_threads)
     found = Found(name, device)
     if not wanted.targets:
-        found.missing = {package: "not installed" for package in OTHERS if not measure.installed(package)}
+        found.missing = {package: "not installed" for package in PACKAGES if not is_installed(package)}
     effort = sum(len(group) * (1 + wanted.rounds * wanted.seconds) for group in groups)
     with Progress(effort + wanted.starts * len(plan.starts) * (1 + REPEATS), quiet=wanted.json) as progress:
         for group in plan.suite:
@@ -106,7 +109,7 @@ def bench(wanted: Wanted) -> bool:
 def _check(wanted: Wanted) -> None:
     """Refuse, before anything is measured, what means nothing or could not be written."""
     for program in wanted.programs:
-        checked_choice("--backend", program, tuple(measure.PROGRAMS))
+        checked_choice("--backend", program, PROGRAMS)
     if not wanted.targets and (wanted.parameters or wanted.programs or wanted.lanes or wanted.num_threads > 1):
         hint = "for example: taskspec bench vector derail --backend numba"
         raise misuse("-p, --backend, --lanes and --num-threads need a TASK: the project's own table has its own", hint)
@@ -120,10 +123,11 @@ def _check(wanted: Wanted) -> None:
 
 def _own() -> BenchPlan:
     """The project's own table."""
+    from taskspec.backends import select
     from taskspec.registry import load
 
-    backends = [b for b in ("numpy", "numba", "jax") if b == "numpy" or measure.installed(b)]
-    starts = [(load(f"derail/{name}-v0"), b) for name in measure.STARTS for b in ("scalar", *backends)]
+    programs = ("scalar", *filter(select.installed, BACKENDS))
+    starts = [(load(f"derail/{name}-v0"), p) for name in measure.STARTS for p in programs]
     return BenchPlan(measure.own(load), measure.games(load), starts)
 
 
@@ -160,10 +164,8 @@ def _programs(task: Task, asked: Sequence[str]) -> list[str]:
             select.choose(task, program.removesuffix("-scan"))
     if asked:
         return list(dict.fromkeys(asked))
-    found = ["scalar", "numpy"]
-    if select.choose(task, "auto") == "numba":
-        found.append("numba")
-    return [*found, "jax-scan"] if measure.installed("jax") else found
+    ready = [name for name in BACKENDS if select.installed(name) and select.suits(name, task)]
+    return ["scalar", *(p for p in QUICKEST if p.removesuffix("-scan") in ready)]
 
 
 def _contestants(task: Task, program: str, wanted: Wanted) -> Iterator[Contestant]:
@@ -201,7 +203,7 @@ def _made(contestant: Contestant, found: Found) -> Drive | None:
             refuse("E713", f"there is no memory for {c.lanes:,} lanes of {c.task} on {c.program}", "fewer --lanes")
         )
     except Exception as error:
-        if c.program in measure.PROGRAMS:
+        if c.program in PROGRAMS:
             raise
         found.missing[c.program] = f"{type(error).__name__}: {error}"  # the code of others: we go on without it
     return None
@@ -278,7 +280,7 @@ def _print(wanted: Wanted, found: Found) -> None:
 def _packages(wanted: Wanted, found: Found) -> set[str]:
     """Those that the numbers rest on."""
     backends = {r.contestant.program.removesuffix("-scan") for r in found.rates}
-    return {"python", "numpy", "gymnasium", *backends, *(() if wanted.targets else OTHERS)}
+    return {"python", "numpy", "gymnasium", *backends, *(() if wanted.targets else PACKAGES)}
 
 
 def _notes(found: Found) -> Iterator[str]:

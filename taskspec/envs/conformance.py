@@ -15,7 +15,7 @@ import gymnasium
 import numpy as np
 
 from taskspec.backends.interpreter import Interpreter
-from taskspec.backends.vector import Backend
+from taskspec.backends.table import BACKENDS, BackendName
 from taskspec.envs.env import Environment
 from taskspec.envs.errors import NotRunningError
 from taskspec.envs.options import Autoreset
@@ -23,9 +23,6 @@ from taskspec.envs.state import plain_state
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.task.spaces import action_layout, observation_layout, pack, unpack
 from taskspec.task.task import Task
-
-TOLERANCE = {"numpy": 1e-12, "numba": 1e-12, "jax": 2e-4}
-"""Of reals, relative to 1 + |x|: libm against NumPy or polynomials; on JAX, float32 and fused products."""
 
 
 def check_environment(make: Callable[[], gymnasium.Env[Any, Any]], steps: int = 100, seed: int = 0) -> None:
@@ -107,7 +104,7 @@ class Agreement:
     """
 
     task: Task
-    backend: Backend
+    backend: BackendName
     lanes: int
     mode: Autoreset
     seed: int = 123
@@ -118,7 +115,7 @@ class Agreement:
         self.vector = VectorEnvironment(self.task, self.lanes, backend=self.backend, autoreset_mode=self.mode)
         self.scalars = [self.one(self.task) for _ in range(self.lanes)]
         self.pending = [False] * self.lanes
-        self.tolerance = TOLERANCE[self.backend]
+        self.tolerance = BACKENDS[self.backend].tolerance
 
     def run(self, steps: int) -> None:
         """Compare a reset and that many steps with random actions."""

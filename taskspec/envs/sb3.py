@@ -14,7 +14,8 @@ import numpy as np
 from taskspec import draws
 from taskspec.backends import select
 from taskspec.backends.actions import BadActionError
-from taskspec.backends.vector import Backend, LanesNotRunningError, Options
+from taskspec.backends.table import BackendName
+from taskspec.backends.vector import LanesNotRunningError, Options
 from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
 from taskspec.envs.options import positive, seed_of, uncopied
@@ -44,7 +45,7 @@ class Sb3VecEnv(VecEnv):
         num_envs: int,
         *,
         seed: int = 0,
-        backend: Backend = "auto",
+        backend: BackendName = "auto",
         num_threads: int = 1,
         render_mode: RenderMode | None = None,
     ) -> None:

@@ -20,7 +20,8 @@ from taskspec import draws
 from taskspec.backends import select
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.buffers import Array
-from taskspec.backends.vector import Backend, LanesNotRunningError, Mode, Options
+from taskspec.backends.table import BackendName
+from taskspec.backends.vector import LanesNotRunningError, Mode, Options
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
@@ -84,7 +85,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         task: TaskLike,
         num_envs: int = 1,
         *,
-        backend: Backend = "auto",
+        backend: BackendName = "auto",
         autoreset_mode: AutoresetMode | Autoreset = AutoresetMode.NEXT_STEP,
         reuse: bool = False,
         num_threads: int = 1,

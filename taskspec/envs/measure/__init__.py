@@ -8,9 +8,7 @@ episodes that end are reset within the step, and actions are drawn beforehand.
 from __future__ import annotations
 
 from taskspec.envs.measure.machine import machine as machine
-from taskspec.envs.measure.programs import PROGRAMS as PROGRAMS
 from taskspec.envs.measure.programs import clock_for as clock_for
-from taskspec.envs.measure.programs import installed as installed
 from taskspec.envs.measure.programs import jax_device as jax_device
 from taskspec.envs.measure.programs import label as label
 from taskspec.envs.measure.programs import ours as ours

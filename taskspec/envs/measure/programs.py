@@ -4,30 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from importlib.util import find_spec
 from typing import Any, cast
 
 import numpy as np
 
-from taskspec.backends.vector import Backend
+from taskspec.backends.table import BackendName
 from taskspec.envs.env import Environment
 from taskspec.envs.measure.race import Clock, Contestant, Drive
 from taskspec.task.task import Task
 
-PROGRAMS = {
-    "scalar": "one Gymnasium environment",
-    "numpy": "vector environment on NumPy",
-    "numba": "vector environment on Numba",
-    "jax": "vector environment on JAX, every step given to NumPy",
-    "jax-scan": "JAX program inside scan",
-}
-"""What there is to measure, by name."""
 ACTIONS, SCALAR_ACTIONS = 16, 4096
 """Actions drawn beforehand, for lanes and for one environment; they are taken again and again."""
-
-
-def installed(*packages: str) -> bool:
-    return all(find_spec(package) is not None for package in packages)
 
 
 def label(task: Task) -> str:
@@ -45,7 +32,7 @@ def ours(
     num_threads: int = 1,
     target: float | None = None,
 ) -> Contestant:
-    """One of `PROGRAMS`; a task goes by its `label` unless another name is given."""
+    """One of `taskspec.backends.table.PROGRAMS`; a task goes by its `label` unless another name is given."""
 
     def make() -> Drive:
         match program:
@@ -83,7 +70,7 @@ def vector(task: Task, backend: str, lanes: int, num_threads: int = 1) -> Drive:
     from taskspec.envs.vector import VectorEnvironment
 
     env = VectorEnvironment(
-        task, lanes, backend=cast(Backend, backend), autoreset_mode="SameStep", reuse=True, num_threads=num_threads
+        task, lanes, backend=cast(BackendName, backend), autoreset_mode="SameStep", reuse=True, num_threads=num_threads
     )
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(ACTIONS)]

@@ -14,7 +14,7 @@ import tracemalloc
 from dataclasses import asdict, dataclass
 from typing import Any, cast
 
-from taskspec.backends.vector import Backend
+from taskspec.backends.table import BackendName
 from taskspec.diagnostics import TaskspecError
 from taskspec.envs.measure.programs import label
 from taskspec.task.task import Task
@@ -130,7 +130,7 @@ def _held(task: Task, backend: str, lanes: int) -> int:
     tracemalloc.start()
     try:
         before = _allocated(backend)
-        env = VectorEnvironment(task, lanes, backend=cast(Backend, backend), autoreset_mode="SameStep", reuse=True)
+        env = VectorEnvironment(task, lanes, backend=cast(BackendName, backend), autoreset_mode="SameStep", reuse=True)
         env.reset(seed=0)
         env.step(env.action_space.sample())
         return _allocated(backend) - before

@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from taskspec.backends import select
+from taskspec.backends.table import QUICKEST
 from taskspec.envs.measure import peers
-from taskspec.envs.measure.programs import installed, label, ours
+from taskspec.envs.measure.programs import label, ours
 from taskspec.envs.measure.race import Contestant
+from taskspec.extras import is_installed
 from taskspec.task.task import Task
 
 Load = Callable[..., Task]
@@ -100,11 +103,11 @@ def own(load: Load) -> list[list[Contestant]]:
 
 def _suite(task: Task) -> list[Contestant]:
     found = [ours(task, "scalar", name=task.name)]
-    if installed("seals"):
+    if is_installed("seals"):
         theirs = next(p.rival for p in PAIRS if p.ours == f"{task.name}Seals")
         found += [peers.seals_scalar(theirs, task.name), peers.seals_sync(theirs, task.name, SEALS_LANES)]
     for program, lanes in TARGETS:
-        if installed(program.removesuffix("-scan")):
+        if select.installed(program.removesuffix("-scan")):
             found.append(ours(task, program, lanes, name=task.name, target=target_of(task, program, lanes)))
     return found
 
@@ -144,13 +147,13 @@ def games(load: Load) -> list[list[Contestant]]:
 
 def _game(game: Game, task: Task) -> list[Contestant]:
     found = []
-    for program in ("numpy", "numba", "jax-scan"):
-        if installed(program.removesuffix("-scan")):
+    for program in QUICKEST:
+        if select.installed(program.removesuffix("-scan")):
             found += [ours(task, program, lanes, name=task.name) for lanes in game.lanes]
-    if installed("gymnax"):
+    if is_installed("gymnax"):
         found += [peers.gymnax(game.gymnax, task.name, lanes, game.options, game.params) for lanes in game.lanes]
     if task.name == "CartPole":
         found += [peers.gymnasium_cart_pole(lanes) for lanes in game.lanes]
-        if installed("envpool"):
+        if is_installed("envpool"):
             found.append(peers.envpool_cart_pole(game.lanes[0]))
     return found
