@@ -1,0 +1,1 @@
+"""Small changes of the source, one at a time, and whether some test notices: `python -m tests.mutants`."""
