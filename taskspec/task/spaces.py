@@ -1,7 +1,8 @@
 """How observations and actions are laid out as Gymnasium values: the rules of the language, free of Gymnasium itself.
 
 One finite scalar is `discrete`. Several finite action components are `multi_discrete`. Anything else is one float32
-`box` of the elements in order. The author may choose otherwise for observations.
+`box` of the elements in order; an action that is one number is a vector of one element, as learners expect, unless its spec says
+`shape: []`. The author may choose otherwise for observations.
 """
 
 from __future__ import annotations
@@ -68,7 +69,13 @@ def action_layout(task: Task) -> SpaceLayout:
     most = [math.inf if c.type.kind is Kind.REAL else INT_SINGLE for c in task.action for _ in range(c.type.size)]
     low = tuple(a if math.isinf(a) else max(a, -m) for a, m in zip(layout.low, most, strict=True))
     high = tuple(b if math.isinf(b) else min(b, m) for b, m in zip(layout.high, most, strict=True))
-    return replace(layout, low=low, high=high)
+    shape = layout.shape if layout.shape or _says_number(task) else (1,)
+    return replace(layout, shape=shape, low=low, high=high)
+
+
+def _says_number(task: Task) -> bool:
+    """Whether the spec says that the action has no axis: `shape: []`."""
+    return all(entry.shape is not None for entry in task.spec.action.values())
 
 
 def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) -> SpaceLayout:

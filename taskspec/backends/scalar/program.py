@@ -122,11 +122,14 @@ def compile_scalar(task: Task) -> ScalarProgram:
 
 
 def _as_floats(action: Any, shape: tuple[int, ...]) -> Any:
-    """An array-like action as an array of float64 of the given shape.
+    """An array-like action as an array of float64 of the given shape; one number goes with and without an axis.
 
     ValueError: it has another shape or is no array of numbers.
     """
-    return _as_numbers(action, shape, "biuf").astype(np.float64)
+    array = np.asarray(action)
+    if shape in _ONE and array.shape in _ONE:
+        array = array.reshape(shape)
+    return _as_numbers(array, shape, "biuf").astype(np.float64)
 
 
 def _as_ints(action: Any, shape: tuple[int, ...]) -> Any:
@@ -141,6 +144,8 @@ def _as_numbers(action: Any, shape: tuple[int, ...], kinds: str) -> Any:
     return array
 
 
+_ONE = ((), (1,))
+"""Shapes of one number."""
 _ACTIONS = {
     "as_floats": _as_floats, "as_ints": _as_ints, "int64": np.dtype(np.int64), "float32": np.dtype(np.float32),
     "float64": np.dtype(np.float64),

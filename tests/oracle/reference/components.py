@@ -28,6 +28,8 @@ class Component:
     """A bound for each element, or None."""
     high: tuple[Any, ...] | None
     choice: Choice | None = None
+    has_no_axis: bool = False
+    """Whether its shape is written as `[]`, and not left out."""
 
     @property
     def size(self) -> int:
@@ -96,7 +98,7 @@ def component(name: str, data: dict[str, Any], form: Form) -> Component:
     """A component as declared; bounds and shape may use parameters and constants."""
     shape = as_shape(data.get("shape"), form)
     low, high = (bound(data.get(key), form, shape, data["type"]) for key in ("low", "high"))
-    return Component(name, data["type"], shape, low, high, as_choice(data, form))
+    return Component(name, data["type"], shape, low, high, as_choice(data, form), data.get("shape") == [])
 
 
 def as_shape(data: Any, form: Form) -> Shape:

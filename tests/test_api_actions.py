@@ -1,0 +1,90 @@
+"""An action that is one number: the space that learners expect, the forms in which it is taken, and every backend."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec.envs import ActionError
+from taskspec.source import read
+from taskspec.task.build import build
+from taskspec.task.task import Task
+from tests.conftest import needs_vectors
+
+PUSH = """
+taskspec: 1
+name: Push
+summary: Push a cart.
+state:
+  x: {type: real}
+action:
+  u: ACTION
+horizon: 5
+initial: {x: "Uniform(-1, 1)"}
+dynamics: {x': x + u / 2}
+reward: -u * u - x
+"""
+
+
+def push(action: str = "{type: real, low: -2, high: 2}") -> Task:
+    return build(read(PUSH.replace("ACTION", action)), None, {}, "")
+
+
+@pytest.mark.parametrize(
+    ("action", "shape"),
+    [
+        ("{type: real, low: -2, high: 2}", (1,)),
+        ("{type: real, low: -2, high: 2, shape: []}", ()),
+        ("{type: int}", (1,)),
+        ("{type: int, shape: []}", ()),
+    ],
+)
+def test_one_number_has_an_axis_unless_the_spec_says_it_has_none(action: str, shape: tuple[int, ...]) -> None:
+    task = push(action)
+    assert task.action_space.shape == shape
+    assert task.action_space.dtype == np.float32
+
+
+def test_the_space_is_that_of_gymnasiums_own_tasks() -> None:
+    assert push().action_space == gym.make("Pendulum-v1").action_space
+
+
+@pytest.mark.parametrize("action", ["{type: real, low: -2, high: 2}", "{type: real, low: -2, high: 2, shape: []}"])
+def test_a_float_an_array_without_an_axis_and_one_with_an_axis_are_one_action(action: str) -> None:
+    env = push(action).make()
+    forms: list[Any] = [0.25, np.float32(0.25), np.array(0.25), np.array([0.25]), np.array([0.25], np.float32), [0.25]]
+    taken = []
+    for form in forms:
+        env.reset(seed=3)
+        seen, reward, *_ = env.step(form)
+        taken.append((seen.tobytes(), reward))
+    assert len(set(taken)) == 1
+    for form in ([[0.25]], [0.25, 0.25], np.zeros((1, 1)), [], 2.5, "a"):
+        with pytest.raises(ActionError, match="E706"):
+            env.step(form)
+    assert env.time == 1
+
+
+@needs_vectors("lanes")
+@pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
+@pytest.mark.parametrize("action", ["{type: real, low: -2, high: 2}", "{type: real, low: -2, high: 2, shape: []}"])
+def test_lanes_take_batches_of_the_space(backend: Any, action: str) -> None:
+    pytest.importorskip(backend)
+    task = push(action)
+    lanes = taskspec.make_vec(task, num_envs=3, backend=backend)
+    seen, _ = lanes.reset(seed=7)
+    alone = [task.make() for _ in range(3)]
+    first = [env.reset(seed=7 + i)[0] for i, env in enumerate(alone)]
+    np.testing.assert_allclose(seen, first, rtol=1e-6)
+    lanes.action_space.seed(0)
+    for _ in range(4):
+        actions = lanes.action_space.sample()
+        assert actions.shape == (3, *task.action_space.shape)
+        seen, rewards, *_ = lanes.step(actions)
+        steps = [env.step(one) for env, one in zip(alone, actions, strict=True)]
+        np.testing.assert_allclose(seen, [step[0] for step in steps], rtol=1e-5, atol=1e-6)
+        np.testing.assert_allclose(rewards, [step[1] for step in steps], rtol=1e-5, atol=1e-6)
