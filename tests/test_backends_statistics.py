@@ -70,8 +70,9 @@ COMPONENTS: dict[str, tuple[str, str, Callable[[int], Law]]] = {
     "dirichlet_m": ("real 2", "Dirichlet(alpha=[m / 2, 1])", lambda m: [stats.beta(m / 2, 1), stats.beta(1, m / 2)]),
     "permutation": ("int 4", "Permutation(4)", lambda m: dict.fromkeys(range(4), 1 / 4)),
     "permutations": ("int 2x3", "Permutation(3, shape=2)", lambda m: dict.fromkeys(range(3), 1 / 3)),
+    "subset": ("bool 5", "Subset(5, 2)", lambda m: {0: 3 / 5, 1: 2 / 5}),
 }  # fmt: skip
-TIED = {"dirichlet", "dirichlet_m", "permutation", "permutations"}
+TIED = {"dirichlet", "dirichlet_m", "permutation", "permutations", "subset"}
 """Their elements depend on each other."""
 CONSTANT = {"never", "always", "poisson_0"}
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
@@ -24,6 +24,8 @@ _SPACES = {
     "multi_discrete": "as a vector of integers", "box": "as one vector of reals", "discrete": "as one integer",
 }  # fmt: skip
 _MANY = 40
+_OF_STEPS = ("dynamics", "reward", "terminal", "observation")
+"""Sections whose draws are made in every step."""
 
 
 def formula(*items: m.Math) -> Formula:
@@ -198,7 +200,21 @@ def definitions(w: Writing) -> Iterator[Inlines]:
             left = m.Row((left, m.brackets(m.joined(w.notation.symbol(a) for a in arguments))))
         yield (Formula(w.equation(left, expr)),)
     for name, expr in (w.parsed("noise") or {}).items():
-        yield (Formula(w.equation(w.symbol(name), expr)), Text(", drawn anew in every step"))
+        yield (Formula(w.equation(w.symbol(name), expr)), Text(f", drawn {_when_drawn(w, name)}"))
+
+
+def _when_drawn(w: Writing, noise: str) -> str:
+    """When the draws of a noise are made: at the start where `initial` names it, in steps where they do, or both."""
+    starts, steps = (_is_named(w, noise, sections) for sections in (("initial",), _OF_STEPS))
+    if starts:
+        return "at the start, and anew in every step" if steps else "at the start of an episode"
+    return "anew in every step"
+
+
+def _is_named(w: Writing, name: str, sections: Iterable[str]) -> bool:
+    parsed = (w.parsed(section) for section in sections)
+    exprs = (e for each in parsed for e in (each.values() if isinstance(each, Mapping) else (each,)))
+    return any(e is not None and name in w.reads(e) for e in exprs)
 
 
 def dynamics(w: Writing) -> Iterator[Inlines]:

@@ -154,6 +154,15 @@ def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     return b.draw("permutation", (), Type(Kind.INT, (*shape, int(n.value))))
 
 
+def _subset(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    """Whether each place's number in a permutation is one of the first k."""
+    n, k = a["n"], a["k"]
+    assert isinstance(n, Const) and isinstance(k, Const)
+    if k.value > n.value:
+        raise Refused(f"Subset takes k = {k.value} of n = {n.value}, which are fewer", "E408")
+    return b.apply("lt", _permutation(b, a, shape), k)
+
+
 def _beta(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     """The first of two shares."""
     one, other = (_elements(b, b.cast(a[name], Kind.REAL), shape) for name in ("a", "b"))
@@ -255,6 +264,10 @@ DISTS: dict[str, Dist] = {
         Dist("Permutation", (Argument("n", static=True, low=1),), _permutation,
              "A uniform permutation of 0, ..., n - 1; `shape=` gives one in each place.",
              r"\operatorname{Perm}({n})", _is_all(1, "n"), samples=({"n": 5}, {"n": 1})),
+        Dist("Subset", (Argument("n", static=True, low=1), Argument("k", static=True, low=0)), _subset,
+             "`n` conditions of which `k` hold, all choices of `k` alike; `shape=` gives one choice in each place.",
+             r"\operatorname{Subset}({n}, {k})", lambda given: _is_all(0, "k")(given) or given["n"] is given["k"],
+             samples=({"n": 5, "k": 2}, {"n": 3, "k": 3})),
     )
 }  # fmt: skip
 

@@ -28,7 +28,9 @@ _WITHOUT_ACTION = {
     "absorbing": "the action is not known yet",
     "abstraction": "the action is not known yet",
 }
-_WITHOUT_NOISE = ("expert", "absorbing", "initial", "claims", "abstraction")
+_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction")
+_OUTSIDE_STEPS = ("initial", "observation")
+"""Sections in which a noise may stand that depends on no step."""
 _NO_DRAWS = {
     "absorbing": "an absorbing reward is a fixed number",
     "claims": "a claim is a statement about exact results",
@@ -109,8 +111,8 @@ class Names:
 
     def _bind_noise(self, bindings: dict[str, Binding], section: str) -> None:
         for name in self.context.data.get("noise") or {}:
-            if section == "observation":
-                bindings[name] = Lazy(lambda at, n=name: self._observed_noise(n, at))  # type: ignore[misc]
+            if section in _OUTSIDE_STEPS:
+                bindings[name] = Lazy(lambda at, n=name: self._noise_of_reset(n, at, section))  # type: ignore[misc]
             elif section in _WITHOUT_NOISE:
                 bindings[name] = Unavailable("E302", f"the noise '{name}' is drawn in steps, not here")
             else:
@@ -134,11 +136,14 @@ class Names:
         builder.name_draws(made)
         return value
 
-    def _observed_noise(self, name: str, at: s.Name) -> Value:
+    def _noise_of_reset(self, name: str, at: s.Name, section: str) -> Value:
+        """A noise that a reset draws, too: one that depends on no step."""
         value = self._drawn(name)
         if reads([value.node]):
             message = f"the noise '{name}' depends on the state or the action before the step"
             hint = "only noise that depends on neither can be observed; keep it in a state component"
+            if section == "initial":
+                message, hint = f"{message}; an episode begins before any step", "give this draw a noise of its own"
             self.context.checker.fail("E302", at, message, hint)
         return value
 

@@ -154,7 +154,7 @@ class Examination:
             return False
         times = max(1, self.task.horizon or 1) if steps.uses_time else 1
         cost = float(steps.states.size) * steps.actions.size * steps.branching * times
-        return cost <= SEARCH and count(draws(self.task.initial), {}) <= SEARCH_STARTS
+        return cost <= SEARCH and count(draws(steps.first), {}) <= SEARCH_STARTS
 
     @cached_property
     def visits(self) -> Visits:

@@ -13,6 +13,7 @@ import numpy as np
 from taskspec.exact.checks.check import Check
 from taskspec.exact.checks.places import SectionScope, Written, distributions
 from taskspec.exact.model.cost import Cost
+from taskspec.exact.model.lump import lumped
 from taskspec.exact.model.outcomes import count
 from taskspec.exact.model.space import Space
 from taskspec.exact.simulation.points import Grid, Samples
@@ -58,21 +59,28 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
 
 def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> CheckPhase:
     left = tuple(c for c in checks if not c.is_proved(task.builder))
-    roots = [n for c in left for n in (*c.guards, c.node)]
-    found = draws(roots)
-    outcomes = count(found, {})
+    listed = _lumped(left, task)
+    roots = [n for c in listed for n in (*c.guards, c.node)]
+    outcomes = count(draws(roots), {})
     read = reads(roots)
     if name == "start":
-        return CheckPhase(task, name, left, Samples((), None, None), outcomes <= limit and not read)
+        exact = outcomes <= limit and not read
+        return CheckPhase(task, name, listed if exact else left, Samples((), None, None), exact)
     times = _times(task, name) if (Role.TIME, "t") in read else None
     if task.is_finite and outcomes <= MOST_OUTCOMES:
         actions = Space(task.action, Role.ACTION) if name == "step" else None
         grid = Grid(Space(task.state, Role.STATE), actions, times)
         if grid.size * outcomes <= min(limit, Cost(roots).affordable()):
-            return CheckPhase(task, name, left, grid, True)
+            return CheckPhase(task, name, listed, grid, True)
     given = visited(task) if left else None
     components = [(Role.STATE, c) for c in _reached(task)] + [(Role.ACTION, c) for c in task.action]
     return CheckPhase(task, name, left, Samples(tuple(components), _times(task, name), given), not left)
+
+
+def _lumped(checks: Sequence[Check], task: Task) -> tuple[Check, ...]:
+    """The same checks over draws with as few outcomes as it takes, for where all of them are listed."""
+    nodes = iter(lumped([n for c in checks for n in (*c.guards, c.node)], task.builder))
+    return tuple(replace(c, guards=tuple(next(nodes) for _ in c.guards), node=next(nodes)) for c in checks)
 
 
 def _reached(task: Task) -> Iterator[Component]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -17,7 +18,6 @@ import numpy as np
 
 from taskspec.lang import interval
 from taskspec.lang.batch import evaluate
-from taskspec.lang.dists import BASES
 from taskspec.lang.ir import Const, Draw, Role
 from taskspec.lang.ranges import Range
 
@@ -49,7 +49,7 @@ class Floats:
         return arg
 
     def ratio(self, part: Array, whole: Array) -> Array:
-        return np.asarray(part / whole)
+        return np.asarray(part / whole, dtype=np.float64)
 
     def times(self, a: Array, b: Array) -> Array:
         return np.asarray(np.maximum(a * b, FAINTEST))
@@ -102,6 +102,10 @@ def _outcomes(draw: Draw, known: dict[int, Range]) -> float:
             return _power(_poisson_most(draw), draw.type.size)
         case "permutation":
             return _power(math.factorial(min(shape[-1], 170)), draw.type.size // shape[-1])
+        case "total":
+            return draw.args[0].type.size + 1
+        case "arrangement":
+            return _arrangements(draw)
         case _:
             return math.inf
 
@@ -113,7 +117,7 @@ def _power(base: float, exponent: int) -> float:
 
 def is_finite(draw: Draw) -> bool:
     """Whether the outcomes can be enumerated. Those of a Poisson are, up to where a tail of 1e-16 is left."""
-    return BASES[draw.base].finite or draw.base == "poisson"
+    return draw.base in _TABLES
 
 
 def branches(
@@ -257,10 +261,51 @@ def _permutation(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) 
     return values, numbers.ratio(np.ones((len(values), 1), np.int64), np.full((len(values), 1), len(values)))
 
 
+def _total(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+    """How many of some conditions hold: of each, its draw's chance, and whether it holds with it, and without it."""
+    p, *ends = numbers.argument(draw, args[0]), *args[1:]
+    p = np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
+    row = np.ones((1, 1), p.dtype) if p.dtype != object else numbers.ratio(np.ones((1, 1), int), np.ones((1, 1), int))
+    for chance, on, off in zip(p, *ends, strict=True):
+        holds = np.where(on, np.where(off, 1, chance), np.where(off, 1 - chance, 0))
+        shape = (1, max(row.shape[-1], holds.shape[-1]))
+        none = np.zeros(shape, row.dtype)
+        row = np.concatenate([row * (1 - holds), none]) + np.concatenate([none, row * holds])
+    return np.arange(len(row)), row
+
+
+def _arrangement(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+    """What may stand in some places of a permutation, as far as its values are told apart; elsewhere, any of them."""
+    alike, places = (a[:, 0] for a in args)
+    kinds, counts = np.unique(alike, return_counts=True)
+    left, ways = counts[None, :], np.ones(1, dtype=object)
+    chosen = np.empty((1, 0), np.int64)
+    for _ in places:
+        row, kind = np.nonzero(left)
+        ways = ways[row] * left[row, kind]
+        chosen = np.concatenate([chosen[row], kinds[kind][:, None]], axis=1)
+        left = left[row] - (np.arange(len(kinds)) == kind[:, None])
+    values = np.full((len(chosen), draw.type.size), kinds[0])
+    values[:, places] = chosen
+    return values, numbers.ratio(ways[:, None], np.full((1, 1), math.perm(draw.type.size, len(places)), dtype=object))
+
+
+def _arrangements(draw: Draw) -> float:
+    """How many there are: in each number of places, of ever more kinds of values."""
+    alike, places = draw.args
+    assert isinstance(alike, Const) and isinstance(places, Const)
+    ways = [1] + [0] * places.type.size
+    for held in Counter(alike.flat).values():
+        ways = [sum(ways[k - i] * math.comb(k, i) for i in range(min(k, held) + 1)) for k in range(len(ways))]
+    return float(min(ways[-1], 10**300))
+
+
 _TABLES: dict[str, Callable[[Draw, list[Array], ProbabilityArithmetic], tuple[Array, Array]]] = {
     "index": _index,
     "bernoulli": _bernoulli,
     "categorical": _categorical,
     "permutation": _permutation,
     "poisson": _poisson,
+    "total": _total,
+    "arrangement": _arrangement,
 }

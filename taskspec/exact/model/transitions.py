@@ -13,6 +13,7 @@ import numpy as np
 from taskspec.exact.model.codes import distinct
 from taskspec.exact.model.expectation import expected
 from taskspec.exact.model.failure import refuse
+from taskspec.exact.model.lump import lumped
 from taskspec.exact.model.outcomes import FLOATS, Branch, ProbabilityArithmetic, branches, count
 from taskspec.exact.model.space import MAX_CODES, Reads, Space
 from taskspec.lang.batch import evaluate
@@ -49,7 +50,8 @@ class Steps:
         self.states = Space(task.state, Role.STATE)
         self.actions = Space(task.action, Role.ACTION)
         self.reward = expected(task.reward, task.builder, draws((*task.next, task.terminal)))
-        self.roots = (*task.raw_next, self.reward, task.terminal)
+        self.roots = lumped((*task.raw_next, self.reward, task.terminal), task.builder)
+        self.first = lumped(task.raw_initial, task.builder)
 
     @cached_property
     def draws(self) -> tuple[Draw, ...]:
@@ -98,15 +100,15 @@ class Steps:
         Raises:
             SpecError: (E712) when there are too many, or more states than there are codes.
         """
-        found, most = count(draws(self.task.initial), {}), limits().outcomes
+        found, most = count(draws(self.first), {}), limits().outcomes
         if found > most:
             message = f"the start has up to {found:,.0f} outcomes; the limit is {most:,}"
             refuse(message, how_to_raise("outcomes", found))
         if self.states.size > MAX_CODES:
             refuse(f"there are {count_of(self.states.size)} states")
         codes, weights = [], []
-        for branch in branches(draws(self.task.initial), {}, 1, numbers):
-            values = evaluate(self.task.raw_initial, {}, branch.sample)
+        for branch in branches(draws(self.first), {}, 1, numbers):
+            values = evaluate(self.first, {}, branch.sample)
             size = 1 if branch.origin is None else len(branch.origin)
             code, outside = self.states.encode(values, size)
             inside = slice(None) if outside is None else ~outside

@@ -185,7 +185,7 @@ class Sections(Strict):
         description='Named expressions, and functions such as `"p(x)"`. No draws inside.',
     )
     noise: dict[Name, Expression] = Field(
-        default_factory=dict, description="Named draws, made once per step and shared by all uses."
+        default_factory=dict, description="Named draws, made once per step, or reset, and shared by all uses."
     )
     state: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the state.")
     action: dict[Name, ComponentEntry] = Field(default_factory=dict, description="The components of the action.")

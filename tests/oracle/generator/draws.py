@@ -26,7 +26,7 @@ def flag(c: Context, depth: int) -> Term:
 
 
 def integer(c: Context, depth: int) -> Term:
-    kinds = ("UniformInt", "UniformInt", "Categorical", "weights", "set", "Permutation", "Binomial", "Poisson")
+    kinds = ("UniformInt", "UniformInt", "Categorical", "weights", "set", "Permutation", "Binomial", "Poisson", "tally")
     which = c.rng.choice(kinds)
     if which == "Poisson" and not c.bounded:
         rate = Term(c.rng.choice(("1", "0.5", "3", "7/2")), "real", level=6)
@@ -36,6 +36,8 @@ def integer(c: Context, depth: int) -> Term:
         return drawn(call("Poisson", [rate], "int", size=1000), INFINITE)
     if which == "Permutation":
         return drawn(Term(f"Permutation({c.rng.randint(2, 3)})[{c.rng.randint(0, 1)}]", "int", level=9, size=3), 6)
+    if which == "tally":
+        return tally(c)
     if which == "Binomial":
         n = c.rng.randint(1, 3)
         return drawn(Term(f"Binomial({n}, {c.rng.choice(FRACTIONS)})", "int", size=n), n + 1)
@@ -46,6 +48,21 @@ def integer(c: Context, depth: int) -> Term:
     if which == "weights":
         return drawn(Term(c.rng.choice(("Categorical((1/2, 1/4, 1/4))", "Categorical((0.3, 0.7))")), "int", size=3), 3)
     return uniform_int(c, depth)
+
+
+def tally(c: Context) -> Term:
+    """How many of some conditions hold, each with a draw of its own."""
+    n, p = c.rng.randint(2, 3), probability(c.without_draws(), 0)
+    reduction = c.rng.choice(("count", "count", "sum", "any", "all"))
+    if c.chance(0.5):
+        text = joined(f"{reduction}(Bernoulli({p.text}, shape={n}))", "int", (p,), size=n)
+    else:
+        limit = scalars.integer(c.without_draws(), 1)
+        text = joined(
+            f"{reduction}([Bernoulli({p.text}) and i < {limit.at(5)} for i in range({n})])", "int", (p, limit), size=n
+        )
+    number = text if reduction in ("count", "sum") else infix(text, "+", Term("0", "int"), "int", size=2)
+    return drawn(number, 2**n)
 
 
 def uniform_int(c: Context, depth: int) -> Term:
@@ -107,6 +124,8 @@ def real(c: Context, depth: int) -> Term:
 def vector(c: Context, kind: str, n: int, depth: int) -> Term:
     """Several independent draws at once."""
     small = n if n <= 3 else 40
+    if kind == "bool" and c.chance(0.3):
+        return drawn(Term(f"Subset({n}, {c.rng.randint(0, n)})", "bool", (n,)), 6 if n <= 3 else INFINITE)
     if kind == "bool":
         p = probability(c.without_draws(), 0)
         return drawn(call("Bernoulli", [p], "bool", shape=(n,), size=1, extra=f"shape={n}"), 2**small)

@@ -125,7 +125,10 @@ def shared(d: Draft) -> None:
 
 
 def noise(d: Draft, name: str) -> None:
-    allowed = {"t", "noise"} if d.chance(0.6) else {"state", "action", "t", "noise"}
+    if d.chance(0.2):
+        order(d, name)
+        return
+    allowed = d.rng.choice(({"noise"}, {"t", "noise"}, {"state", "action", "t", "noise"}))
     kind = d.rng.choice(("bool", "int", "int", "real") if d.endless else ("bool", "bool", "int"))
     c = d.context(allowed, draws=True)
     made = {"bool": conditions.flag_draw, "int": scalars.int_draw, "real": scalars.real_draw}[kind](c, 1)
@@ -137,6 +140,14 @@ def noise(d: Draft, name: str) -> None:
         needs |= {"state", "action"}
     term = Term(name, made.kind, size=made.size, reads=needs, fan=made.fan)
     d.shared.append((term, frozenset(needs)))
+
+
+def order(d: Draft, name: str) -> None:
+    """A vector that is drawn as a whole, for several lines to share."""
+    kind, text = d.rng.choice((("int", "Permutation(3)"), ("bool", "Subset(3, 1)"), ("bool", "Subset(3, 2)")))
+    d.data["noise"][name] = text
+    needs = frozenset({"noise"})
+    d.shared.append((Term(name, kind, (3,), size=2, reads=needs, fan=6), needs))
 
 
 def definition(d: Draft, name: str) -> None:
@@ -171,6 +182,8 @@ def initial(d: Draft) -> Data:
     """A line for each component; later ones may use earlier ones."""
     made: Data = {}
     names = list(d.declared.known)
+    if d.chance(0.5):
+        names += 2 * [t for t, needs in d.shared if needs == {"noise"}]
     for c in d.state:
         context = Context(d.rng, names, [], d.chance(0.4), not d.endless)
         made[c.name] = fitted(context, c, d.rng.choice((0, 0, 1)))

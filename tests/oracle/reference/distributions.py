@@ -181,3 +181,11 @@ def permutation(call: Call, chance: Chance, key: Key) -> Value:
     n = call.argument(0, "n").item
     shape, count = call.size()
     return drawn("int", (*shape, n), chance.permutation(key, n, count))
+
+
+@distribution("Subset")
+def subset(call: Call, chance: Chance, key: Key) -> Value:
+    """Which places of a permutation hold one of the first k numbers."""
+    n, k = call.argument(0, "n").item, call.argument(1, "k").item
+    shape, count = call.size()
+    return drawn("bool", (*shape, n), [i < k for i in chance.permutation(key, n, count)])

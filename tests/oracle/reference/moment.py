@@ -132,8 +132,6 @@ class Moment:
                 moment.state[c.name] = (given or {}).get(c.name) or only(c.only())
         moment.state = {c.name: moment.state[c.name] for c in task.state}
         moment.following = moment.state
-        if counting:
-            moment.observation()
         return moment
 
     def expert(self) -> State:

@@ -149,24 +149,29 @@ class Task:
         cached: dict[Key, int] | None = self.__dict__.get("_" + phase)
         if cached is None:
             census = Census()
-            self._walk(phase, census)
-            order = list(census.widths)
-            if phase == "reset":  # noises and observations stand as they do in a step, after the initial values
-                in_step = list(self.layout("step"))
-                order.sort(key=lambda key: -1 if key[0].startswith("initial") else in_step.index(key))
+            first = self._walk(phase, census)  # what `initial` names stands first, in a step as well
+            rest = list(self.layout("step")) if phase == "reset" else list(census.widths)
+            order = [key for key in (*first, *(k for k in rest if k not in first)) if key in census.widths]
             cached = self.__dict__["_" + phase] = census.dealt(order)
         return cached
 
-    def _walk(self, phase: str, census: Census) -> None:
-        """Evaluate a phase on states and actions that stand for all others, in the order in which draws are written."""
+    def _walk(self, phase: str, census: Census) -> list[Key]:
+        """Evaluate a phase on states and actions that stand for all others, in the order in which draws are written.
+
+        The draws that `initial` names are given, those of noises included.
+        """
         from tests.oracle.reference.moment import Moment
 
         somewhere = {c.name: c.of((0,) * c.size) for c in self.state}
+        beginning = census if phase == "reset" else Census()
+        begun = Moment.begin(self, beginning)
+        first = list(beginning.widths)
         if phase == "reset":
-            Moment.begin(self, census)
-            return
+            begun.observation()
+            return first
         anything = {c.name: c.of((0,) * c.size) for c in self.action}
         Moment(self, somewhere, anything, 0, census, counting=True).everything()
+        return first
 
 
 def primed(name: str) -> str:

@@ -78,7 +78,7 @@ class Bounded:
         steps = Steps(model.task)
         builder = model.task.builder
         self.slack = Slack.of(steps.draws, builder, steps.reward)
-        self.start_slack = Slack.of(draws(model.task.initial), builder)
+        self.start_slack = Slack.of(draws(steps.first), builder)
         self._parts: dict[int, _Part] = {}
 
     @cached_property

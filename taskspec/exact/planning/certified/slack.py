@@ -38,7 +38,7 @@ class Slack:
             return cls()
         missing = sum(TAIL * d.type.size for d in draws if d.base == "poisson")
         beyond = max(map(abs, builder.bounds(reward))) if missing and reward is not None else 0.0
-        absolute = sum(COMPUTED * d.type.size for d in draws if _is_computed(d))
+        absolute = sum(COMPUTED * _chances(d) for d in draws if _is_computed(d))
         return cls(sum(map(_relative, draws)), absolute, missing, beyond)
 
 
@@ -46,12 +46,21 @@ def _relative(draw: Draw) -> float:
     """The relative error of the probability of one outcome: its row is rounded, added up and divided."""
     if draw.base == "poisson":  # products of as many ratios as there are counts
         return draw.type.size * 6 * poisson_terms(highest_rate(draw)) * UNIT
+    if draw.base == "arrangement":  # a quotient of whole numbers
+        return UNIT
+    if draw.base == "total":  # two products and a sum for each condition, of what was rounded
+        return (4 * _chances(draw) + 4) * UNIT
     outcomes = draw.args[0].type.shape[-1] if draw.base == "categorical" else 2
     return draw.type.size * (outcomes + 4) * UNIT
 
 
+def _chances(draw: Draw) -> int:
+    """How many chances are computed for one outcome."""
+    return draw.args[0].type.size if draw.base == "total" else draw.type.size
+
+
 def _is_computed(draw: Draw) -> bool:
     """Whether the probabilities come from arithmetic at run time rather than from numbers in the spec."""
-    if draw.base in ("index", "permutation") or isinstance(draw.args[0], Const):
+    if draw.base in ("index", "permutation", "arrangement") or isinstance(draw.args[0], Const):
         return False
     return draw.base != "categorical" or row_table(draw.args[0]) is None
