@@ -8,6 +8,8 @@ rate: what is refused does not depend on the machine.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 
@@ -69,6 +71,28 @@ def limits() -> Limits:
         SpecError: (E713) when the environment variable cannot be understood.
     """
     return changed(Limits(), os.environ.get(VARIABLE, ""))
+
+
+@contextmanager
+def also(text: str) -> Iterator[None]:
+    """Within the block, limits are changed on top of what the environment says, for processes that it starts, too.
+
+    Raises:
+        SpecError: (E713) when the text cannot be understood.
+    """
+    before = os.environ.get(VARIABLE, "")
+    both = f"{before},{text}"
+    changed(Limits(), both)
+    try:
+        _set(both)
+        yield
+    finally:
+        _set(before)
+
+
+def _set(text: str) -> None:
+    os.environ[VARIABLE] = text
+    limits.cache_clear()
 
 
 def changed(present: Limits, text: str) -> Limits:

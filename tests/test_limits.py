@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -20,6 +22,7 @@ from taskspec.exact.model.extract import extract
 from taskspec.exact.scoring.returns import simulate
 from taskspec.exact.simulation.rollout import at_random
 from taskspec.limits import Limits, changed, count, how_to_raise, table
+from taskspec.progress import told_to
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
@@ -165,6 +168,68 @@ def test_what_cannot_be_understood_is_said(value: str, words: str, tmp_path: Pat
 def test_limits_are_read_from_the_environment() -> None:
     assert changed(Limits(), " seconds = 60 , candidates=1e7,") == Limits(seconds=60, candidates=10**7)
     assert changed(Limits(), "") == Limits()
+
+
+@pytest.mark.parametrize("command", ["check", "solve"])
+def test_an_option_sets_limits_for_one_command(command: str, tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(text(expert="{a: true}", claims="[optimal_return == 1]"))
+    assert json_of(taskspec(tmp_path, command, "a.yaml", "--json"), command) is None
+    skipped = json_of(taskspec(tmp_path, command, "a.yaml", "--json", "--limit", "transitions=19"), command)
+    assert skipped is not None and "more than 9 states can be reached" in skipped
+    both = taskspec(tmp_path, command, "a.yaml", "--json", "--limit", "seconds=60", "--limit", "transitions=1e6",
+                    TASKSPEC_LIMITS="transitions=19")  # fmt: skip
+    assert json_of(both, command) is None
+    wrong = taskspec(tmp_path, command, "a.yaml", "--limit", "second=60")
+    assert wrong.returncode == 1 and "did you mean 'seconds'" in wrong.stderr
+
+
+def json_of(run: subprocess.CompletedProcess[str], command: str) -> str | None:
+    """Why there is no exact model, as a command says it in JSON."""
+    data = json.loads(run.stdout)
+    if command == "solve":
+        return data["why_not_exact"]  # type: ignore[no-any-return]
+    return data["tasks"][0]["claims"][0]["detail"] if data["tasks"][0]["claims_proved"] == 0 else None
+
+
+def test_a_claim_that_needs_a_model_says_how_to_have_it(set_limits: Any) -> None:
+    task = written(claims="[optimal_return > 0]")
+    set_limits(transitions=19)
+    found = check(task).errors
+    assert [(d.code, d.hint) for d in found] == [
+        ("E602", "choose smaller parameters, or: TASKSPEC_LIMITS=transitions=190 allows it")
+    ]
+
+
+def test_long_analyses_tell_what_they_are_at() -> None:
+    told: list[str] = []
+    task = written(claims="[optimal_return > 0, 'probability(s == 9, under=soft(1)) > 0']")
+    with told_to(told.append):
+        check(task)
+        extract(task, reachable=True)
+    assert told[0] == "soundness"
+    assert {"claim 1 of 2", "claim 2 of 2", "20 of 20 rows of the model", "following a policy, step 9 of 9"} <= set(
+        told
+    )
+    assert "looking for states, step 9: 0 of 1 looked at" in told
+    told.clear()
+    check(task)
+    assert not told  # nobody listens any more
+
+
+@pytest.mark.skipif(not Path("/dev/ptmx").exists(), reason="there are no pseudo-terminals")
+def test_a_terminal_shows_what_takes_long_and_clears_it(tmp_path: Path) -> None:
+    (tmp_path / "mines.yaml").write_text(text(**BOMBS["mines"]), encoding="utf-8")
+    ours, theirs = os.openpty()
+    command = [sys.executable, "-m", "taskspec", "check", "mines.yaml", "--limit", "seconds=2"]
+    run = subprocess.run(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=theirs, text=True, check=False)
+    os.close(theirs)
+    shown = os.read(ours, 65536).decode()
+    os.close(ours)
+    assert "E602" in run.stdout and "\x1b" not in run.stdout
+    lines = shown.split("\r\x1b[K")
+    said = [re.match(r".*/Walk-v0: looking for states, step 1: [\d,]+ of", line) for line in lines]
+    assert any(said)
+    assert lines[-1] == ""
 
 
 def test_large_numbers_are_said_in_words() -> None:

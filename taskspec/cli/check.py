@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.cli.console import say
-from taskspec.cli.options import Json, Parameters, Targets, Variant
+from taskspec.cli.options import Json, LimitsGiven, Parameters, Targets, Variant
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from taskspec.cli.checking import Checked, FileReport
+    from taskspec.cli.proofs import Finding
     from taskspec.cli.targets import File
     from taskspec.exact import Verdict
+    from taskspec.task.task import Task
 
 FORMATS = ("text", "json", "github")
 Format = Annotated[
@@ -37,6 +39,7 @@ def check(
     json: Json = False,
     strict: Strict = False,
     quick: Quick = False,
+    limits: LimitsGiven = None,
 ) -> None:
     """Prove specs right, or say exactly what is wrong and where.
 
@@ -47,18 +50,25 @@ def check(
     Exit status 1 if there is an error.
     """
     from taskspec.cli.checking import check_file, counts
-    from taskspec.cli.proofs import examine
     from taskspec.cli.targets import assignments, checked_choice, files_of
 
     start = time.perf_counter()
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
     values = assignments(parameters or [])
     files = [_narrowed(file, variant) for file in files_of(targets or [])]
-    reports = [check_file(file, values, lambda task: examine(task, not quick, not values)) for file in files]
+    reports = [check_file(file, values, lambda task: _examined(task, not quick, not values)) for file in files]
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
     if errors or (strict and warnings):
         raise typer.Exit(1)
+
+
+def _examined(task: Task, sense: bool, defaults: bool) -> Finding:
+    from taskspec.cli.progress import progress
+    from taskspec.cli.proofs import examine
+
+    with progress(task.id):
+        return examine(task, sense, defaults)
 
 
 def _narrowed(file: File, variant: str | None) -> File:

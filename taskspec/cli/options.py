@@ -86,6 +86,24 @@ def _task_in(ctx: typer.Context) -> Any:
         return None
 
 
+def complete_limits(incomplete: str) -> list[tuple[str, str]]:
+    """`seconds=10` for the limits that can be changed: with their defaults, and what they are about."""
+    from taskspec.limits import table
+
+    return [
+        (f"{row.name}={row.value}", row.what) for row in table() if not row.fixed and row.name.startswith(incomplete)
+    ]
+
+
+def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None:
+    """Set the limits while the command runs."""
+    if given:
+        from taskspec.limits import also
+
+        ctx.with_resource(also(",".join(given)))
+    return given
+
+
 TaskArgument = Annotated[
     str,
     typer.Argument(
@@ -110,6 +128,13 @@ Parameters = Annotated[
     typer.Option(
         "-p", "--param", metavar="NAME=VALUE", help="A parameter, such as [green]-p L=20[/]; may be repeated.",
         autocompletion=complete_parameters,
+    ),
+]  # fmt: skip
+LimitsGiven = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--limit", metavar="NAME=VALUE", callback=_set_limits, autocompletion=complete_limits, show_default=False,
+        help="What an analysis may cost: [green]--limit seconds=60[/], or [green]seconds=0[/] not to try; may be repeated.",
     ),
 ]  # fmt: skip
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.cli.failures import refuse
-from taskspec.cli.options import Json, Parameters, TaskArgument, Variant
+from taskspec.cli.options import Json, LimitsGiven, Parameters, TaskArgument, Variant
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -49,17 +49,20 @@ def solve(
     seed: Seed = 0,
     output: Output = None,
     json: Json = False,
+    limits: LimitsGiven = None,
 ) -> None:
     """Work out optimal, expert, random and worst return.
 
     Exactly where the task has an exact model, else from episodes, with a confidence interval.
     """
     from taskspec.cli.console import write_json
+    from taskspec.cli.progress import progress
     from taskspec.cli.targets import task_of
     from taskspec.exact import scores
 
     found = task_of(task, variant, parameters or [])
-    measured = scores(found, episodes, seed)
+    with progress(found.id):
+        measured = scores(found, episodes, seed)
     if output is not None:
         measured.save(output)
     if json:

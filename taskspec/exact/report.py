@@ -23,6 +23,7 @@ from taskspec.exact.scoring.saved import read
 from taskspec.exact.simulation.points import Method
 from taskspec.extras import install, is_installed
 from taskspec.files import write_text
+from taskspec.progress import tell
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
@@ -80,10 +81,12 @@ def check(
     may accept them like others. Never raises for a wrong task: everything found is in the report.
     """
     task = load(task)
+    tell("soundness")
     sound = examine(task)
     found = list(sound.diagnostics)
     cases: tuple[Mapping[str, Any], ...] = ()
     if ranges and task.parameters:
+        tell("other parameter values")
         others = check_ranges(task)
         found += others.diagnostics
         cases = others.cases
@@ -205,6 +208,7 @@ class StaleScores(TaskspecError, ValueError):
 def scores(task: TaskLike, episodes: int = EPISODES, seed: int = 0) -> Scores:
     """Optimal, random, worst and expert return of a task: exact where it has a model, otherwise from episodes."""
     task = load(task)
+    tell("the exact model")
     results = Results(task, episodes, seed)
     model = results.model
     return Scores(

@@ -18,6 +18,7 @@ from taskspec.exact.model.space import words
 from taskspec.exact.scoring.returns import EPISODES, Results
 from taskspec.exact.scoring.statuses import CLAIMS, OfClaim
 from taskspec.lang import syntax as s
+from taskspec.progress import tell
 from taskspec.registry import load
 from taskspec.task.build import build
 from taskspec.task.task import Claim, Task, TaskLike
@@ -51,7 +52,8 @@ def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict
     known: dict[str, Results | SpecError] = {}
     if results is not None:
         known[repr(sorted(task.values.items(), key=str))] = results
-    for claim in task.claims:
+    for number, claim in enumerate(task.claims, 1):
+        tell(f"claim {number} of {len(task.claims)}")
         for case in claim.cases or ({},):
             yield _verdict(task, claim, case, known)
 
@@ -83,7 +85,7 @@ def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None
     try:
         truth, episodes = _looked_at(claim, results)
     except Undecidable as error:
-        return _failed(claim, case, "undecided", str(error), error.place or claim.expr)
+        return _failed(claim, case, "undecided", str(error), error.place or claim.expr, hint=results.remedy)
     except Unfit as error:
         return _failed(claim, case, "broken", str(error), error.place or claim.expr, hint=error.hint)
     except SpecError as error:

@@ -16,6 +16,7 @@ from taskspec.exact.model.space import MAX_CODES
 from taskspec.exact.model.transitions import Steps
 from taskspec.limits import count as count_of
 from taskspec.limits import how_to_raise, limits
+from taskspec.progress import tell
 from taskspec.registry import load
 from taskspec.task.task import TaskLike
 
@@ -161,4 +162,5 @@ def _step(steps: Steps, codes: Array, t: int) -> Step:
     sink = RowCollector(rows, int(rows * steps.branching))
     for some in all_rows(steps, codes, t):
         sink.add(some)
+        tell(f"{sink.row:,} of {rows:,} rows of the model{f' at t = {t:,}' if t else ''}")
     return sink.step(len(codes))

@@ -10,6 +10,7 @@ import numpy as np
 from taskspec.exact.model.codes import distinct, union, without
 from taskspec.exact.model.failure import refuse
 from taskspec.exact.model.transitions import Steps
+from taskspec.progress import tell
 
 Array = np.ndarray[Any, Any]
 CHUNK = 65_536
@@ -57,6 +58,7 @@ def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
     per_chunk = max(1, int(min(CHUNK, OUTCOMES // max(1.0, steps.branching))) // steps.actions.size)
     for low in range(0, len(states), per_chunk):
         some = states[low : low + per_chunk]
+        tell(f"looking for states, step {t + 1:,}: {low:,} of {len(states):,} looked at")
         for actions in _action_chunks(steps.actions.size):
             here, there = np.tile(some, len(actions)), np.repeat(actions, len(some))
             for found in steps.outcomes(here, there, t):

@@ -26,6 +26,7 @@ from taskspec.exact.scoring.statuses import OfNumber
 from taskspec.exact.simulation.confidence import CUT, mean_interval, return_range
 from taskspec.exact.simulation.rollout import Choose, Rollout, at_random, by_expert
 from taskspec.lang.ir import Const
+from taskspec.progress import tell
 from taskspec.registry import load
 from taskspec.task.task import Soft, Task, TaskLike
 
@@ -130,6 +131,12 @@ class Results:
         if isinstance(found, Model):
             return self.unsettled
         return " and ".join(filter(None, (found.diagnostics[0].message, self.unsettled)))
+
+    @property
+    def remedy(self) -> str | None:
+        """What would give the task an exact model, where it has none; None where that is not known."""
+        found = self._extracted
+        return None if isinstance(found, Model) else found.diagnostics[0].hint
 
     @cached_property
     def solvers(self) -> Solvers:
@@ -269,6 +276,7 @@ def _simulate(task: Task, choose: Choose, lanes: int, seed: int, spend: Callable
     factor, t, unending = 1.0, 0, task.horizon is None and task.discount == 1
     while running.any() and (task.horizon is None or t < task.horizon):
         spend()
+        tell(f"{lanes:,} episodes, step {t + 1:,}")
         moved = rollout.step(state, choose(state, t, rng), t)
         total += np.where(running, factor * moved.reward, 0.0)
         running = running & ~moved.terminal

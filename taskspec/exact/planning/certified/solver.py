@@ -15,6 +15,7 @@ from taskspec.exact.planning.certified.rational import Rational
 from taskspec.exact.planning.certified.readings import Inexact, Reader
 from taskspec.exact.planning.certified.rule import Rule
 from taskspec.extras import is_installed
+from taskspec.progress import tell
 
 Array = np.ndarray[Any, Any]
 LARGE, LONG = 500_000, 100_000_000
@@ -91,6 +92,7 @@ class Finite:
         """A rule's policy at each time, the last one first; one is held at a time."""
         inner = rule.start(self._numbers)
         for t in range(self._numbers.horizon - 1, -1, -1):
+            tell(f"following a policy, step {t + 1:,} of {self._numbers.horizon:,}")
             policy, inner = rule.back(self._numbers, t, inner)
             yield t, policy
 
@@ -103,6 +105,7 @@ def extreme(numbers: ValueArithmetic, largest: bool) -> Any:
         return extreme_values(numbers, largest)
     value = numbers.zero()
     for t in range(numbers.horizon - 1, -1, -1):
+        tell(f"planning, step {t + 1:,} of {numbers.horizon:,}")
         q = numbers.backup(t, value)
         value = numbers.top(q) if largest else numbers.bottom(q)
     return value
