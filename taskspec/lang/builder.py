@@ -9,10 +9,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from fractions import Fraction
 from typing import Any, TypeVar, cast
 
 from taskspec.lang import folding, interval
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, rewrite
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.ranges import INF, Interval, Range
@@ -20,6 +21,8 @@ from taskspec.lang.types import BOOL, INT, INT_MAX, Kind, Refused, Shape, Type, 
 from taskspec.limits import Limits, count, how_to_raise, limits
 
 N = TypeVar("N", bound=Node)
+MOVING = {*STRUCTURES, "where"}
+"""Operators whose elements are elements of their arguments."""
 
 
 class Builder:
@@ -117,7 +120,7 @@ class Builder:
         if rational is not None:
             return self._of(rational, result)
         kinds = op.promote([a.type.kind for a in args], result.kind)
-        args = tuple(map(self.cast, args, kinds))
+        args = tuple(map(self._operand, args, kinds))
         if all(isinstance(a, Const) for a in args):
             return self._of(folding.folded(name, args, (), result), result)
         simpler = self._identity(name, args, result)
@@ -133,7 +136,7 @@ class Builder:
     def _arranged(self, name: str, args: Sequence[Node], static: tuple[int, ...]) -> Node:
         if name in ("vector", "concat"):
             kind = join(*(a.type.kind for a in args))
-            args = [self.cast(a, kind) for a in args]
+            args = [self._operand(a, kind) for a in args]
         result = STRUCTURES[name].rule(tuple(a.type for a in args), static)
         self.check_size(result.shape)
         if all(isinstance(a, Const) for a in args):
@@ -146,11 +149,26 @@ class Builder:
         if node.type.kind >= kind:
             return node
         if isinstance(node, Const):
-            value = node.flat if node.type.shape else node.value
-            return self.const(value, Type(kind, node.type.shape))
+            return self._of(node.flat, Type(kind, node.type.shape))
         if kind is Kind.INT:
             return self._apply("to_int", (node,), Type(kind, node.type.shape), ())
         return self._apply("to_real", (node,), Type(kind, node.type.shape), ())
+
+    def _operand(self, node: Node, kind: Kind) -> Node:
+        """The same for an operand: a whole number among reals stays exact, as a fraction does."""
+        if isinstance(node, Const) and kind is Kind.REAL > node.type.kind:
+            return self._of(tuple(map(Fraction, node.flat)), Type(kind, node.type.shape))
+        return self.cast(node, kind)
+
+    def held(self, node: Node) -> Node:
+        """The node as a component holds it: fractions that make up its value are floats."""
+
+        def leaf(part: Node) -> Node | None:
+            if isinstance(part, Const) and part.type.kind is Kind.REAL:
+                return self._of(tuple(map(plain, part.flat)), part.type)
+            return None if isinstance(part, Apply) and part.op in MOVING else part
+
+        return rewrite([node], leaf, self.remake)[0]
 
     def stretch(self, node: Node, shape: Shape) -> Node:
         """A scalar filled to a shape; anything else as it is."""

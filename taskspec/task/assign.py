@@ -51,7 +51,8 @@ def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
     if node.type.kind > c.type.kind:
         message = f"'{c.name}' is {_NAMED[c.type.kind]}, but this is {_NAMED[node.type.kind]}"
         raise Refused(message, "E306", "compare it, e.g. `x > 0`" if c.type.kind is Kind.BOOL else _whole(expr, c))
-    node = checker.builder.stretch(checker.builder.cast(node, c.type.kind), c.type.shape)
+    b = checker.builder
+    node = b.held(b.stretch(b.cast(node, c.type.kind), c.type.shape))
     if node.type.shape != c.type.shape:
         message = f"'{c.name}' has shape {list(c.type.shape)}, but this has {list(node.type.shape)}"
         raise Refused(message, "E307")

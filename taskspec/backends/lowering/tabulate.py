@@ -166,7 +166,7 @@ def _fold_function(b: Builder, node: Apply) -> Node:
     inner = found[0]
     assert isinstance(inner, Apply)
     table, place = inner.args
-    args = [table if a is inner else a for a in node.args]
+    args = [b.held(table if a is inner else a) for a in node.args]  # fractions end where the task begins to run
     cells = b.remake(Apply(node.op, tuple(args), Type(node.type.kind, table.type.shape)), tuple(args))
     return b.structure("index", [cells, place]) if isinstance(cells, Const) else node
 
