@@ -55,6 +55,8 @@ def _open_quote(text: str, syntax: Syntax) -> TextProblem | None:
 def _escape(text: str, syntax: Syntax) -> TextProblem | None:
     if "escape" not in syntax.problem and "hexdecimal" not in syntax.problem:
         return None
+    if "quoted" not in syntax.context:  # tags have escapes of their own
+        return None
     at = text.rfind("\\", 0, syntax.at + 1)
     message = f"`{text[at : at + 2]}` means nothing between double quotes"
     return TextProblem("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
