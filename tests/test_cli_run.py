@@ -139,7 +139,7 @@ def test_episodes_without_an_end_are_cut(tmp_path: Path) -> None:
 
 def test_summary_in_words() -> None:
     done = Done("run", "derail/EarlyTermNeg", "-n", 50)
-    assert "95 % confidence" in done.out
+    assert "95 % CI" in done.out
     assert "reached a terminal state" in done.out
     assert "4  in every episode" in Done("run", "RiskyPath", "--policy", "expert").out
 

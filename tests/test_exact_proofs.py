@@ -381,7 +381,7 @@ def test_statuses_are_the_same_wherever_they_are_told(name: str, tmp_path: Path)
     (told,) = json.loads(printed("check", str(path), "--json"))["tasks"][0]["claims"]
     assert (told["status"], told["claim"]) == (of_claim, claim)
     assert json.loads(printed("solve", str(path), "--json"))["random"]["status"] == of_number
-    assert ("exact" if of_number == "exact" else "from 1,000 episodes") in printed("solve", str(path))
+    assert ("exact" if of_number == "exact" else "95 % CI, 1,000 episodes") in printed("solve", str(path))
     (verdict_,) = gather(build(source.read(path))).verdicts
     assert verdict_.words == on_page
 

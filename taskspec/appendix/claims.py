@@ -6,21 +6,12 @@ from dataclasses import replace
 
 from taskspec.appendix.prose import Formula, Inlines, Text
 from taskspec.appendix.writing import Writing
+from taskspec.exact.claims.vocabulary import MODELS, RESULTS
 from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
 from taskspec.printers.names import expression
 from taskspec.printers.text import text
 from taskspec.task.task import Claim
-
-_RESULTS = {
-    "optimal_return": "optimal return", "random_return": "random return", "worst_return": "worst return",
-    "expert_return": "expert return", "states": "number of states",
-}  # fmt: skip
-_MODELS = {
-    "optimal": "an optimal agent", "maxent": "a non-causal maximum-entropy learner",
-    "soft": "a causal maximum-entropy agent", "expert": "the expert",
-    "zero_terminal_value": "a learner that values every terminal state at zero", "uniform": "a random agent",
-}  # fmt: skip
 
 
 def claim(w: Writing, found: Claim) -> Inlines:
@@ -65,7 +56,9 @@ def _preference(w: Writing, expr: s.Call, under: s.Expr | None) -> Inlines:
 
 
 def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Formula:
-    words: dict[str, m.Math] = {name: m.Words(what) for name, what in _RESULTS.items()}
+    words: dict[str, m.Math] = {name: m.Words(word.phrase) for name, word in RESULTS.items()}
+    if w.spec.abstraction is not None:
+        words["states"] = m.Words("number of abstract states")
     chance: dict[str, m.Math] = {"probability": m.Ident("P", "blackboard")}
     policy = "random" if under is None else text(under)
     return Formula(w.truth(expr, replace(w.notation.with_symbols(words | chance), events={"probability": policy})))
@@ -73,10 +66,9 @@ def _truth(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Formula:
 
 def _model(w: Writing, model: s.Expr) -> Inlines:
     match model:
-        case s.Name(id=name) if name in _MODELS:
-            return (Text(_MODELS[name]),)
-        case s.Call(function=name, args=(beta,)) if name in _MODELS:
-            temperature = m.Row((m.Ident("β"), m.Sym("="), w.math(beta)))
-            return (Text(f"{_MODELS[name]} ("), Formula(temperature), Text(")"))
+        case s.Name(id=name) if name in MODELS:
+            return (Text(MODELS[name].phrase),)
+        case s.Call(function=name, args=(number,)) if name in MODELS:
+            return (Text(f"{MODELS[name].phrase} {MODELS[name].given} "), Formula(w.math(number)))
         case _:
             return (Formula(w.math(model)),)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import groupby
 
-from taskspec.appendix.prose import Formula, Inlines, Mark, Text, inlines
+from taskspec.appendix.prose import CellTable, Formula, Inlines, Mark, Text, inlines
 from taskspec.appendix.writing import Writing
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Role
@@ -14,15 +13,7 @@ from taskspec.printers import tree as m
 from taskspec.task.task import Example, Followed
 
 
-@dataclass(frozen=True, slots=True)
-class ExampleTable:
-    """A heading for each column, and rows of cells."""
-
-    header: tuple[str, ...]
-    rows: tuple[tuple[Inlines, ...], ...]
-
-
-def table(w: Writing, wrong: frozenset[int] = frozenset()) -> ExampleTable | None:
+def table(w: Writing, wrong: frozenset[int] = frozenset()) -> CellTable | None:
     """The examples of a task without columns that stay empty; None where there are none."""
     written = w.spec.examples
     columns = [(title, tuple(make(w, e) for e in w.task.examples)) for title, make in _COLUMNS if w.task.examples]
@@ -30,9 +21,7 @@ def table(w: Writing, wrong: frozenset[int] = frozenset()) -> ExampleTable | Non
     columns.append(("", tuple(_mark(i in wrong) for i in range(len(written)))))
     kept = [(title, cells) for title, cells in columns if any(cells)]
     return (
-        ExampleTable(tuple(t for t, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True)))
-        if kept
-        else None
+        CellTable(tuple(t for t, _ in kept), tuple(zip(*(cells for _, cells in kept), strict=True))) if kept else None
     )
 
 

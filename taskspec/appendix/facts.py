@@ -14,13 +14,13 @@ from taskspec.task.task import Task, TaskLike
 
 @dataclass(frozen=True, slots=True)
 class ScoreFact:
-    """A return; `error` is its standard error when it was estimated from `episodes`.
+    """A return; `half` is half the width of its 95 % confidence interval when it was estimated from `episodes`.
 
     `tested` counts the episodes on which the abstraction was tested that it comes from.
     """
 
     value: int | float | Fraction
-    error: float = 0.0
+    half: float = 0.0
     episodes: int = 0
     tested: int = 0
 
@@ -63,7 +63,7 @@ def gather(task: TaskLike) -> Facts:
 
 
 def _score(found: Return) -> ScoreFact:
-    return ScoreFact(found.value, found.error, found.episodes, found.tested)
+    return ScoreFact(found.value, found.half if found.episodes else 0.0, found.episodes, found.tested)
 
 
 def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterable[VerdictFact]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
@@ -26,6 +26,10 @@ _SPACES = {
 _MANY = 40
 _OF_STEPS = ("dynamics", "reward", "terminal", "observation")
 """Sections whose draws are made in every step."""
+
+
+Maker = Callable[[Writing], Iterator[Inlines]]
+"""Makes the lines of a section."""
 
 
 def formula(*items: m.Math) -> Formula:
@@ -109,7 +113,7 @@ def _components(
             name = formula(w.symbol(c.name), *domain)
         doc = inlines(c.doc)
         labels = _labels(w, c)
-        if doc or labels:
+        if doc or labels or len(components) > 1:
             yield (
                 name,
                 *((Text(": "), *doc) if doc else ()),
@@ -152,9 +156,12 @@ def observations(w: Writing) -> Iterator[Inlines]:
     whole = m.joined(w.symbol(name) for name in exprs)
     yield (formula(m.brackets(whole) if len(exprs) > 1 else whole), *extra)
     same = [n for n, e in exprs.items() if isinstance(e, s.Name) and e.id == n and not e.primed]
-    if same:
-        verb = " is that of the state" if len(same) == 1 else " are those of the state"
-        yield (*listing([(formula(w.symbol(n)),) for n in same]), Text(verb))
+    for names, one, more in (
+        ([n for n in same if n in w.spec.state], " is that of the state", " are those of the state"),
+        ([n for n in same if n not in w.spec.state], " is defined below", " are defined below"),
+    ):
+        if names:
+            yield (*listing([(formula(w.symbol(n)),) for n in names]), Text(one if len(names) == 1 else more))
     for name, expr in exprs.items():
         if name not in same:
             yield (Formula(w.equation(w.symbol(name), expr)),)

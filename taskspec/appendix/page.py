@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from taskspec.appendix import sections
-from taskspec.appendix.facts import Facts
+from taskspec.appendix import scores, sections
+from taskspec.appendix.facts import Facts, gather
 from taskspec.appendix.prose import Block, Cite, Inlines, blocks, inlines
 from taskspec.appendix.sections import Section, SectionLine
 from taskspec.appendix.writing import Writing
@@ -23,8 +23,17 @@ from taskspec.visible import visible
 
 
 @dataclass(frozen=True)
+class Setting:
+    """The task at other values of its parameters, which the page shows beside the symbols."""
+
+    title: str
+    task: Task
+    facts: Facts
+
+
+@dataclass(frozen=True)
 class Page:
-    """What is printed about one task. `columns` are the sets of parameter values shown beside the symbols."""
+    """What is printed about one task, and beside the symbols what it is with the values of each setting."""
 
     id: str
     name: str
@@ -40,7 +49,7 @@ class Page:
     source_name: str
     task: Task
     facts: Facts
-    columns: tuple[str, ...] = ()
+    settings: tuple[Setting, ...] = ()
 
     def section(self, key: str) -> Section | None:
         return next((s for s in self.sections if s.key == key), None)
@@ -52,17 +61,23 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
     Args:
         task: what to print, symbolic in its parameters.
         facts: scores and verdicts; none are shown without.
-        columns: parameter values to show beside the symbols, each on top of the task's own.
+        columns: parameter values to show beside the symbols, each on top of the task's own. Scores and verdicts of
+            them are worked out if `facts` are given. Names that the task has no parameter for are left out.
+
+    Raises:
+        SpecError: (E703) for values that a parameter cannot have.
     """
-    task, facts = load(task), facts or Facts()
-    shown = _with_columns(task, facts, columns)
+    task = load(task)
+    settings = tuple(_settings(task, columns, facts is not None))
+    facts = facts or Facts()
+    shown = _with_settings(task, facts, settings)
     return Page(
         id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
         capability=task.spec.capability or "", summary=inlines(task.spec.summary),
         description=blocks(task.spec.description), make=make_line(task), sections=shown,
         sources=tuple(Cite(x.key, x.where) for x in task.spec.sources),
         source_text=task.document.origin.text, source_name=task.document.origin.name.replace("\\", "/").rsplit("/")[-1],
-        task=task, facts=facts, columns=tuple(column_title(c) for c in columns),
+        task=task, facts=facts, settings=settings,
     )  # fmt: skip
 
 
@@ -77,23 +92,36 @@ def make_line(task: Task) -> str:
     return visible(f"gymnasium.make({json.dumps(task.id, ensure_ascii=False)}{changed})", keep="")
 
 
-def column_title(values: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} = {value}" for name, value in values.items())
+def setting_title(task: Task) -> str:
+    """The values of all parameters."""
+    return ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
 
 
-def _with_columns(task: Task, facts: Facts, columns: Sequence[Mapping[str, Any]]) -> tuple[Section, ...]:
-    """The sections, with every line that the values change shown with them too."""
-    symbolic = sections.all_sections(Writing(task, {}), facts)
-    for values in columns:
-        concrete = sections.all_sections(Writing(task, {**task.values, **values}), facts)
-        found = {s.key: s for s in concrete}
-        symbolic = [_beside(s, found.get(s.key)) for s in symbolic]
-    return tuple(symbolic)
+def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> Iterator[Setting]:
+    names = {p.name for p in task.parameters}
+    for column in columns:
+        values = {name: value for name, value in column.items() if name in names}
+        if values:
+            at = load(task, **values)
+            title = ", ".join(f"{name} = {at.values[name]}" for name in values)
+            yield Setting(title, at, gather(at) if known else Facts())
+
+
+def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
+    """The sections, with every line that the values change shown with them too, and the scores side by side."""
+    shown = sections.all_sections(Writing(task, {}), facts)
+    for each in settings:
+        found = {s.key: s for s in sections.all_sections(Writing(each.task, each.task.values), each.facts)}
+        shown = [_beside(s, found.get(s.key)) for s in shown]
+    if not settings:
+        return tuple(shown)
+    both = [(setting_title(task), task, facts), *((s.title, s.task, s.facts) for s in settings)]
+    return tuple(replace(s, lines=(), table=scores.table(both)) if s.key == "scores" else s for s in shown)
 
 
 def _beside(section: Section, concrete: Section | None) -> Section:
-    if concrete is None or len(concrete.lines) != len(section.lines) or section.key == "parameters":
-        return section  # the heading of a column gives the parameters
+    if concrete is None or len(concrete.lines) != len(section.lines) or section.key in ("parameters", "scores"):
+        return section  # a setting is headed by its parameters, and scores stand side by side
     lines = [_line_beside(a, b) for a, b in zip(section.lines, concrete.lines, strict=True)]
     return replace(section, lines=tuple(lines))
 

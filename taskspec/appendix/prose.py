@@ -76,6 +76,14 @@ Inlines = tuple[Inline, ...]
 
 
 @dataclass(frozen=True, slots=True)
+class CellTable:
+    """A heading for each column, and rows of cells."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[Inlines, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Paragraph:
     content: Inlines
 

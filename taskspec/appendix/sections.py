@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Any
 
-from taskspec.appendix import claims, examples, lines
-from taskspec.appendix.examples import ExampleTable
+from taskspec.appendix import claims, examples, lines, scores
+from taskspec.appendix.abstraction import abstraction
 from taskspec.appendix.facts import Facts
-from taskspec.appendix.prose import Cite, Formula, Inline, Inlines, Mark, Text, inlines
+from taskspec.appendix.prose import CellTable, Cite, Inline, Inlines, Mark, Text, inlines
 from taskspec.appendix.writing import Writing
-from taskspec.exact.scoring.statuses import NUMBERS
-from taskspec.printers import tree as m
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,11 +31,10 @@ class Section:
     lines: tuple[SectionLine, ...]
     lead: bool = True
     run_on: bool = False  # short lines, which may follow each other with semicolons
-    table: ExampleTable | None = None
+    table: CellTable | None = None
 
 
-Maker = Callable[[Writing], Iterator[Inlines]]
-_SECTIONS: tuple[tuple[str, str, Maker, bool], ...] = (
+_SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
     ("parameters", "Configurable parameters", lines.parameters, False),
     ("state", "State space", lines.state, True),
     ("observations", "Observations", lines.observations, True),
@@ -51,6 +46,7 @@ _SECTIONS: tuple[tuple[str, str, Maker, bool], ...] = (
     ("termination", "Termination", lines.termination, True),
     ("initial", "Initial state", lines.initial, False),
     ("expert", "Expert", lines.expert, False),
+    ("abstraction", "Finite abstraction, for exact results", abstraction, False),
 )
 
 
@@ -62,7 +58,9 @@ def all_sections(w: Writing, facts: Facts) -> list[Section]:
     )
     found.insert(1, grids)
     found += [
-        Section("scores", _scores_title(facts), tuple(_scores(facts)), False, run_on=True),
+        Section(
+            "scores", scores.title(facts), tuple(map(SectionLine, scores.lines(w.task, facts))), False, run_on=True
+        ),
         Section("claims", "Claims", tuple(_claims(w, facts)), False),
         Section("examples", "Examples", (), False, table=examples.table(w, facts.wrong_examples)),
         Section("errata", "Where the source is repaired", tuple(_errata(w)), False),
@@ -80,77 +78,15 @@ def _single(section: Section) -> Section:
 # -- results ----------------------------------------------------------------------------------------------------------
 
 
-def _scores_title(facts: Facts) -> str:
-    return "Exact scores" if all(s.exact for s in facts.scores.values()) else "Scores"
-
-
-def _scores(facts: Facts) -> Iterator[SectionLine]:
-    for name, score in facts.scores.items():
-        if not score.episodes:
-            told = f" ({NUMBERS['tested'].shown.format(episodes=score.tested)})" if score.tested else ""
-            yield SectionLine((Text(f"{name} "), Formula(number(score.value)), *([Text(told)] if told else [])))
-            continue
-        if score.error == 0:
-            value = number(round(float(score.value), 6))
-            yield SectionLine((Text(f"{name} "), Formula(value), Text(f" (in all of {score.episodes} episodes)")))
-            continue
-        value, error = _rounded(score.value, score.error)
-        yield SectionLine(
-            (Text(f"{name} "), Formula(value), Text(" ± "), Formula(error), Text(f" (from {score.episodes} episodes)"))
-        )
-    if facts.states is not None:
-        yield SectionLine((Text("states that can be reached "), Formula(number(facts.states))))
-
-
-def _rounded(value: int | float | Fraction, error: float) -> tuple[m.Math, m.Math]:
-    """An estimate and its standard error, to two digits of the error."""
-    if not 0 < error < math.inf:
-        return number(round(float(value), 6)), number(float(error))
-    digits = max(0, 1 - math.floor(math.log10(error)))
-    sign = (m.Sym("−"),) if value < 0 else ()
-    return m.row(*sign, m.Num(f"{abs(value):.{digits}f}")), m.Num(f"{error:.{digits}f}")
-
-
-def number(value: int | float | Fraction) -> m.Math:
-    """A number for people: short decimals and small fractions exactly, anything else to six digits."""
-    if value < 0:
-        return m.Row((m.Sym("−"), number(-value)))
-    if isinstance(value, float):
-        value = _recognised(value)
-    if isinstance(value, Fraction) and not _terminates(value) and value.denominator < 1000:
-        whole, rest = divmod(value, 1)
-        frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
-        return m.Row((m.Num(str(whole)), m.Sym("+"), frac)) if whole else frac
-    exact = isinstance(value, int) or (float(value) == round(float(value), 10))
-    digits = f"{float(value):.12g}" if exact else f"{float(value):.6g}"
-    mantissa, mark, exponent = digits.partition("e")
-    if not mark:
-        return m.Num(digits)
-    power = str(int(exponent)).replace("-", "−")
-    return m.Row((m.Num(mantissa), m.Sym("×"), m.Script(m.Num("10"), sup=m.Num(power))))
-
-
-def _recognised(value: float) -> float | Fraction:
-    """The small fraction that a number is to the last digits, or the number itself."""
-    ratio = Fraction(value).limit_denominator(999) if math.isfinite(value) else Fraction(0)
-    return ratio if abs(float(ratio) - value) <= 1e-13 * max(1.0, abs(value)) else value
-
-
-def _terminates(value: Fraction) -> bool:
-    d = value.denominator
-    for p in (2, 5):
-        while d % p == 0:
-            d //= p
-    return d == 1 and value.denominator <= 10**6
-
-
 def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
     verdicts = list(facts.verdicts)
     for i, claim in enumerate(w.task.claims):
         found = verdicts[i] if i < len(verdicts) else None
-        content: list[Inline] = [*claims.claim(w, claim), *_cases(claim.cases)]
+        about_others = w if not claim.cases else replace(w, values={})  # it says itself which values it is about
+        content: list[Inline] = [*claims.claim(about_others, claim), *_cases(claim.cases)]
         if found is not None and found.holds is not None:
-            content += [Text(" "), Mark(found.holds, found.words)]
+            words = found.words if found.holds or about_others.values == {} else "not for these values"
+            content += [Text(" "), Mark(found.holds, words)]
         yield SectionLine(tuple(content))
 
 

@@ -14,7 +14,7 @@ from taskspec.appendix import render
 from taskspec.appendix.bibliography import Reference, beside
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.page import Page, page
-from taskspec.appendix.render.suite import Suite
+from taskspec.appendix.render.suite import Suite, setting_anchor
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.figures import scene, svg
 from taskspec.files import write_text
@@ -91,12 +91,20 @@ def gather_pages(
     columns: Sequence[Mapping[str, Any]] = (),
     references: Mapping[str, Reference] | None = None,
 ) -> Suite:
-    """Pages and figures of tasks, ready to be rendered."""
+    """Pages and figures of tasks, ready to be rendered.
+
+    Raises:
+        SpecError: (E703) for values that a parameter cannot have, (E702) for a name that no task has a parameter for.
+    """
+    known = {p.name for task in tasks for p in task.parameters}
+    for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
+        load(tasks[0], **{name: value})  # which says what is wrong
     pages = _apart(page(task, (facts or {}).get(task.id), columns) for task in tasks)
-    scenes = {p.anchor: found for p in pages if (found := scene(p.task)) is not None}
-    known = beside(task.document.origin.name for task in tasks) if references is None else references
+    drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
+    scenes = {name: found for name, task in drawn.items() if (found := scene(task)) is not None}
+    cited = beside(task.document.origin.name for task in tasks) if references is None else references
     names = dict.fromkeys(task.suite for task in tasks if task.suite)
-    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, known)
+    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited)
 
 
 def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:

@@ -24,14 +24,19 @@ from taskspec.task.task import Task
 
 @dataclass(frozen=True)
 class Writing:
-    """Writes the parts of a task; `values` are put in the place of parameters."""
+    """Writes the parts of a task; `values` are put in the place of parameters, and names in `hatted` get a hat."""
 
     task: Task
     values: Mapping[str, Any]
+    hatted: frozenset[str] = frozenset()
+
+    @cached_property
+    def plain(self) -> Notation:
+        return of_task(self.task)
 
     @cached_property
     def notation(self) -> Notation:
-        return of_task(self.task)
+        return self.plain.with_symbols({name: m.Accent("hat", self.plain.symbol(name)) for name in self.hatted})
 
     @property
     def spec(self) -> Spec:

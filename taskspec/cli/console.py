@@ -139,5 +139,7 @@ def measured(value: float, half: float) -> tuple[str, str]:
     """A mean and half its confidence interval, to the digits that the interval allows."""
     if not half > 0:
         return number(value), "0"
+    if not 1e-9 < half < 1e15:
+        return f"{value:.3g}".replace("-", "−"), f"{half:.2g}".replace("-", "−")
     digits = max(0, 1 - math.floor(math.log10(half)))
     return f"{value:,.{digits}f}".replace("-", "−"), f"{half:,.{digits}f}"

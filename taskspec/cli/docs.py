@@ -33,7 +33,7 @@ Sweep = Annotated[
         "-p",
         "--param",
         metavar="NAME=VALUE,...",
-        help="Values beside the symbols, such as L=5,B=3; a column each.",
+        help="Also at these values, such as L=5,B=3: equations, scores, claims and figure.",
     ),
 ]
 Results = Annotated[bool, typer.Option("--results/--no-results", help="Scores, and what became of the claims.")]

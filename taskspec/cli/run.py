@@ -188,7 +188,7 @@ def _mean(summary: Summary) -> Any:
         return line((number(summary.mean), "title"), (every, "quiet"))
     mean, half = measured(summary.mean, summary.half)
     low, high = (measured(summary.mean + side * summary.half, summary.half)[0] for side in (-1, 1))
-    return line((mean, "title"), f" ± {half}", (f"   95 % confidence: {low} to {high}", "quiet"))
+    return line((mean, "title"), f" ± {half}", (f"   95 % CI: {low} to {high}", "quiet"))
 
 
 def _endings(summary: Summary) -> str:

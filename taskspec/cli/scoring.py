@@ -190,9 +190,8 @@ def _return(value: Return | None) -> tuple[str, str]:
         sure = NUMBERS[value.status].shown.format(episodes=f"{value.tested:,}") or value.status
         off = f"± {value.bound:.2g}, " if value.bound > 1e-10 * abs(value.value) else ""
         return f"{value.value:.10g}".replace("-", "−"), off + sure
-    low, high = value.interval()
-    mean, half = measured(value.value, (high - low) / 2)
-    return mean, f"± {half} from {value.episodes:,} episodes"
+    mean, half = measured(value.value, value.half)
+    return mean, f"± {half} (95 % CI, {value.episodes:,} episodes)"
 
 
 def _remark(found: Scores, name: str) -> str:

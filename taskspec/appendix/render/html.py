@@ -29,6 +29,7 @@ from taskspec.appendix.prose import (
 )  # fmt: skip
 from taskspec.appendix.render.environment import html_environment
 from taskspec.appendix.render.suite import Suite
+from taskspec.appendix.scores import lines as score_lines
 from taskspec.appendix.sections import Section, SectionLine
 from taskspec.extras import need
 from taskspec.figures import Scene, svg
@@ -78,6 +79,7 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
         "sections": [writer.section(s, page) for s in page.sections],
         "figure": Markup(svg(scene, css=True)) if scene else None,
         "notes": scene.notes if scene else (),
+        "others": [(each.title, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
         "source": _highlighted(page.source_text),
     }
 
@@ -89,8 +91,7 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
     spaces = [(name, section) for name, key in (("states", "state"), ("actions", "actions"), ("horizon", "horizon"))
               if (section := page.section(key)) is not None]  # fmt: skip
     facts = [(name, writer.prose(section.lines[0].content[:1])) for name, section in spaces]
-    scores = page.section("scores")
-    found = [writer.prose(line.content) for line in scores.lines] if scores else []
+    found = [writer.prose(line) for line in score_lines(page.task, page.facts)]
     names = ", ".join(f"{p.name} = {p.value}" for p in page.task.parameters)
     return {
         "page": page, "summary": writer.prose(page.summary), "facts": facts, "scores": found, "parameters": names,
@@ -115,9 +116,9 @@ class HtmlWriter:
         out = self.prose(line.content)
         if line.verbatim is not None:
             out += Markup('<pre class="map">{}</pre>').format(line.verbatim)
-        for title, values in zip(page.columns, line.values, strict=False):
+        for setting, values in zip(page.settings, line.values, strict=False):
             if values:
-                out += Markup('<span class="values">{}: {}</span>').format(title, self.prose(values))
+                out += Markup('<span class="values">{}: {}</span>').format(setting.title, self.prose(values))
         return out
 
     def prose(self, content: Inlines) -> Markup:

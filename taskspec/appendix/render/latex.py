@@ -66,6 +66,7 @@ class LatexWriter:
             beside=[self.section(s, page) for s in page.sections if s.key in BESIDE],
             below=[self.section(s, page, wide=True) for s in page.sections if s.key not in BESIDE],
             figure=tikz(scene) if scene else "", caption=self.caption(page, scene.notes if scene else ()),
+            others=[(tikz(each.scene), escape(each.title)) for each in suite.others(page)],
         )  # fmt: skip
 
     def caption(self, page: Page, notes: Iterable[str]) -> str:
@@ -99,9 +100,9 @@ class LatexWriter:
         if line.verbatim is not None:
             rows = r"\\".join(escape(row).replace(" ", "~") for row in line.verbatim.splitlines())
             text += rf"\par{{\ttfamily {rows}}}"
-        for title, values in zip(page.columns, line.values, strict=False):
+        for setting, values in zip(page.settings, line.values, strict=False):
             if values:
-                text += rf" \taskspecvalues{{{escape(title)}}}{{{self.prose(values, wide)}}}"
+                text += rf" \taskspecvalues{{{escape(setting.title)}}}{{{self.prose(values, wide)}}}"
         return text
 
     def prose(self, content: Inlines, wide: bool = True) -> str:

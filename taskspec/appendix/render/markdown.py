@@ -33,7 +33,8 @@ _SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
 _NUMBERED = re.compile(r"^(\d+)([.)])")
 # Readers that take backslash escapes before mathematics would spoil these.
 _SPELLED = ((r"\taskspecone ", r"\mathbf{1}"), (r"\{", r"\lbrace "), (r"\}", r"\rbrace "), (r"\\", r"\cr "),
-            (r"\,", r"\thinspace "), (r"\%", r"\text{ per cent}"), (r"\#", r"\text{number of }"))  # fmt: skip
+            (r"\,", r"\thinspace "), (r"\%", r"\text{ per cent}"),
+            (r"\text{\#}", r"\text{number of }"), (r"\#", r"\text{number of }"))  # fmt: skip
 
 
 def markdown(suite: Suite) -> dict[str, str]:
@@ -64,6 +65,7 @@ class MarkdownWriter:
             name=escape(page.name), title=escape(page.title), summary=self.prose(page.summary), make=page.make,
             description=[self.block(b) for b in page.description], sections=[self.section(s, page) for s in page.sections],
             figure=f"figures/{page.anchor}.svg" if scene else "", alt=escape(scene.alt) if scene else "",
+            others=[(f"figures/{o.anchor}.svg", escape(o.scene.alt), escape(o.title)) for o in self.suite.others(page)],
         )  # fmt: skip
 
     def section(self, section: Section, page: Page) -> dict[str, object]:
@@ -90,9 +92,9 @@ class MarkdownWriter:
         text = self.prose(line.content)
         if line.verbatim is not None:
             text += " " + ", ".join(_code(row) for row in line.verbatim.splitlines())
-        for title, values in zip(page.columns, line.values, strict=False):
+        for setting, values in zip(page.settings, line.values, strict=False):
             if values:
-                text += f" ({escape(title)}: {self.prose(values)})"
+                text += f" ({escape(setting.title)}: {self.prose(values)})"
         return text
 
     def prose(self, content: Inlines) -> str:

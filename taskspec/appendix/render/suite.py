@@ -7,13 +7,27 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from taskspec.appendix.bibliography import Reference
-from taskspec.appendix.page import Page
+from taskspec.appendix.page import Page, Setting, anchor
 from taskspec.figures import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Other:
+    """The figure of a setting of the parameters."""
+
+    title: str
+    anchor: str
+    scene: Scene
+
+
+def setting_anchor(page: Page, setting: Setting) -> str:
+    """The page's anchor with the values of the setting."""
+    return f"{page.anchor}-{anchor(setting.title)}"
 
 
 @dataclass(frozen=True)
 class Suite:
-    """The pages of some tasks; `scenes` are their figures by the pages' anchors."""
+    """The pages of some tasks; `scenes` are their figures by the pages' anchors, and by those of their settings."""
 
     title: str
     pages: tuple[Page, ...]
@@ -25,6 +39,11 @@ class Suite:
         """The references that are cited and known, in the order of their keys."""
         keys = {cite.key for page in self.pages for cite in page.sources}
         return {key: self.references[key] for key in sorted(keys) if key in self.references}
+
+    def others(self, page: Page) -> list[Other]:
+        """The figures of a page's settings."""
+        found = ((setting.title, setting_anchor(page, setting)) for setting in page.settings)
+        return [Other(title, name, self.scenes[name]) for title, name in found if name in self.scenes]
 
     def files(self) -> dict[str, str]:
         """File names without ending, by anchor: they are the anchors."""

@@ -10,22 +10,32 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A name with how it is written and what it means."""
+    """A name with how it is written and what it means.
+
+    `phrase` is what a page says for it, and `given` what it adds for a number in brackets.
+    """
 
     name: str
     written: str
     doc: str
+    phrase: str = ""
+    given: str = ""
 
 
 RESULTS: dict[str, Word] = {
     w.name: w
     for w in (
-        Word("optimal_return", "optimal_return", "Expected return of the best policy."),
-        Word("random_return", "random_return", "Expected return of uniformly random actions."),
-        Word("worst_return", "worst_return", "Expected return of the worst policy."),
-        Word("expert_return", "expert_return", "Expected return of the expert."),
-        Word("states", "states", "How many states episodes can be in, the last one of an episode included."),
-        Word("actions", "actions", "How many actions there are."),
+        Word("optimal_return", "optimal_return", "Expected return of the best policy.", "optimal return"),
+        Word("random_return", "random_return", "Expected return of uniformly random actions.", "random return"),
+        Word("worst_return", "worst_return", "Expected return of the worst policy.", "worst return"),
+        Word("expert_return", "expert_return", "Expected return of the expert.", "expert return"),
+        Word(
+            "states",
+            "states",
+            "How many states episodes can be in, the last one of an episode included.",
+            "number of states",
+        ),
+        Word("actions", "actions", "How many actions there are.", "number of actions"),
     )
 }
 
@@ -54,22 +64,28 @@ FUNCTIONS: dict[str, Word] = {
 MODELS: dict[str, Word] = {
     w.name: w
     for w in (
-        Word("optimal", "optimal", "Takes the best actions, all of them alike where several are best."),
+        Word(
+            "optimal", "optimal", "Takes the best actions, all of them alike where several are best.",
+            "an optimal agent",
+        ),
         Word(
             "soft", "soft(beta)",
             "Causal maximum entropy: actions in proportion to exp(beta Q), where Q counts entropy as well.",
+            "a causal maximum-entropy agent", "with inverse temperature",
         ),
         Word(
             "maxent", "maxent, maxent(beta)",
             "Non-causal maximum entropy: whole trajectories in proportion to their probability times exp(beta return), "
             "as if the outcomes of chance could be chosen. beta is 1 unless given.",
+            "a non-causal maximum-entropy learner", "with inverse temperature",
         ),
         Word(
             "zero_terminal_value", "zero_terminal_value, zero_terminal_value(shift)",
             "Optimal for the reward plus a constant, with nothing to come after a terminal state. A learner that knows "
             "rewards up to a constant cannot tell the shifts apart.",
+            "a learner that values every terminal state at zero", "with rewards shifted by",
         ),
-        Word("uniform", "uniform", "Uniformly random actions."),
-        Word("expert", "expert", "The expert of the spec."),
+        Word("uniform", "uniform", "Uniformly random actions.", "a random agent"),
+        Word("expert", "expert", "The expert of the spec.", "the expert"),
     )
 }  # fmt: skip

@@ -69,6 +69,12 @@ class Return:
         width = self.bound + NormalDist().inv_cdf(0.5 + confidence / 2) * self.error
         return self.value - width, self.value + width
 
+    @property
+    def half(self) -> float:
+        """Half the width of the 95 % confidence interval: what is printed after ±."""
+        low, high = self.interval()
+        return (high - low) / 2
+
     @classmethod
     def estimated(cls, returns: Sequence[float] | Array) -> Return:
         """From the returns of episodes (N,)."""
