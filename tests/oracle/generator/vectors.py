@@ -91,7 +91,7 @@ def elementwise(c: Context, kind: str, n: int, depth: int) -> Term:
 def bool_operator(c: Context, n: int, left: Term, right: Term, depth: int) -> Term:
     if c.chance(0.5):
         x, y = vector(c, "int", (n,), depth), scalars.term(c, "int", (n,) if c.chance(0.3) else (), depth)
-        of_labels = not (x.rows or y.rows)  # two choices are compared as labels, which gives one condition
+        of_labels = not (x.rows or y.rows)  # whether two choices are equal is one condition
         return infix(x, "<" if of_labels else c.rng.choice(conditions.RELATIONS), y, "bool", size=1)
     if left.shape == right.shape:
         return infix(left, c.rng.choice(("and", "or", "==", "!=")), right, "bool", size=1)

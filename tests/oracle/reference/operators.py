@@ -84,8 +84,8 @@ def either_holds(x: bool, y: bool) -> bool:
 
 
 def compare(op: ast.cmpop, left: Value, right: Value) -> Value:
-    """One link of a chain of comparisons, element by element."""
-    if left.kind == "choice" and right.kind == "choice" and left.choice == right.choice:
+    """One link of a chain of comparisons, element by element; two choices are equal when their labels are."""
+    if left.kind == right.kind == "choice" and left.choice == right.choice and isinstance(op, ast.Eq | ast.NotEq):
         left, right = (settled("int", v.shape, v.data, fixed=v.fixed) for v in (left, right))
     x, y = number(left), number(right)
     rough = x.rough or y.rough

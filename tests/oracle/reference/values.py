@@ -76,7 +76,10 @@ def number(value: Value) -> Value:
         raise Wrong(f"labels {value.choice.labels} are no numbers")
     picked = [value.choice.meaning[i] for i in value.data]
     return settled(
-        joint_kind(picked), value.shape + picked[0].shape, [x for v in picked for x in v.data], fixed=value.fixed
+        joint_kind(value.choice.meaning),
+        value.shape + picked[0].shape,
+        [x for v in picked for x in v.data],
+        fixed=value.fixed,
     )
 
 
