@@ -138,8 +138,7 @@ def train(env: Any, lanes: int, updates: int, length: int = 8, rate: float = 1.0
         return jnp.mean((returns - value) ** 2 - taken * jax.lax.stop_gradient(returns - value))
 
     def discounted(following: Any, step: Any) -> Any:
-        reward, done = step
-        total = reward + 0.5 * following * (1 - done)
+        total = step[0] + 0.5 * following * (1 - step[1])
         return total, total
 
     def update(carry: Any, _: Any) -> Any:

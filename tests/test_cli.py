@@ -4,45 +4,20 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from taskspec.cli import options
-from taskspec.cli.app import app
 from taskspec.cli.explain import CLASSES
 from taskspec.diagnostics import CODES
 from taskspec.registry import shipped, task_ids
+from tests.shared.commands import Done, spec
 
 ROOT = Path(__file__).parent.parent
 DERAIL, SPECS, ERRORS = ROOT / "tasks" / "derail", ROOT / "tests" / "specs", ROOT / "tests" / "errors"
 RISKY = (DERAIL / "risky_path.yaml").read_text(encoding="utf-8")
 BRANCHING = (DERAIL / "branching.yaml").read_text(encoding="utf-8")
 SHIFT = (DERAIL / "init_shift.yaml").read_text(encoding="utf-8")
-
-
-class Done:
-    """What a command did: its exit status, its standard output and its standard error."""
-
-    def __init__(self, *args: object, columns: int | None = None) -> None:
-        env = {"COLUMNS": str(columns) if columns else "", "NO_COLOR": None, "FORCE_COLOR": None}
-        result = CliRunner().invoke(app, [str(a) for a in args], env=env)
-        self.status, self.out, self.err = result.exit_code, result.stdout, result.stderr
-        assert "Traceback" not in self.out + self.err
-
-    @property
-    def data(self) -> Any:
-        return json.loads(self.out)
-
-
-def spec(folder: Path, text: str, name: str = "x.yaml") -> Path:
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 # -- list ---------------------------------------------------------------------------------------------------------
@@ -277,95 +252,3 @@ def test_new_passes_check_and_runs(tmp_path: Path) -> None:
     again = Done("new", "MyFirstTask", "-o", path)
     assert (again.status, path.read_text()) == (1, before)
     assert "exists already" in again.err
-
-
-# -- messages -----------------------------------------------------------------------------------------------------
-
-REFUSED = [
-    (["show", "Branchng"], 1, "did you mean 'derail/Branching'?"),
-    (["show", "nope.yaml"], 1, "E710"),
-    (["check", "nowhere/"], 1, "E710"),
-    (["show", str(DERAIL)], 1, "is a folder"),
-    (["show", "Branching", "-p", "L"], 1, "name=value"),
-    (["show", "Branching", "-p", "L=0"], 1, "E703"),
-    (["show", "Branching", "-p", "L=abc"], 1, "E703"),
-    (["show", "Branching", "-p", "Q=1"], 1, "E702"),
-    (["show", "Branching", "-p", "L=1", "-p", "L=2"], 1, "twice"),
-    (["show", str(DERAIL / "early_term.yaml")], 1, "only its variants are tasks"),
-    (["show", "Branching", "--variant", "sealz"], 1, "did you mean 'seals'?"),
-    (["new", "1st"], 1, "E205"),
-    (["explain", "E999"], 1, "no code 'E999'"),
-    (["run", "Branching", "--policy", "bogus"], 1, "no policy 'bogus'"),
-    (["run", "Branching", "--policy", "nope.json"], 1, "E710"),
-    (["check", "--format", "xml"], 2, "text, json, github"),
-    (["run", "Branching", "--json", "--render", "ansi"], 2, "do not go together"),
-    (["run", "Branching", "--seed", "-1"], 2, "--seed"),
-    (["frobnicate"], 2, "frobnicate"),
-    (["show"], 2, "TASK"),
-]
-
-
-@pytest.mark.parametrize(
-    ("args", "status", "words"), REFUSED, ids=lambda x: " ".join(x) if isinstance(x, list) else None
-)
-def test_every_misuse_gets_one_clear_message(args: list[str], status: int, words: str) -> None:
-    done = Done(*args)
-    assert done.status == status
-    assert words in done.err
-    assert done.out == ""
-
-
-def test_a_fault_of_our_own_is_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*_: Any) -> None:
-        raise RuntimeError("oh")
-
-    monkeypatch.setattr("taskspec.cli.targets.task_of", broken)
-    done = Done("show", "Branching")
-    assert done.status == 70
-    assert "internal error: RuntimeError: oh" in done.err
-
-
-def test_an_interrupt_has_its_own_status(monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("taskspec.cli.targets.task_of", interrupted)
-    assert Done("show", "Branching").status == 130
-
-
-def test_a_reader_that_goes_away_is_no_error() -> None:
-    command = f"{sys.executable} -m taskspec explain | head -1"
-    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False)
-    assert done.stderr == ""
-
-
-# -- completion, weight -------------------------------------------------------------------------------------------
-
-
-def context(**params: Any) -> Any:
-    return type("Context", (), {"params": params, "args": []})()
-
-
-def test_completion_offers_ids_parameters_and_variants() -> None:
-    assert [name for name, _ in options.complete_targets("derail/Br")] == [
-        "derail/Branching-v0",
-        "derail/BranchingSeals-v0",
-    ]
-    assert [name for name, _ in options.complete_targets(f"{DERAIL}/so")] == [f"{DERAIL}/sort.yaml"]
-    assert [name for name, _ in options.complete_parameters(context(task="Branching"), "")] == ["L=10", "B=2"]
-    assert [name for name, _ in options.complete_variants(context(task="Branching"), "se")] == ["seals"]
-    assert options.complete_parameters(context(task="Nothing"), "") == []
-    assert options.complete_variants(context(task="Nothing"), "") == []
-
-
-def test_completion_works_in_a_shell() -> None:
-    env = {"_TASKSPEC_COMPLETE": "complete_bash", "COMP_WORDS": "taskspec show Branching -p ", "COMP_CWORD": "4"}
-    command = [sys.executable, "-m", "taskspec"]
-    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
-    assert done.stdout.split() == ["L=10", "B=2"]
-
-
-def test_help_imports_nothing_heavy() -> None:
-    code = "import sys, taskspec.cli.app; print(sorted({'numpy', 'gymnasium', 'scipy', 'yaml'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

@@ -4,33 +4,19 @@ from __future__ import annotations
 
 import json
 import math
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 import taskspec
 from taskspec.cli import rollouts
-from taskspec.cli.app import app
+from tests.shared import commands
 
 ROOT = Path(__file__).parent.parent
 DERAIL, SPECS = ROOT / "tasks" / "derail", ROOT / "tests" / "specs"
 
-
-class Done:
-    """What a command did: its exit status, its standard output and its standard error."""
-
-    def __init__(self, *args: object) -> None:
-        env = {"COLUMNS": "100", "NO_COLOR": None, "FORCE_COLOR": None}
-        result = CliRunner().invoke(app, [str(a) for a in args], env=env)
-        self.status, self.out, self.err = result.exit_code, result.stdout, result.stderr
-        assert "Traceback" not in self.out + self.err
-
-    @property
-    def data(self) -> Any:
-        assert self.status == 0, self.err
-        return json.loads(self.out)
+Done = partial(commands.Done, columns=100)
 
 
 # -- run ----------------------------------------------------------------------------------------------------------

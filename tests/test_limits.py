@@ -26,17 +26,8 @@ from taskspec.progress import told_to
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.sections import text
 
-BASE = {
-    "taskspec": "1",
-    "name": "Walk",
-    "state": "{s: {type: int, low: 0, high: 9}}",
-    "action": "{a: {type: bool}}",
-    "horizon": "9",
-    "initial": "{s: 0}",
-    "dynamics": "{s': 'min(s + a, 9)'}",
-    "reward": "s' == 9",
-}
 VECTOR = {"state": "{s: {type: int, low: 0, high: 9}, v: {type: bool, shape: 12}}", "initial": "{s: 0, v: false}"}
 BOOLS = {
     "state": "{s: {type: bool, shape: 12}}",
@@ -44,10 +35,6 @@ BOOLS = {
     "dynamics": "{}",
     "reward": "s[0]",
 }
-
-
-def text(**sections: str) -> str:
-    return "".join(f"{key}: {value}\n" for key, value in (BASE | sections).items())
 
 
 def written(**sections: str) -> Task:

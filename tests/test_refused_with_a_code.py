@@ -9,17 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from taskspec.cli.app import app
+from tests.shared.sections import text
 
-BASE = {
-    "taskspec": "1",
-    "name": "Walk",
-    "state": "{s: {type: int, low: 0, high: 9}}",
-    "action": "{a: {type: bool}}",
-    "horizon": "9",
-    "initial": "{s: 0}",
-    "dynamics": "{s': 'min(s + a, 9)'}",
-    "reward": "s' == 9",
-}
 CHAIN = ", ".join(f"x{i}: {{base: x{i - 1}, horizon: {i + 1}}}" if i else "x0: {}" for i in range(400))
 # The code, or "" for what is right as it is, and the sections.
 CASES: dict[str, tuple[str, dict[str, str]]] = {
@@ -57,7 +48,7 @@ CASES: dict[str, tuple[str, dict[str, str]]] = {
 def test_each_gets_its_code(case: str, tmp_path: Path) -> None:
     code, sections = CASES[case]
     place = tmp_path / "walk.yaml"
-    place.write_text("".join(f"{key}: {value}\n" for key, value in (BASE | sections).items()), encoding="utf-8")
+    place.write_text(text(**sections), encoding="utf-8")
     start = time.process_time()
     for command in (["check", str(place)], ["run", str(place), "--episodes", "2"]):
         done = CliRunner().invoke(app, command)

@@ -1,4 +1,4 @@
-"""How the source is laid out: what imports what, what is called what, and how long files and functions are."""
+"""How the source and its tests are laid out: what imports what, what is called what, and how long files and functions are."""
 
 from __future__ import annotations
 
@@ -76,6 +76,8 @@ def circle(found: dict[str, Module], exempt: str | None = None) -> list[str]:
 
 
 SOURCE = modules(FOLDER, "taskspec")
+TESTS = modules(Path(__file__).parent, "tests")
+both = pytest.mark.parametrize("found", [SOURCE, TESTS], ids=["taskspec", "tests"])
 
 
 def test_no_file_imports_itself_by_way_of_others() -> None:
@@ -111,19 +113,22 @@ def test_a_class_name_means_one_thing() -> None:
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 
-def test_files_are_short() -> None:
-    lines = {name: len(module.text.splitlines()) for name, module in SOURCE.items()}
+@both
+def test_files_are_short(found: dict[str, Module]) -> None:
+    lines = {name: len(module.text.splitlines()) for name, module in found.items()}
     assert {name: n for name, n in lines.items() if n > LONGEST_FILE} == {}
 
 
-def test_functions_are_short() -> None:
+@both
+def test_functions_are_short(found: dict[str, Module]) -> None:
     long = {}
-    for module in SOURCE.values():
+    for module in found.values():
         for node in ast.walk(module.tree):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno is not None:
                 long[f"{module.name}:{node.name}"] = node.end_lineno - node.lineno + 1
     assert {name: n for name, n in long.items() if n > LONGEST_FUNCTION} == {}
 
 
-def test_every_file_says_what_is_in_it() -> None:
-    assert [name for name, module in SOURCE.items() if not ast.get_docstring(module.tree)] == []
+@both
+def test_every_file_says_what_is_in_it(found: dict[str, Module]) -> None:
+    assert [name for name, module in found.items() if module.text and not ast.get_docstring(module.tree)] == []

@@ -17,6 +17,7 @@ from typing import Any
 import coverage
 import pytest
 
+from tests.mutants.ordered import name_of
 from tests.mutants.rooms import ROOMS, ROOT
 
 
@@ -30,18 +31,22 @@ class ByTest:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[Any]:
-        self.watch.switch_context(item.nodeid)
+        name = name_of(item)
+        self.watch.switch_context(name)
         begun = time.perf_counter()
         try:
             return (yield)
         finally:
-            self.seconds[item.nodeid] = round(time.perf_counter() - begun, 4)
+            self.seconds[name] = round(time.perf_counter() - begun, 4)
             self.watch.switch_context("")
 
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(self, item: pytest.Item) -> Iterator[Any]:
         """What fails under tracing as it is, or is skipped, can tell nothing."""
+        report = yield
         if not report.passed:
-            self.failed.add(report.nodeid)
+            self.failed.add(name_of(item))
+        return report
 
 
 def lines(watch: coverage.Coverage, tests: list[str]) -> dict[str, dict[int, list[int]]]:

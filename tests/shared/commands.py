@@ -1,0 +1,31 @@
+"""A command of `taskspec`, run in this process, and what it said."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from typer.testing import CliRunner
+
+from taskspec.cli.app import app
+
+
+class Done:
+    """What a command did: its exit status, its standard output and its standard error."""
+
+    def __init__(self, *args: object, columns: int | None = None) -> None:
+        env = {"COLUMNS": str(columns) if columns else "", "NO_COLOR": None, "FORCE_COLOR": None}
+        result = CliRunner().invoke(app, [str(a) for a in args], env=env)
+        self.status, self.out, self.err = result.exit_code, result.stdout, result.stderr
+        assert "Traceback" not in self.out + self.err
+
+    @property
+    def data(self) -> Any:
+        return json.loads(self.out)
+
+
+def spec(folder: Path, text: str, name: str = "x.yaml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path

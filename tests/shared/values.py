@@ -1,0 +1,31 @@
+"""Backends, and values as constants of the core."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Node
+from taskspec.lang.types import Kind, Type
+
+BACKENDS = ("numpy", "numba", "jax")
+SLOWLY = ("numpy", *(pytest.param(backend, marks=pytest.mark.slow) for backend in ("numba", "jax")))
+
+
+def kind_of(value: Any) -> Kind:
+    values = value if isinstance(value, tuple) else (value,)
+    kinds = [Kind.BOOL if isinstance(v, bool) else Kind.INT if isinstance(v, int) else Kind.REAL for v in values]
+    return max(kinds)
+
+
+def type_of(value: Any) -> Type:
+    array = np.array(value, object)
+    return Type(kind_of(tuple(array.flat)), array.shape)
+
+
+def constant(b: Builder, value: Any) -> Node:
+    type_ = type_of(value)
+    return b.const(tuple(np.array(value, object).flat) if type_.shape else value, type_)

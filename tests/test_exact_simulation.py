@@ -1,0 +1,46 @@
+"""Returns of policies beside the means of episodes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from taskspec.exact import extract
+from taskspec.exact.planning import solve
+from taskspec.exact.scoring.returns import Results, simulate
+from taskspec.exact.simulation.rollout import at_random
+from tests.shared.tasks import model_of, shipped, spec
+
+EVERY = [
+    ("risky_path", None), ("early_term", "EarlyTermPos"), ("early_term", "EarlyTermNeg"), ("branching", None),
+    ("init_shift", "InitShiftExpert"), ("init_shift", "InitShiftLearner"), ("noisy_obs", None), ("sort", None),
+    ("proc_goal", None), ("proc_goal", "seals"), ("sort", "seals"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "variant"), EVERY)
+def test_random_returns_by_simulation(name: str, variant: str | None) -> None:
+    task = shipped(name, variant)
+    returns = simulate(task, at_random(task), episodes=4000, seed=7)
+    error = returns.std(ddof=1) / np.sqrt(len(returns))
+    assert abs(returns.mean() - solve.random_return(model_of(task))) <= 5 * error + 1e-9
+
+
+@pytest.mark.parametrize(("name", "variant"), EVERY)
+def test_experts_by_simulation(name: str, variant: str | None) -> None:
+    from taskspec.exact.simulation.rollout import by_expert
+
+    task = shipped(name, variant)
+    results = Results(task)
+    assert results.expert is not None
+    returns = simulate(task, by_expert(task), episodes=2000, seed=3)
+    error = returns.std(ddof=1) / np.sqrt(len(returns))
+    assert abs(returns.mean() - results.expert.value) <= 5 * error + 1e-9
+
+
+@pytest.mark.parametrize("name", ["umbrella", "frozen_lake", "queue", "contextual_bandit", "random_mdp", "taxi"])
+def test_other_specs_by_simulation(name: str) -> None:
+    task = spec(name)
+    returns = simulate(task, at_random(task), episodes=3000, seed=1)
+    error = returns.std(ddof=1) / np.sqrt(len(returns))
+    assert abs(returns.mean() - solve.random_return(extract(task))) <= 5 * error + 1e-9
