@@ -7,7 +7,7 @@ from typing import Any
 from tests.oracle.generator import conditions, draws, scalars
 from tests.oracle.generator.declarations import Component
 from tests.oracle.generator.tables import table
-from tests.oracle.generator.terms import Context, Term
+from tests.oracle.generator.terms import Context, Shape, Term
 
 
 def fitted(c: Context, to: Component, depth: int) -> Any:
@@ -77,7 +77,12 @@ def unbounded(c: Context, to: Component, depth: int) -> str:
     made = made if made.finite else scalars.integer(c, 0) if to.shape == () else Term("0", "int")
     if to.name in (n.text for n in c.names if n.shape == to.shape) and c.chance(0.6):
         return f"{to.name} + {made.at(6)}"
-    return made.text if made.shape == to.shape else f"[0 for i in range({to.shape[0]})]"
+    return made.text if made.shape == to.shape else zeros(to.shape)
+
+
+def zeros(shape: Shape) -> str:
+    """A vector or a matrix of zeros."""
+    return f"[{zeros(shape[1:])} for i in range({shape[0]})]" if shape else "0"
 
 
 def within(c: Context, to: Component, made: Term) -> str:

@@ -33,7 +33,7 @@ def integer(c: Context, depth: int) -> Term:
         if c.chance(0.3):
             inside = scalars.integer(c.without_draws(), 1)
             rate = infix(call("clip", [inside, number(0), number(5)], "int", size=5), "+", number(0.5), "real", size=6)
-        return drawn(call("Poisson", [rate], "int", size=1000), INFINITE)
+        return drawn(call("Poisson", [rate], "int", size=2**31), INFINITE)  # as far as 32 bits go
     if which == "Permutation":
         return drawn(Term(f"Permutation({c.rng.randint(2, 3)})[{c.rng.randint(0, 1)}]", "int", level=9, size=3), 6)
     if which == "tally":

@@ -132,7 +132,7 @@ def noise(d: Draft, name: str) -> None:
     kind = d.rng.choice(("bool", "int", "int", "real") if d.endless else ("bool", "bool", "int"))
     c = d.context(allowed, draws=True)
     made = {"bool": conditions.flag_draw, "int": scalars.int_draw, "real": scalars.real_draw}[kind](c, 1)
-    if made.size > 1e4 or not made.finite:
+    if made.size > 2**31 or not made.finite:
         made = call("clip", [made, Term("0", "int"), Term("3", "int", size=3)], made.kind, size=3)
     d.data["noise"][name] = made.text
     needs = (made.reads | {"noise"}) - {"draw"}
