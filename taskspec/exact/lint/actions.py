@@ -41,8 +41,8 @@ def expert(case: Case, collector: Collector) -> None:
 
 def _no_better(case: Case, found: Return, collector: Collector) -> None:
     """By simulation: an expert that is one returns more, on average, than random actions do."""
-    random = case.results.random or case.results.simulated(sampled_actions(case.task), 200)
-    if random.value >= found.value:
+    random = case.results.random or case.results.estimated(sampled_actions(case.task), 200)
+    if random is not None and random.value >= found.value:
         message = f"the expert returns {_shown(found)} on average, and random actions {_shown(random)}"
         notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]
         collector.add("W507", case.key("expert"), message, None, notes)

@@ -215,7 +215,7 @@ class Results:
         key = (which, episodes or self.episodes)
         if key not in self._samples:
             choose = self._chooser(which)
-            self._samples[key] = None if choose is None else self._estimated(choose, episodes)
+            self._samples[key] = None if choose is None else self.estimated(choose, episodes)
         return self._samples[key]
 
     def _chooser(self, which: str) -> Choose | None:
@@ -231,7 +231,7 @@ class Results:
             return Enclosure.exactly(low).hull(Enclosure.exactly(high))
         return mean_interval(sample.value, sample.error, sample.episodes, *return_range(self.task), confidence)
 
-    def _estimated(self, choose: Choose, episodes: int | None) -> Return | None:
+    def estimated(self, choose: Choose, episodes: int | None) -> Return | None:
         """A return from episodes; None where these do not end."""
         try:
             return self.simulated(choose, episodes)
