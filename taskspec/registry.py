@@ -121,7 +121,9 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
         return task
     from taskspec.task.build import build
 
-    values = {**({} if variant else task.values), **parameters}
+    names = {p.alias: p.name for p in task.parameters}
+    given = {names.get(name, name): value for name, value in parameters.items()}
+    values = {**({} if variant else task.values), **given}
     found = build(task.document, variant or task.variant, values, task.suite)
     found = found.absorbing() if task.ending == "absorb" else found
     return found.observing_time() if task.observe_time else found

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import copy
+
 import pytest
 import yaml
 
 import taskspec
 from taskspec.exact import scores
 from taskspec.registry import task_ids
+from taskspec.source import read
+from taskspec.task.build import build
 
 
 @pytest.mark.parametrize("task_id", [i for i in task_ids() if i.startswith("derail/")])
@@ -43,3 +47,38 @@ def test_scores_are_flat_rows() -> None:
         "id": "derail/Branching-v0", "L": 4, "B": 2, "return": "random", "value": 1 / 16, "error": 0.0, "status": "exact",
     }  # fmt: skip
     assert all(isinstance(value, str | int | float) for row in rows for value in row.values())
+
+
+ALIASED = """
+taskspec: 1
+name: Aliased
+parameters: {L: {type: int, default: 2, ALIAS}}
+state: {s: {type: int, low: 0, high: L}, x: {type: real, shape: [2, 1]}, b: {type: bool}}
+action: {a: {type: bool}}
+initial: {s: 0, x: [[0.5], [0.25]], b: false}
+dynamics: {s': "min(s + 1, L)", b': a}
+horizon: 3
+reward: s
+info: [new_state]
+"""
+
+
+@pytest.mark.parametrize(
+    ("alias", "code"), [("s", "E309"), ("L", "E309"), ("path", "E309"), ("pi", "E309"), ("1x", "E2")]
+)
+def test_an_alias_is_a_name_of_its_own(alias: str, code: str) -> None:
+    with pytest.raises(taskspec.SpecError, match=code):
+        build(read(ALIASED.replace("ALIAS", f"alias: {alias}")), None, {}, "")
+
+
+def test_infos_are_flat_and_say_what_is_asked_for() -> None:
+    task = build(read(ALIASED.replace("ALIAS", "alias: length")), None, {"length": 5}, "")
+    assert task.values == {"L": 5}
+    env = task.make()
+    env.reset(seed=0)
+    env.step(0)
+    info = env.step(1)[4]
+    assert list(info) == ["new_state"] and info["new_state"].dtype == "float32"
+    assert info["new_state"].tolist() == [2, 0.5, 0.25, 1]
+    copied = copy.deepcopy(env)
+    assert copied.step(0)[4]["new_state"].tolist() == env.step(0)[4]["new_state"].tolist() == [3, 0.5, 0.25, 0]

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import taskspec
+from taskspec.task.task import Task
 from tests.shared.seals import ALPHA, State, fits, homogeneous, original, put, stats
 
 
@@ -113,7 +114,8 @@ def test_every_transition_of_a_tabular_task(case: Case) -> None:
 def _step_in_table(case: Case, theirs: Any, ours: Any, state: int, action: int) -> int:
     """One step of ours, checked against what seals says of it; the state reached."""
     assert put(ours, case.state(state)) == state
-    reached, reward, terminated, truncated, _ = ours.step(action)
+    reached, reward, terminated, truncated, info = ours.step(action)
+    assert info == {"old_state": state, "new_state": reached}
     assert reward == theirs.reward(np.int64(state), np.int64(action), np.int64(reached))
     assert terminated == theirs.terminal(np.int64(reached), 1)
     assert not truncated
@@ -161,15 +163,82 @@ def _actions(space: gym.Space[Any]) -> list[Any]:
 def _compare_step(case: Case, theirs: Any, ours: Any, state: Any, action: Any) -> None:
     theirs.reset(seed=0)
     theirs.state = state
-    their_obs, their_reward, their_terminated, _, _ = theirs.step(action)
+    their_obs, their_reward, their_terminated, _, their_info = theirs.step(action)
     put(ours, case.state(state))
-    obs, reward, terminated, _, _ = ours.step(action)
+    obs, reward, terminated, _, info = ours.step(action)
+    _compare_infos(info, their_info)
     seen = 2 if case.seals == "NoisyObs" else len(their_obs)
     np.testing.assert_allclose(obs[:seen], their_obs[:seen], rtol=1e-6, atol=1e-6)
     assert reward == pytest.approx(float(their_reward), rel=1e-4, abs=1e-5)
     assert terminated == their_terminated
     for name, value in case.state(theirs.state).items():
         np.testing.assert_allclose(ours.state[name], value, rtol=1e-6, atol=1e-6)
+
+
+def _compare_infos(ours: dict[str, Any], theirs: dict[str, Any]) -> None:
+    assert ours.keys() == theirs.keys()
+    for name, value in theirs.items():
+        assert isinstance(ours[name], np.ndarray) and ours[name].dtype == np.asarray(value).dtype
+        np.testing.assert_allclose(ours[name], value, rtol=1e-6, atol=1e-6)
+
+
+@each
+def test_infos_tell_the_state_step_by_step(case: Case) -> None:
+    """The state left and the state reached, as `env.state` has them, after resets and after a state that was set."""
+    theirs, ours = original(case.seals), gym.make(f"derail/{case.ours}-v0")
+    theirs.reset(seed=0)
+    kind = type(theirs.step(_actions(ours.action_space)[0])[4]["new_state"])
+    ours.action_space.seed(0)
+    assert ours.reset(seed=1)[1] == {}
+    handed = []
+    for episode in range(3):
+        if episode == 2:
+            ours.reset(options={"state": dict(ours.state)})
+        over = False
+        while not over:
+            before = ours.state
+            *_, terminated, truncated, info = ours.step(ours.action_space.sample())
+            for name, state in (("old_state", before), ("new_state", ours.state)):
+                told = info[name]
+                assert isinstance(told, int if kind is np.int64 else kind)
+                np.testing.assert_allclose(np.ravel(told), _flat(ours.task, state), rtol=1e-6)
+                handed.append((told, np.copy(told)))
+            over = terminated or truncated
+        ours.reset()
+    assert all(np.array_equal(told, then) for told, then in handed)
+
+
+def _flat(task: Task, state: State) -> Any:
+    numbers = [state[c.name] if c.domain is None else c.domain.index(state[c.name]) for c in task.state]
+    return np.concatenate([np.ravel(np.asarray(value, np.float64)) for value in numbers])
+
+
+PUBLISHED: list[tuple[str, dict[str, Any]]] = [
+    ("Branching", {"branch_factor": 3, "length": 4}),
+    ("NoisyObs", {"size": 4, "noise_length": 3}),
+    ("Parabola", {"x_step": 0.5, "bounds": 2.0}),
+    ("ProcGoal", {"bounds": 20, "distance": 3}),
+    ("LargestSum", {"length": 12}),
+    ("Sort", {"length": 3}),
+]
+
+
+@pytest.mark.parametrize(("name", "options"), PUBLISHED)
+def test_published_keywords_are_taken(name: str, options: dict[str, Any]) -> None:
+    theirs = original(name, **options).unwrapped
+    ours = gym.make(f"derail/{name}Seals-v0", **options)
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    if name == "ProcGoal":  # no space tells it
+        ours.reset(seed=0)
+        assert {int(np.abs(ours.state["g"] - ours.state["p"]).sum()) for _ in range(9) if ours.reset()} == {3}
+    again = taskspec.load(taskspec.load(f"derail/{name}Seals"), **options)
+    assert again == ours.task
+    first, *_ = options
+    own = next(p.name for p in ours.task.parameters if first in (p.name, p.alias))
+    if own != first:
+        with pytest.raises(taskspec.SpecError, match=r"E702.*are one parameter"):
+            taskspec.load(f"derail/{name}Seals", **options, **{own: 1})
 
 
 # What is compared of a start: a few discrete outcomes that together pin the distribution down.

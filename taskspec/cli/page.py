@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -102,8 +102,15 @@ def _parameters(parameters: Sequence[Parameter]) -> RenderableType | None:
     table = _grid()
     for p in parameters:
         value = VisibleText(show_value(p.value), style="bold green" if p.value != p.default else "green")
-        table.add_row(p.name, value, domain_words(p), visible(p.doc or ""))
+        table.add_row(p.name, value, domain_words(p), "; ".join(_notes(p)))
     return table
+
+
+def _notes(p: Parameter) -> Iterator[str]:
+    if p.doc:
+        yield visible(p.doc)
+    if p.alias:
+        yield f"also called {p.alias}"
 
 
 def _components(components: Sequence[Component]) -> RenderableType:

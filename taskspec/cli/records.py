@@ -43,7 +43,7 @@ def record(task: Task) -> dict[str, Any]:
 
 
 def parameter(p: Parameter) -> dict[str, Any]:
-    named = ("name", "kind", "value", "default", "low", "high", "values", "symbol", "doc")
+    named = ("name", "kind", "value", "default", "low", "high", "values", "symbol", "doc", "alias")
     return {name: getattr(p, name) for name in named if getattr(p, name) is not None}
 
 

@@ -36,7 +36,7 @@ OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observ
 
 SEMANTIC = (
     "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount", "initial",
-    "dynamics", "reward", "absorbing_reward", "expert", "abstraction",
+    "dynamics", "reward", "absorbing_reward", "expert", "abstraction", "info",
 )  # fmt: skip
 """Sections that decide what a task does; the content hash covers these and the parameter values."""
 
@@ -179,10 +179,7 @@ class _Build:
         context = self.context
         entries = self.data.get("parameters") or {}
         names = [name for name in entries if name != "require"]
-        for name in given.keys() - set(names):
-            known = f"its parameters are {', '.join(names)}" if names else "it has no parameters"
-            message = f"{self.merged.name} has no parameter '{name}'"
-            self.collector.add("E702", None, message, suggest(name, names) or known)
+        given = self._by_own_names(given, {entries[name].get("alias") or name: name for name in names})
         scope = context.constant_scope("parameters are fixed numbers")
         for name in names:
             self._check_option(name)
@@ -195,11 +192,28 @@ class _Build:
             self._require(("parameters", "require", i), scope)
         self.collector.raise_if_errors()
 
+    def _by_own_names(self, given: dict[str, Any], aliases: dict[str, str]) -> dict[str, Any]:
+        """Values by the names that the spec itself uses; those of no parameter, and those given twice, are reported."""
+        names, found = list(aliases.values()), dict[str, Any]()
+        for key, value in given.items():
+            name = aliases.get(key, key)
+            if name not in names:
+                known = f"its parameters are {', '.join(names)}" if names else "it has no parameters"
+                message = f"{self.merged.name} has no parameter '{key}'"
+                self.collector.add("E702", None, message, suggest(key, [*names, *aliases]) or known)
+            elif name in found:
+                self.collector.add("E702", None, f"'{name}' and '{key}' are one parameter; give it once")
+            found[name] = value
+        return found
+
     def _check_option(self, name: str) -> None:
-        if name in OPTIONS:
-            span = self.merged.key_span(("parameters", name))
-            message = f"'{name}' is an option of `gym.make` and of `taskspec.load`; a parameter cannot have its name"
-            self.collector.add("E309", span, message)
+        for path, each in (((name,), name), ((name, "alias"), self.data["parameters"][name].get("alias"))):
+            if each in OPTIONS:
+                span = self.merged.key_span(("parameters", *path))
+                message = (
+                    f"'{each}' is an option of `gym.make` and of `taskspec.load`; a parameter cannot have its name"
+                )
+                self.collector.add("E309", span, message)
         if name == INSTANCE_SEED and self.data["parameters"][name]["type"] != "int":
             span = self.merged.span(("parameters", name, "type"))
             self.collector.add(

@@ -61,7 +61,7 @@ class Declarations:
         value = self._given(name, given[name], kind, labels) if name in given else default
         if value is None or not self._within(name, value, low, high, labels, name in given):
             return None
-        shown = {k: entry.get(k) for k in ("symbol", "doc")}
+        shown = {k: entry.get(k) for k in ("symbol", "doc", "alias")}
         parameter = Parameter(name, kind, value, default, low, high, labels, **shown)
         if kind == "choice":
             assert labels is not None

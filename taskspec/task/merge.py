@@ -20,9 +20,9 @@ NAMED = (
 FIELDED = ("parameters", "state", "action")
 """Sections whose entries have fields, which a variant overrides field by field."""
 
-_OF_ANY_TYPE = ("default", "shape", "symbol", "doc")
+_OF_ANY_TYPE = ("default", "shape", "symbol", "doc", "alias")
 _DROPPED = ("variants", "base")
-_NOT_ABSTRACT = ("abstraction", "observation", "claims", "examples", "accept", "figure")
+_NOT_ABSTRACT = ("abstraction", "observation", "claims", "examples", "accept", "figure", "info")
 
 
 @dataclass(frozen=True)

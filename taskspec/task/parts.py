@@ -114,7 +114,7 @@ class Example:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter: its bound value, and how it was declared."""
+    """A parameter: its bound value, and how it was declared. Callers may give it under its `alias` as well."""
 
     name: str
     kind: str
@@ -125,6 +125,7 @@ class Parameter:
     values: tuple[Any, ...] | None = None
     symbol: str | None = None
     doc: str | None = None
+    alias: str | None = None
 
 
 @dataclass(frozen=True)

@@ -42,3 +42,6 @@ def _declared(merged: Merged) -> Iterator[tuple[Path, str, str]]:
         for written in merged.data.get(section) or {}:
             if (section, written) != ("parameters", "require"):
                 yield (section, written), signature(written)[0], what
+    for name, entry in (merged.data.get("parameters") or {}).items():
+        if name != "require" and entry.get("alias"):
+            yield ("parameters", name, "alias"), entry["alias"], "alias of a parameter"

@@ -17,11 +17,11 @@ ALPHA = 1e-5
 State = dict[str, Any]
 
 
-def original(name: str) -> Any:
+def original(name: str, **options: Any) -> Any:
     """The registered environment with its time limit; some warn of their own float64 bounds."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", ".*precision lowered by casting")
-        return gym.make(f"seals/{name}-v0", disable_env_checker=True)
+        return gym.make(f"seals/{name}-v0", disable_env_checker=True, **options)
 
 
 def put(env: Any, state: State) -> Any:

@@ -13,6 +13,7 @@ from taskspec.backends.emit.source import without_unused
 from taskspec.backends.lowering.invariant import Invariants, frozen_components
 from taskspec.backends.lowering.phase import Phase
 from taskspec.backends.scalar.emit_action import names_of, read_action
+from taskspec.backends.scalar.emit_info import flat_state, info, told_state
 from taskspec.backends.scalar.emit_observation import observe
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type
@@ -73,7 +74,8 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
 
 def _kept(parts: Parts) -> list[str]:
     """Variables that hold what stays the same for an episode."""
-    return [*parts.invariants.names, *(["kept"] if parts.invariants.observation else [])]
+    told = ["new_state"] if parts.task.spec.info else []
+    return [*parts.invariants.names, *(["kept"] if parts.invariants.observation else []), *told]
 
 
 def _indent(lines: Sequence[str]) -> list[str]:
@@ -130,6 +132,7 @@ def _reset(parts: Parts, states: Sequence[str], others: Sequence[str], constants
     if parts.invariants.observation:  # what is handed out may be written into, so it is always a copy
         body += [f"kept = {observation}"]
         observation = "kept.copy()"
+    body += told_state(task, parts.observation, states, observation)
     body += ["past += t", "t = 0", "episodes += 1", "alive = True", f"return {observation}, {{}}"]
     targets = [*states, *_kept(parts), "t", "past", "episodes", "alive"]
     return ["def reset():", *_indent([f"nonlocal {', '.join(targets)}", *body])]
@@ -170,8 +173,10 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
     if changed:
         body.append(f"{', '.join(name for name, _ in kept)} = {', '.join(source for _, source in kept)}")
-    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {{}}"]
-    nonlocals = [*(states[i] for i in changed), "t", "alive"]
+    told = told_state(task, parts.observation, states, observation)
+    body += [*(["old_state = new_state"] if "old_state" in task.spec.info else []), *told]
+    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task)}"]
+    nonlocals = [*(states[i] for i in changed), *(["new_state"] if told else []), "t", "alive"]
     running = ["if not alive:", "    raise not_running()"]
     return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
 
@@ -245,7 +250,8 @@ def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> lis
     everything = ", ".join(states) + "," * (len(states) == 1)
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
-    body += [*restored, f"{clock} = clock"]
+    told = [f"new_state = {flat_state(parts.task, states)}"] if parts.task.spec.info else []
+    body += [*restored, *told, f"{clock} = clock"]
     return [
         "def get():",
         f"    return ({everything}), ({clock})",

@@ -19,6 +19,7 @@ from taskspec import draws
 from taskspec.backends.lowering.invariant import Invariants, changing, cold_components
 from taskspec.backends.lowering.phase import Phase
 from taskspec.backends.scalar import scalars
+from taskspec.backends.scalar.emit_info import sees_state
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
@@ -103,6 +104,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
     roots = invariants.replaced(task, (*task.next, task.reward, task.terminal))
     seen = () if invariants.observation else invariants.replaced(task, task.next_observation)
     cold = cold_components(task, (*changing(task, roots), *seen))
+    cold = frozenset() if task.spec.info and not sees_state(task, observation) else cold
     initial = [task.builder.scalar(0) if c.name in cold else n for c, n in zip(task.state, task.initial, strict=True)]
     reset = Phase.of(task, (*initial, *invariants.at_reset), task.first_observation, observation, task.reset_words)
     step = Phase.of(task, roots, seen, observation, task.step_words)

@@ -213,6 +213,10 @@ class Sections(Strict):
         None,
         description="Action of the expert, per component; or `optimal`; or `soft(beta)`.",
     )
+    info: list[Literal["old_state", "new_state"]] = Field(
+        default_factory=list,
+        description="What the info of a step holds, of `old_state`, the state left, and `new_state`, the state reached.",
+    )
     roles: Roles | None = Field(None, description="Which variants expert and learner act in.")
     claims: list[Annotated[ClaimEntry, Shorthand("claim")]] = Field(
         default_factory=list, description="Statements about exact results that must hold."

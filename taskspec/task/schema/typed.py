@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from taskspec.task.schema import problems
-from taskspec.task.schema.fields import Bound, Labels, Setting, Shape, fail
+from taskspec.task.schema.fields import Bound, Labels, Name, Setting, Shape, fail
 from taskspec.task.schema.problems import Problem
 
 Kind = Literal["int", "real", "bool", "choice"]
@@ -71,6 +71,7 @@ class ParameterEntry(Typed):
 
     type: Kind = Field(description="What kind of value: int, real, bool, or choice (a label).")
     default: Setting = Field(description="The value when none is given.")
+    alias: Name | None = Field(None, description="Another name under which callers may give it.")
 
     @model_validator(mode="after")
     def _check(self) -> ParameterEntry:
