@@ -95,7 +95,7 @@ COSTLY = {
     },
     "table": {"reward": f"\n  by: s\n  rows:\n{TABLE}"},
     "tables": {"reward": f" {'{by: s, rows: {0: ' * 300}1{', else: 0}}' * 300}"},
-    "aliases": {"constants": " &a [1, 1]\nname: [*a, *a]"},
+    "aliases": {"constants": " {a: &a [1, 1], b: [*a, *a]}"},
 }  # fmt: skip
 
 

@@ -18,7 +18,7 @@ from taskspec.printers import latex, mathematics, mathml, plain, read_tex
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import condition
 from taskspec.printers.latex import escape
-from taskspec.printers.names import nowhere
+from taskspec.printers.names import expression, nowhere
 from taskspec.printers.notation import Notation
 from taskspec.printers.substitute import substitute
 from taskspec.printers.symbols import symbol
@@ -56,10 +56,13 @@ def written(source: str) -> str:
         ("sum(s)", r"\sum_{i = 0}^{2L - 1} s_i"),
         ("argmax(p)", r"\arg\max_i\,p_i"),
         ("count(v == sort(v))", r"\text{\#}\{i : \,v_i = {\mathrm{sort}(v)}_i\}"),
+        ("argmax(s[0])", r"\arg\max_i\,s_{0, i}"),
         ("norm1(x - y)", r"\lVert x - y \rVert_1"),
+        ("x * sin(y)", r"x\,\sin (y)"),
         ("abs(x)", r"\lvert x \rvert"),
         ("exp(-x)", "e^{- x}"),
         ("mean[c, a]", r"\mathrm{mean}_{c, a}"),
+        ("where(x > y, x, y)", r"\begin{cases} x & \text{if }x > y \\ y & \text{otherwise} \end{cases}"),
         ("x if x > y else y", r"\begin{cases} x & \text{if }x > y \\ y & \text{otherwise} \end{cases}"),
         ("Uniform({p for p in box(-B, B, 2) if norm1(p) <= B})",
          r"\mathrm{Unif}\{p \in \{- B, \ldots , B\}^2 : \,\lVert p \rVert_1 \leq B\}"),
@@ -189,6 +192,11 @@ def test_rows_of_a_table_keep_their_order_where_it_matters() -> None:
     )
 
 
+def test_rows_that_else_is_there_for_are_left_out() -> None:
+    expected = r"\begin{cases} 0 & \text{if }x = 2 \\ 5 & \text{otherwise} \end{cases}"
+    assert latex(mathematics(tabulated({"1": "5", "2": "0", "else": "5"}), N)) == expected
+
+
 def test_a_condition_is_an_indicator_only_as_a_number() -> None:
     expr = parse(nowhere("x == y"))
     assert latex(condition(expr, N)) == "x = y"
@@ -233,7 +241,9 @@ def test_symbols_of_names(name: str, expected: str) -> None:
     ("source", "tex", "text"),
     [(r"\dot\theta", r"\dot{\theta}", "θ̇"), (r"\hat{x}_t", r"\hat{x}_t", "x̂ₜ"), (r"\overline x'", r"\bar{x}'", "x̄′"),
      (r"\frac12", r"\frac{1}{2}", "1/2"), (r"\frac1{23}", r"\frac{1}{23}", "1/23"), (r"\frac{12}x", r"\frac{12}{x}", "12/x"),
-     (r"\uparrow", r"\uparrow", " ↑ "), ("↔", r"\leftrightarrow", " ↔ ")],
+     (r"\uparrow", r"\uparrow", " ↑ "), ("↔", r"\leftrightarrow", " ↔ "),
+     (r"\sum_i^{2n} x_i", r"\sum_{i}^{2n} x_i", "∑_(i)^(2n) xᵢ"),
+     (r"\prod^n x", r"\prod^{n} x", "∏^(n) x")],
 )  # fmt: skip
 def test_symbols_that_authors_give(source: str, tex: str, text: str) -> None:
     found = read_tex(source)
@@ -248,6 +258,26 @@ def test_arrows_are_text_as_well() -> None:
 def test_parameters_become_values() -> None:
     found = substitute(parse(nowhere("(a + 1) * (s % B == 0) + L * B - B**2")), {"L": 5, "B": 3})
     assert text(found) == "(a + 1) * (s % 3 == 0) + 15 - 9"
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [("one * x", "x"), ("x * one", "x"), ("x + zero", "x"), ("zero + x", "x"), ("x - zero", "x"), ("zero - x", "0 - x"),
+     ("zero * x", "0 * x"), ("x * half", "x * 0.5"), ("x + less", "x + -2"), ("max(zero, x)", "max(0, x)"),
+     ("7 // zero", "0"), ("6 / (one + one)", "3"), ("7 / (one + one)", "7 / 2"), ("one / zero", "1 / 0")],
+)  # fmt: skip
+def test_what_a_value_does_to_arithmetic(source: str, expected: str) -> None:
+    assert text(substitute(parse(nowhere(source)), {"zero": 0, "one": 1, "half": 0.5, "less": -2})) == expected
+
+
+def test_a_vector_in_a_declaration_is_an_expression() -> None:
+    assert text(expression([1, "L + 1", [0.5, True]])) == "(1, L + 1, (0.5, True))"
+
+
+def test_delimiters_of_a_matrix_in_mathml() -> None:
+    found = ElementTree.fromstring(mathml(mathematics(parse(nowhere("[[1, 2], [x, y]]")), N)))
+    assert [(mo.text, mo.get("form")) for mo in found.iter("mo")] == [("(", "prefix"), (")", "postfix")]
+    assert [[cell[0].text for cell in line] for line in found.iter("mtr")] == [["1", "2"], ["x", "y"]]
 
 
 # -- hostile input ----------------------------------------------------------------------------------------------------
