@@ -34,11 +34,13 @@ class Tally:
     """Steps, rows, numbers by stage."""
     found: list[dict[str, Any]] = field(default_factory=list)
     peak: int = 0
+    heaviest: int | None = None
+    """The spec after which memory was at its peak."""
     slowest: float = 0.0
 
     def add(self, record: dict[str, Any]) -> None:
-        if "peak" in record:
-            self.peak = max(self.peak, record["peak"])
+        if record.get("peak", 0) > self.peak:
+            self.peak, self.heaviest = record["peak"], record.get("spec")
         if "spec" not in record:
             return
         self.specs += 1
@@ -99,9 +101,10 @@ def endings(tally: Tally) -> str:
     """How many differences, crashes and hangs there were, and what the run took."""
     kinds = Counter(f["what"].split()[0] for f in tally.found)
     crashes, hangs = kinds["crash"] + kinds["died"], kinds["hang"]
+    where = "" if tally.heaviest is None else f" (spec {tally.heaviest})"
     return (
         f"{len(tally.found) - crashes - hangs} differences, {crashes} crashes, {hangs} hangs, "
-        f"slowest {tally.slowest:.1f} s, peak memory {tally.peak / 2**20:.0f} MB"
+        f"slowest {tally.slowest:.1f} s, peak memory {tally.peak / 2**20:.0f} MB{where}"
     )
 
 

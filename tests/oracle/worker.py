@@ -8,6 +8,7 @@ import random
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -64,6 +65,7 @@ def examined(number: int, backends: list[str]) -> Outcome:
 
 def main(first: int, last: int, backends: list[str]) -> None:
     """Examine specs first, ..., last - 1. Before each a line with its number, so that a crash has a name."""
+    warnings.simplefilter("error")
     gc.freeze()
     gc.set_threshold(20_000, 20, 10)  # a spec leaves much behind, and little of it in circles
     for number in range(first, last):
@@ -72,8 +74,8 @@ def main(first: int, last: int, backends: list[str]) -> None:
         outcome = examined(number, backends)
         found = [{"stage": f.stage, "what": f.what, "detail": f.detail} for f in outcome.findings]
         seconds = time.process_time() - begun
-        say({"spec": number, "made": outcome.made, "found": found, "seconds": round(seconds, 4)})
-    say({"peak": peak_memory()})
+        record = {"spec": number, "made": outcome.made, "found": found, "seconds": round(seconds, 4)}
+        say(record | {"peak": peak_memory()})
 
 
 def peak_memory() -> int:

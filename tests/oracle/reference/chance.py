@@ -138,7 +138,11 @@ class Seeded:
 
 
 class Endless(Wrong):
-    """A draw with infinitely many outcomes, where outcomes are listed."""
+    """A draw with infinitely many outcomes, or more than anybody lists, where outcomes are listed."""
+
+
+MANY = 7
+"""Things whose orders are listed, at the most."""
 
 
 @dataclass
@@ -168,6 +172,8 @@ class Script:
         return [bool(self.pick([1 - Fraction(p), Fraction(p)])) for p in shares]
 
     def permutation(self, key: Key, n: int, count: int) -> list[int]:
+        if n > MANY:
+            raise Endless("too many outcomes")
         orders = list(itertools.permutations(range(n)))
         return [i for _ in range(count) for i in orders[self.pick([Fraction(1, len(orders))] * len(orders))]]
 
