@@ -23,6 +23,12 @@ from tests.oracle.reference.moment import Moment
 class Claim:
     text: str
     holds: bool
+    tolerance: float | None = None
+
+    @property
+    def entry(self) -> Any:
+        """As the spec lists it."""
+        return self.text if self.tolerance is None else {"claim": self.text, "tolerance": self.tolerance}
 
 
 def claims(case: Case, model: Model, rng: random.Random) -> list[Claim]:
@@ -43,9 +49,12 @@ DELTAS = (Fraction(1, 7), Fraction(1), Fraction(1, 1000), Fraction(1, 10**6))
 
 
 def about_number(name: str, value: Fraction, rng: random.Random) -> Claim:
-    """A comparison with a number: the right one, or one that is a little off."""
+    """A comparison with a number: the right one, or one that is a little off.
+
+    To be equal to 0, a number that is not worked out in fractions needs a tolerance: it has no size that would give one.
+    """
     if rng.random() < 0.5:
-        return Claim(f"{name} == {written(value)}", True)
+        return Claim(f"{name} == {written(value)}", True, None if value else 1e-9)
     delta = rng.choice(DELTAS) * max(1, abs(value).__ceil__()) * rng.choice((1, -1))
     op = rng.choice(("==", "!=", "<", ">", "<=", ">="))
     holds = {"==": False, "!=": True, "<": delta > 0, "<=": delta > 0, ">": delta < 0, ">=": delta < 0}[op]
@@ -114,7 +123,7 @@ def compare(case: Case, model: Model) -> int:
     """
     own = [Claim(text, True) for text in case.spec.get("claims", ())]
     made = own or claims(case, model, case.rng("claims"))
-    claimed = Case(case.spec | {"claims": [c.text for c in made]}, case.variant, case.seed, case.given)
+    claimed = Case(case.spec | {"claims": [c.entry for c in made]}, case.variant, case.seed, case.given)
     task = claimed.task
     for claim, verdict in zip(made, verdicts(task), strict=True):
         if verdict.status not in (("proved",) if claim.holds else ("false",)):
