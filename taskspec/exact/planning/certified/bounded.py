@@ -185,11 +185,11 @@ class Bounded:
     def follow(self, policy: Policy, q: Bound) -> Bound:
         """The value of acting by a policy."""
         p = policy.table
-        value, size = (p * q.value).sum(axis=0), (p * np.abs(q.value)).sum(axis=0)
+        value, size = _weighed(p, q.value), _weighed(p, np.abs(q.value))
         rounding = np.where(p.max(axis=0) == 1, 0.0, (len(p) + 4) * UNIT)
-        error = (p * q.error).sum(axis=0) * (1 + (len(p) + 4) * 4 * UNIT) + rounding * size
+        error = _weighed(p, q.error) * (1 + (len(p) + 4) * 4 * UNIT) + rounding * size
         if policy.error is not None:
-            error += (policy.error * (np.abs(q.value) + q.error)).sum(axis=0) * (1 + 1e-12)
+            error += _weighed(policy.error, np.abs(q.value) + q.error) * (1 + 1e-12)
         if policy.open is not None:
             value, error = _whichever(policy.open, q, value, error)
         return Bound(value, error)
@@ -266,6 +266,15 @@ class Bounded:
 
     def table(self, policy: Policy) -> Array:
         return policy.table
+
+
+def _weighed(shares: Array, x: Array) -> Array:
+    """Sums over actions (S,) of shares (A, S) of values; of an action that is not taken, infinities count for nothing."""
+    with np.errstate(invalid="ignore"):
+        parts = shares * x
+    if np.isnan(parts).any():
+        parts[shares == 0] = 0.0
+    return np.asarray(parts.sum(axis=0))
 
 
 def _ones(step: Step) -> bool:
