@@ -13,6 +13,7 @@ from taskspec.diagnostics import Diagnostic, Origin, Span, SpecError
 from tests.fuzz import __main__ as fuzz
 from tests.fuzz import corpus, found, layers, worker
 from tests.fuzz.mutate import mutant
+from tests.shared import processes
 
 ROOT = Path(__file__).parent.parent
 INPUTS = 600
@@ -146,7 +147,7 @@ def test_a_crash_is_a_fault_and_the_run_goes_on(monkeypatch: pytest.MonkeyPatch)
     def popen(command: list[str], **options: object) -> object:
         return real([command[0], "-c", CRASHING, *command[-2:]], **options)  # type: ignore[call-overload]
 
-    monkeypatch.setattr(fuzz.subprocess, "Popen", popen)
+    monkeypatch.setattr(processes.subprocess, "Popen", popen)
     tally = fuzz.run(6, seed=0, jobs=1, twice=0)
     assert tally.inputs == 6
     assert dict(tally.kinds) == {"any: died of 11 at ": 1}

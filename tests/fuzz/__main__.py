@@ -10,26 +10,17 @@ and must be answered in the same words.
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import platform
-import selectors
-import subprocess
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from importlib.metadata import version
 from typing import Any
 
-from taskspec import __version__
+from tests.shared.processes import machine, records
 
 CHUNK = 2_000
-STUCK = 120
-"""Seconds without a word after which a process is ended: something that the alarm cannot interrupt."""
 
 
 @dataclass
@@ -63,38 +54,15 @@ class Tally:
         self.examples.setdefault(signature, (number, detail))
 
 
-def records(first: int, last: int, hash_seed: int = 0) -> Iterator[dict[str, Any]]:
-    """What a process says of its inputs; where one ends it, another goes on with the next."""
-    while first < last:
-        environment = {**os.environ, "PYTHONHASHSEED": str(hash_seed), "OPENBLAS_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "tests.fuzz.worker", str(first), str(last)]
-        begun, done = first, False
-        with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment) as process:
-            for record in _heard(process):
-                begun = record.get("begun", begun)
-                done |= "peak" in record
-                yield record
-        if done:
-            return
-        code = process.returncode
-        kind = "hang" if code == -9 else f"died of {-code}" if code < 0 else f"ended with {code}"
-        faults = [{"signature": f"any: {kind} at ", "detail": f"the process ended with {code}"}]
-        yield {"input": begun, "layers": [], "seconds": 0, "digest": "", "faults": faults}
-        first = begun + 1
-
-
-def _heard(process: subprocess.Popen[bytes]) -> Iterator[dict[str, Any]]:
-    """The lines of a process, which is ended when it falls silent."""
-    assert process.stdout is not None
-    ready, rest = selectors.DefaultSelector(), b""
-    ready.register(process.stdout, selectors.EVENT_READ)
-    while ready.select(STUCK):
-        chunk = os.read(process.stdout.fileno(), 1 << 16)
-        if not chunk:
-            return
-        *lines, rest = (rest + chunk).split(b"\n")
-        yield from map(json.loads, lines)
-    process.kill()
+def of_inputs(first: int, last: int, hash_seed: int = 0) -> Iterator[dict[str, Any]]:
+    """What a process says of its inputs; one that dies, or is ended, is a fault."""
+    for record in records("tests.fuzz.worker", first, last, PYTHONHASHSEED=str(hash_seed)):
+        yield record
+        if "died" in record:
+            code = record["died"]
+            kind = "hang" if code == -9 else f"died of {-code}" if code < 0 else f"ended with {code}"
+            faults = [{"signature": f"any: {kind} at ", "detail": f"the process ended with {code}"}]
+            yield {"input": record["begun"], "layers": [], "seconds": 0, "digest": "", "faults": faults}
 
 
 def run(inputs: int, seed: int, jobs: int, twice: int, until: float = float("inf")) -> Tally:
@@ -107,7 +75,7 @@ def run(inputs: int, seed: int, jobs: int, twice: int, until: float = float("inf
             return [], []
         last = min(start + CHUNK, seed + inputs)
         again = start + (last - start) // twice if twice else start
-        return list(records(start, last)), list(records(start, again, hash_seed=1))
+        return list(of_inputs(start, last)), list(of_inputs(start, again, hash_seed=1))
 
     with ThreadPoolExecutor(jobs) as pool:
         for once, again in pool.map(chunk, starts):
@@ -132,12 +100,10 @@ def summary(tally: Tally, seconds: float, jobs: int) -> str:
     kinds = Counter(signature.split()[1] for signature in tally.kinds.elements())
     crashes, hangs, differences = kinds["died"] + kinds["ended"], kinds["hang"], kinds["another"] + kinds["message"]
     raised = sum(kinds.values()) - crashes - hangs - differences
-    machine = f"{platform.system()} {platform.machine()}, {jobs} processes, Python {platform.python_version()}"
-    libraries = f"taskspec {__version__}, numpy {version('numpy')}, PyYAML {version('PyYAML')}"
     return (
         f"{tally.inputs:,} inputs ({tally.twice:,} of them twice), {differences} differences, {raised} exceptions, "
         f"{crashes} crashes, {hangs} hangs, slowest {tally.slowest[0]:.1f} s, peak memory {tally.peak / 2**20:.0f} MB; "
-        f"{datetime.now(UTC).date()}, {seconds:.0f} s on {machine}, {libraries}"
+        f"{machine(seconds, jobs, 'numpy', 'PyYAML')}"
     )
 
 

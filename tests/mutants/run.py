@@ -78,8 +78,10 @@ class Copy:
             try:
                 said, _ = process.communicate(timeout=PATIENCE + 3 * sum(test.seconds for test in tests))
             except subprocess.TimeoutExpired:
-                os.killpg(process.pid, signal.SIGKILL)
                 return "timeout", ""
+            finally:
+                if process.poll() is None:
+                    os.killpg(process.pid, signal.SIGKILL)
         if process.returncode in NOT_RUN:
             raise RuntimeError(said)
         return ("killed", _failed(said, names)) if process.returncode else ("survived", "")

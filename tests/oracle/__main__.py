@@ -7,7 +7,8 @@ import sys
 import time
 from pathlib import Path
 
-from tests.oracle.run import Tally, endings, faults, machine, run
+from tests.oracle.run import Tally, endings, faults, run
+from tests.shared.processes import machine
 
 
 def summary(tally: Tally, seconds: float, jobs: int) -> str:

@@ -1,26 +1,16 @@
-"""Processes that examine a range of numbers each and say a line of JSON on each number; what all of them came to."""
+"""Random specs on several processes, and what all of them came to."""
 
 from __future__ import annotations
 
-import json
-import os
-import platform
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from importlib.metadata import version
 from typing import Any
 
-from taskspec import __version__
+from tests.shared.processes import records
 
 CHUNK = 1000
-
-ALONE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-"""A worker computes in one thread: others that wait would be counted as its time."""
 
 
 @dataclass
@@ -50,32 +40,21 @@ class Tally:
         self.found += [{"spec": record["spec"], **f} for f in record["found"]]
 
 
-def records(worker: str, first: int, last: int, more: str) -> Iterator[dict[str, Any]]:
-    """What a process says of its specs; where one kills it, another goes on with the next.
-
-    `worker` is the module that it runs, with the numbers of the first spec and of the last, and `more`.
-    """
-    while first < last:
-        command = [sys.executable, "-m", worker, str(first), str(last), more]
-        begun = last
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=os.environ | ALONE) as process:
-            assert process.stdout is not None
-            for line in process.stdout:
-                record = json.loads(line)
-                begun = record.get("begun", begun)
-                yield record
-        if process.returncode == 0:
-            return
-        detail = f"the process ended with {process.returncode}"
-        yield {"spec": begun, "made": {}, "seconds": 0, "found": [{"stage": "any", "what": "died", "detail": detail}]}
-        first = begun + 1
+def of_specs(worker: str, first: int, last: int, more: str) -> Iterator[dict[str, Any]]:
+    """What a process says of its specs; one that dies is a finding."""
+    for record in records(worker, first, last, more):
+        yield record
+        if "died" in record:
+            detail = f"the process ended with {record['died']}"
+            found = [{"stage": "any", "what": "died", "detail": detail}]
+            yield {"spec": record["begun"], "made": {}, "seconds": 0, "found": found}
 
 
 def run(worker: str, specs: int, seed: int, jobs: int, more: str, chunk: int = CHUNK) -> Tally:
     tally = Tally()
     starts = range(seed, seed + specs, chunk)
     with ThreadPoolExecutor(jobs) as pool:
-        for found in pool.map(lambda a: list(records(worker, a, min(a + chunk, seed + specs), more)), starts):
+        for found in pool.map(lambda a: list(of_specs(worker, a, min(a + chunk, seed + specs), more)), starts):
             for record in found:
                 tally.add(record)
     return tally
@@ -106,10 +85,3 @@ def endings(tally: Tally) -> str:
         f"{len(tally.found) - crashes - hangs} differences, {crashes} crashes, {hangs} hangs, "
         f"slowest {tally.slowest:.1f} s, peak memory {tally.peak / 2**20:.0f} MB{where}"
     )
-
-
-def machine(seconds: float, jobs: int, *libraries: str) -> str:
-    """When a run was made, how long it took, and on what."""
-    system = f"{platform.system()} {platform.machine()}, {jobs} processes, Python {platform.python_version()}"
-    versions = ", ".join((f"taskspec {__version__}", *(f"{name} {version(name)}" for name in libraries)))
-    return f"{datetime.now(UTC).date()}, {seconds:.0f} s on {system}, {versions}"

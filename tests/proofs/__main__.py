@@ -13,8 +13,9 @@ import sys
 import time
 from collections import Counter
 
-from tests.oracle.run import Tally, endings, faults, machine, run
+from tests.oracle.run import Tally, endings, faults, run
 from tests.proofs import storm
+from tests.shared.processes import machine
 
 CHUNK = 50
 
