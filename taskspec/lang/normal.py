@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from fractions import Fraction
 from typing import Any
 
 from taskspec.lang.interval import bounds
@@ -38,7 +39,7 @@ class NormalForms:
 def _key(node: Node, numbers: dict[int, int], rank: dict[int, int], edges: dict[int, Range]) -> tuple[Any, ...]:
     match node:
         case Const():
-            return ("const", node.type, tuple(map(repr, node.flat)))
+            return ("const", node.type, tuple(map(_number, node.flat)))
         case Read(role=role, name=name, low=low, high=high):
             return ("read", role, name, node.type, low, high)
         case Draw(base=base, args=args, site=site):
@@ -52,6 +53,13 @@ def _key(node: Node, numbers: dict[int, int], rank: dict[int, int], edges: dict[
             elif op == "swap":
                 found = [found[0], *sorted(found[1:])]
             return ("apply", op, node.type, static, tuple(found))
+
+
+def _number(value: Any) -> str:
+    """A constant; a fraction and a float of the same value are one, 0 and -0 are two."""
+    if isinstance(value, Fraction) and abs(value) < 2**1000 and value == float(value):
+        value = float(value)
+    return repr(value)
 
 
 def _may_be_zeros(args: tuple[Node, ...]) -> bool:

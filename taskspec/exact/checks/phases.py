@@ -88,7 +88,8 @@ def _reached(task: Task) -> Iterator[Component]:
     reached = reach(task.state, task.initial, task.next, task.horizon)
     for c in task.state:
         low, high = reached[c.name]
-        yield replace(c, low=tuple(max(v, low) for v in c.low), high=tuple(min(v, high) for v in c.high))
+        near = replace(c, low=tuple(max(v, low) for v in c.low), high=tuple(min(v, high) for v in c.high))
+        yield near if all(a <= b for a, b in zip(near.low, near.high, strict=True)) else c  # it begins outside
 
 
 def _times(task: Task, name: str) -> range:

@@ -15,6 +15,7 @@ from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.exact.claims.follow import Consequence, compare, likely
 from taskspec.exact.model.space import domain, words
 from taskspec.exact.planning.certified.readings import Reader
+from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Const, Node, Read, Role, reads, rewrite
 from taskspec.lang.scope import Scope
@@ -27,7 +28,6 @@ from taskspec.task.task import Component, Example, Followed, Task, TaskLike
 
 ENDLESS = float("inf")
 REWARD = Component("reward", REAL, (-ENDLESS,), (ENDLESS,))
-CHANCE = Component("probability", REAL, (0,), (1,))
 ENDS = {"terminal": Component("terminal", BOOL, (0,), (1,)), "truncated": Component("truncated", BOOL, (0,), (1,))}
 
 
@@ -189,8 +189,14 @@ class _Trial:
 
     def _chance(self) -> Fraction | None:
         expr = self.example.probability
-        node = None if expr is None else assign(self.checker, expr, self.fixed, CHANCE)
-        if expr is None or not isinstance(node, Const):
+        if expr is None:
+            return None
+        try:
+            node = self.checker.constant(expr, self.fixed, "a probability")
+        except Poisoned:
+            return None
+        if not node.type.is_scalar:
+            self.collector.add("E306", expr.place, f"a probability is a number, not {node.type}")
             return None
         if not 0 <= node.value <= 1:
             self.collector.add(

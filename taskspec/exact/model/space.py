@@ -142,8 +142,10 @@ def domain(c: Component) -> str:
     top = words(_number(max(high))) if len(high) == 1 else f"{words(_number(max(high)))} or less"
     if len(low) > 1 or len(high) > 1:
         return f"its own range for each element, within {bottom} ... {top}"
-    return f"between {bottom} and {top}"
+    if math.inf in high:
+        return "a number" if -math.inf in low else f"at least {bottom}"
+    return f"at most {top}" if -math.inf in low else f"between {bottom} and {top}"
 
 
 def _number(value: float) -> int | float:
-    return int(value) if math.isfinite(value) and value == int(value) else value
+    return int(value) if abs(value) < 1e15 and value == int(value) else value
