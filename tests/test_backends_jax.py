@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -54,44 +55,25 @@ COUNTS = _RNG.integers(1, 2**31, (SIZE, LANES), dtype=np.int32)
 LIMITS = draws.reachable(draws.thresholds(_RNG.uniform(0, 1, 40).tolist()))
 
 
-def apart(words: np.ndarray, each: int) -> np.ndarray:
+def apart(words: Any, each: int) -> Any:
     """Words of SIZE draws as (words a draw, SIZE, lanes)."""
-    return np.moveaxis(words.reshape(SIZE, each, -1), 1, 0)
+    return words.reshape(SIZE, each, -1).swapaxes(0, 1)
 
 
-DRAWN: dict[str, tuple[int, Any, Any]] = {
-    "uniform": (1, lambda w: library.uniform(w, 0, SIZE), draws.uniforms),
-    "exponential": (1, lambda w: library.exponential(w, 0, SIZE), draws.exponentials),
-    "normal": (1, lambda w: library.normal(w, 0, SIZE), lambda words: draws.normals(words, SIZE)),
-    "dirichlet": (
-        draws.GAMMA_WORDS,
-        lambda w: library.dirichlet(w, 0, SIZE, CONCENTRATIONS),
-        lambda words: draws.dirichlets(words, CONCENTRATIONS),
-    ),
-    "poisson": (
-        1,
-        lambda w: library.poisson(w, 0, SIZE, RATES / 3, 50.0),
-        lambda words: draws.poissons(words[None], RATES / 3, 50.0),
-    ),
-    "poisson of several words": (
-        3,
-        lambda w: library.poisson(w, 0, SIZE, RATES, 150.0),
-        lambda words: draws.poissons(apart(words, 3), RATES, 150.0),
-    ),
-    "bernoulli": (1, lambda w: library.bernoulli(w, 0, SIZE, RATES / 150), lambda words: draws.bernoullis(words, RATES / 150)),
-    "index": (1, lambda w: library.index(w, 0, SIZE, COUNTS), lambda words: draws.indices(words, COUNTS)),
-    "categorical": (1, lambda w: library.categorical(w, 0, SIZE, LIMITS), lambda words: draws.categoricals(words, LIMITS)),
-    "weighted": (
-        1,
-        lambda w: library.weighted(w, 0, SIZE, SHAPES),
-        lambda words: draws.weighted_categoricals(words, SHAPES[:, None]),
-    ),
-    "permutation": (
-        1,
-        lambda w: library.permutation(w, 0, SIZE, SIZE),
-        lambda words: draws.permutations(words),
-    ),
-}  # fmt: skip
+DRAWN: dict[str, tuple[int, Callable[[Any, Any], Any]]] = {
+    "uniform": (1, lambda x, words: x.uniforms(words)),
+    "exponential": (1, lambda x, words: x.exponentials(words)),
+    "normal": (1, lambda x, words: x.normals(words, SIZE)),
+    "dirichlet": (draws.GAMMA_WORDS, lambda x, words: x.dirichlets(words, CONCENTRATIONS)),
+    "poisson": (1, lambda x, words: x.poissons(words[None], RATES / 3, 50.0)),
+    "poisson of several words": (3, lambda x, words: x.poissons(apart(words, 3), RATES, 150.0)),
+    "bernoulli": (1, lambda x, words: x.bernoullis(words, RATES / 150)),
+    "index": (1, lambda x, words: x.indices(words, COUNTS)),
+    "categorical": (1, lambda x, words: x.categoricals(words, LIMITS)),
+    "weighted": (1, lambda x, words: x.weighted_categoricals(words, SHAPES[:, None])),
+    "permutation": (1, lambda x, words: x.permutations(words)),
+}
+"""How many words each of SIZE draws takes, and what is drawn, by a library."""
 
 
 ONE_BY_ONE = ("uniform", "normal", "dirichlet", "permutation")
@@ -101,18 +83,19 @@ ONE_BY_ONE = ("uniform", "normal", "dirichlet", "permutation")
 @pytest.mark.parametrize(("base", "unrolled"), [*((b, False) for b in DRAWN), *((b, True) for b in ONE_BY_ONE)])
 def test_draws_are_equal_to_the_bit_inside_scan(base: str, unrolled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """XLA fuses and reorders what it can, and still every draw is the one that NumPy gives."""
-    each, drawn, expected = DRAWN[base]
+    each, drawn = DRAWN[base]
     monkeypatch.setattr(library, "UNROLLED", each * SIZE if unrolled else 0)
     keys = np.random.default_rng(list(DRAWN).index(base)).integers(0, 2**32, (2, LANES), dtype=np.uint32)
 
     def step(n: Any, _: Any) -> Any:
         words = library.RandomWords(keys[0], keys[1], n, draws.STEP, each * SIZE)
-        return n + 1, (drawn(words), words.rows(0, each * SIZE))
+        rows = words.rows(0, each * SIZE)
+        return n + 1, (drawn(library, rows), rows)
 
     start = jnp.zeros(LANES, jnp.uint32)
     found, words = jax.jit(lambda n: jax.lax.scan(step, n, None, max(2, STEPS // each))[1])(start)
     for one, of in zip(np.asarray(found), np.asarray(words), strict=True):
-        np.testing.assert_array_equal(one, expected(of))
+        np.testing.assert_array_equal(one, drawn(draws, of))
 
 
 RAW = """

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from taskspec import draws
 from taskspec.draws import polynomials, threefry
-from taskspec.draws.sample import bernoulli_threshold
+from taskspec.lang.variates.choices import bernoulli_threshold
 from tests.shared.words import (
     EDGES,
     TOP,

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from taskspec import draws, source
-from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import WordLayout
-from taskspec.draws.sample import sampler
 from taskspec.exact.model import outcomes
 from taskspec.exact.model.outcomes import branches, count, is_finite
 from taskspec.lang import batch
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.ir import draws as draws_below
+from taskspec.lang.variates.layout import WordLayout
+from taskspec.lang.variates.sample import batch_sampler, sampler
 from taskspec.task.build import build
 
 SPEC = """

@@ -20,9 +20,6 @@ from taskspec import draws
 from taskspec.backends.emit.lane import LaneEmitter
 from taskspec.backends.emit.lanevalues import LaneValue
 from taskspec.backends.scalar import scalars
-from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import WordLayout, words_of
-from taskspec.draws.sample import sampler
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import CATEGORICAL, DISTS
@@ -31,6 +28,8 @@ from taskspec.lang.ir import Apply, Const, Node, Read, Role, rewrite, walk
 from taskspec.lang.operators import FUNCTIONS, OPERATORS
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import Kind, Type
+from taskspec.lang.variates.layout import WordLayout, words_of
+from taskspec.lang.variates.sample import batch_sampler, sampler
 
 Flat = tuple[Any, ...]
 NAN, INF = math.nan, math.inf

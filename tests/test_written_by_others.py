@@ -12,8 +12,8 @@ import pytest
 
 import taskspec
 from taskspec import draws
-from taskspec.draws.layout import WordLayout
 from taskspec.exact import verdicts
+from taskspec.lang.variates.layout import WordLayout
 from taskspec.registry import entries
 
 SPECS = Path(__file__).parent / "specs"

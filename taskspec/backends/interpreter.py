@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from taskspec import draws
-from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
+from taskspec.lang.variates.sample import sampler
 from taskspec.task.task import Task
 
 Flat = tuple[Any, ...]

@@ -12,11 +12,11 @@ import numpy as np
 
 from taskspec.cli.failures import refuse
 from taskspec.diagnostics import suggest
-from taskspec.draws.layout import WordLayout
-from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Kind
+from taskspec.lang.variates.layout import WordLayout
+from taskspec.lang.variates.sample import sampler
 from taskspec.task.spaces import SpaceLayout, action_layout, pack
 from taskspec.task.task import Component, Task
 

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
 from taskspec.draws.finite import NEVER as NEVER
 from taskspec.draws.finite import POISSON_LIMIT as POISSON_LIMIT
 from taskspec.draws.finite import POISSON_SHARE as POISSON_SHARE
@@ -44,3 +48,6 @@ from taskspec.draws.variates import normal_words as normal_words
 from taskspec.draws.variates import normals as normals
 from taskspec.draws.variates import uniform as uniform
 from taskspec.draws.variates import uniforms as uniforms
+
+xp: Any = np
+"""What entries of `taskspec.lang.variates` compute with; the library for JAX has its own."""

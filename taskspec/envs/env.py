@@ -16,7 +16,6 @@ from gymnasium.envs.registration import EnvSpec
 
 from taskspec import draws
 from taskspec.backends.scalar.program import Clock, Failures, Lane, ScalarProgram, compile_scalar
-from taskspec.draws.sample import sampler
 from taskspec.envs import keyboard, picture, window
 from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.options import ENDINGS, one_of, seed_of, with_horizon
@@ -24,6 +23,7 @@ from taskspec.envs.spaces import space
 from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
+from taskspec.lang.variates.sample import sampler
 from taskspec.registry import load
 from taskspec.task.options import Ending, RenderMode
 from taskspec.task.spaces import action_layout, observation_layout

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.draws.sample import sampler
 from taskspec.exact.model.space import Space
 from taskspec.lang import batch
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.ir import draws as draws_of
+from taskspec.lang.variates.sample import sampler
 from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]

@@ -1,8 +1,8 @@
-"""Distributions: what an author may draw from, and the base variates that draws are made of.
+"""Distributions: what an author may draw from.
 
 A distribution is arithmetic over a *base variate* whose random words do not depend on the state: `Normal(m, s)` is
-`m + s * normal`. Backends implement the few bases; everything else is ordinary operators. One entry per
-distribution and per base; the language reference, the printers and the statistical tests follow from the tables.
+`m + s * normal`. Backends implement the few of `lang.variates`; everything else is ordinary operators. One entry per
+distribution; the language reference, the printers and the statistical tests follow from the table.
 """
 
 from __future__ import annotations
@@ -20,47 +20,6 @@ from taskspec.limits import Limits
 
 if TYPE_CHECKING:
     from taskspec.lang.builder import Builder
-
-
-@dataclass(frozen=True, slots=True)
-class Base:
-    """A base variate. `finite` ones have finitely many outcomes, which exact analysis enumerates."""
-
-    name: str
-    kind: Kind
-    finite: bool
-    doc: str
-
-
-BASES: dict[str, Base] = {
-    b.name: b
-    for b in (
-        Base("uniform", Kind.REAL, False, "A multiple of 2**-24 in [0, 1); one word."),
-        Base(
-            "normal",
-            Kind.REAL,
-            False,
-            "Standard normal, Box-Muller in float32; one word each, in pairs.",
-        ),
-        Base("exponential", Kind.REAL, False, "Standard exponential; one word."),
-        Base("dirichlet", Kind.REAL, False, "Shares with the given concentrations; nine words each, Marsaglia-Tsang."),
-        Base("poisson", Kind.INT, False, "Poisson with the given rate, by inversion of one word."),
-        Base("index", Kind.INT, True, "Uniform on range(n); one word."),
-        Base(
-            "categorical",
-            Kind.INT,
-            True,
-            "Index drawn with the given probabilities; one word against thresholds.",
-        ),
-        Base(
-            "bernoulli",
-            Kind.BOOL,
-            True,
-            "True with the given probability; one word against a threshold.",
-        ),
-        Base("permutation", Kind.INT, True, "A uniform permutation: the stable order of n words."),
-    )
-}
 
 
 @dataclass(frozen=True, slots=True)

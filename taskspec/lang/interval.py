@@ -18,9 +18,7 @@ from taskspec.lang.operators import OPERATORS
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.ranges import EVERYTHING, HUGE, INF, Args, Interval, Range
 from taskspec.lang.types import INT_MAX, INT_WIDEST, Kind
-
-NORMAL_REACH = 6.67
-"""No standard normal that is drawn lies further out: its radius comes from 31 bits."""
+from taskspec.lang.variates import VARIATES
 
 
 def bounds(root: Node, known: dict[int, Range]) -> Interval:
@@ -49,7 +47,7 @@ def step(node: Node, args: Args) -> Range:
             # States, actions and times are numbers; a variable may stand for any value.
             return Range(*edge, role is not Role.VARIABLE or all(map(math.isfinite, edge)))
         case Draw():
-            return Range(*_tidy(_drawn(node, args), node.type.kind))
+            return Range(*_tidy(VARIATES[node.base].bounds(node, args), node.type.kind))
         case Apply(type=t) if t.kind is Kind.BOOL:
             return Range(0, 1)
         case Apply(op=op) if op in STRUCTURES:
@@ -97,21 +95,3 @@ def _constant(node: Const) -> Range:
     numbers = [v for v in flat if v == v]
     edge = (min(numbers), max(numbers)) if numbers else EVERYTHING
     return Range(*_tidy(edge, node.type.kind), all(map(math.isfinite, flat)))
-
-
-def _drawn(node: Draw, args: Args) -> Interval:
-    match node.base:
-        case "uniform" | "bernoulli" | "dirichlet":
-            return (0, 1)
-        case "index":
-            return (0, max(0, args[0].high - 1))
-        case "categorical":
-            return (0, node.args[0].type.shape[-1] - 1)
-        case "permutation":
-            return (0, max(0, node.type.shape[-1] - 1))
-        case "normal":
-            return (-NORMAL_REACH, NORMAL_REACH)
-        case "poisson" | "exponential":
-            return (0, INF)
-        case _:
-            return EVERYTHING

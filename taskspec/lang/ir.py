@@ -61,7 +61,7 @@ class Apply:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draw:
-    """A base variate of `lang.dists`; `site` tells two written occurrences apart."""
+    """A base variate of `lang.variates`; `site` tells two written occurrences apart."""
 
     base: str
     args: tuple[Node, ...]

@@ -19,9 +19,9 @@ from taskspec.exact.model.transitions import TIME, Steps
 from taskspec.exact.planning.certified.rational import Chances
 from taskspec.exact.planning.certified.readings import Inexact, Reader
 from taskspec.lang.batch import evaluate
-from taskspec.lang.dists import BASES
-from taskspec.lang.ir import Node, draws, reads
+from taskspec.lang.ir import Draw, Node, draws, reads
 from taskspec.lang.normal import NormalForms
+from taskspec.lang.variates import VARIATES
 from taskspec.task.task import Component, Task
 
 Array = np.ndarray[Any, Any]
@@ -132,7 +132,13 @@ def _is_enumerable(steps: Steps) -> bool:
     task = steps.task
     cost = steps.states.size * steps.actions.size * max(1.0, steps.branching)
     found = draws((*_step_nodes(task), *task.initial))
-    return max(cost, count(draws(task.initial), {})) <= MOST and all(BASES[d.base].finite for d in found)
+    return max(cost, count(draws(task.initial), {})) <= MOST and all(map(_is_complete, found))
+
+
+def _is_complete(draw: Draw) -> bool:
+    """Whether all outcomes of a draw are gone through."""
+    outcomes = VARIATES[draw.base].outcomes
+    return outcomes is not None and not outcomes.tail
 
 
 def _points(steps: Steps, states: Array, t: int) -> Iterator[Reads]:

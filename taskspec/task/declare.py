@@ -13,8 +13,6 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.diagnostics import Collector, Placed, suggest
-from taskspec.draws.layout import WordLayout
-from taskspec.draws.sample import sampler
 from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.builder import Builder
 from taskspec.lang.calls import static_shape
@@ -23,6 +21,8 @@ from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Node, plain
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import INT, INT_WIDEST, Domain, Kind, Refused, Type
+from taskspec.lang.variates.layout import WordLayout
+from taskspec.lang.variates.sample import sampler
 from taskspec.limits import count, how_to_raise, limits
 from taskspec.source import Path
 from taskspec.task.forms import Forms

@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 
-from taskspec.lang.dists import BASES
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, exact, reads, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
+from taskspec.lang.variates import VARIATES
 from taskspec.task.task import Component, Task
 
 ON_REQUEST = "TASKSPEC_INVARIANTS"
@@ -32,7 +32,7 @@ OF_NODES: tuple[NodeRule, ...] = (
     ("the type of an operation follows its rule", lambda n: not isinstance(n, Apply) or _ruled(n)),
     ("an operation without arguments does not exist", lambda n: not isinstance(n, Apply) or len(n.args) > 0),
     ("static values are ints", lambda n: not isinstance(n, Apply) or all(type(v) is int for v in n.static)),
-    ("a draw is of a base variate, and of its kind", lambda n: not isinstance(n, Draw) or BASES[n.base].kind is n.type.kind),
+    ("a draw is of a base variate, and of its kind", lambda n: not isinstance(n, Draw) or VARIATES[n.base].kind is n.type.kind),
     ("variables of comprehensions and functions are expanded", lambda n: getattr(n, "role", None) is not Role.VARIABLE),
 )  # fmt: skip
 

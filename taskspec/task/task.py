@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import taskspec
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.draws.layout import WordLayout
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, rewrite
 from taskspec.lang.types import BOOL, Kind, Type
+from taskspec.lang.variates.layout import WordLayout
 from taskspec.source import Document
 from taskspec.task.options import Ending, RenderMode
 from taskspec.task.parts import COUNTABLE as COUNTABLE

@@ -18,8 +18,8 @@ import numpy as np
 from taskspec import draws
 from taskspec.backends.numba import kernelloop, loading
 from taskspec.backends.numba.kernelmemory import Program
-from taskspec.draws.layout import words_of
 from taskspec.lang.types import INT_MAX, Kind
+from taskspec.lang.variates.layout import words_of
 from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass, field
 from taskspec.backends.emit.lanestructure import STRUCTURE
 from taskspec.backends.emit.lanevalues import LaneValue, LaneValues
 from taskspec.backends.emit.source import literal, tuple_of
-from taskspec.draws import thresholds
-from taskspec.draws.layout import poisson_bound, row_table
 from taskspec.lang.arrays import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
 from taskspec.lang.operators import OPERATORS, Operator
 from taskspec.lang.types import Kind
+from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates.sample import one
 
 CHAINED = 64
 """Sums up to this many terms are written out."""
@@ -163,38 +163,17 @@ class LaneEmitter(LaneValues):
     # -- draws whose distribution depends on the state ------------------------------------------------------------
 
     def _draw(self, node: Draw) -> LaneValue:
-        words = self.words[node.site]
-        size = node.type.size
-        if node.base == "categorical":
-            return LaneValue([self._outcome(node, word) for word in words[:size]])
-        ps = self.atoms(node.args[0])
-        ps = ps * size if len(ps) == 1 else ps
-        match node.base:
-            case "bernoulli":
-                return LaneValue([f"bernoulli({w}, {p})" for w, p in zip(words, ps, strict=True)])
-            case "index":
-                return LaneValue([f"({w} * {n} >> 32)" for w, n in zip(words, ps, strict=True)])
-            case "dirichlet":
-                return LaneValue(packed=self.assign(f"dirichlet({tuple_of(words)}, {self.packed(node.args[0])})"))
-            case _:
-                step = len(words) // size
-                groups = [tuple_of(words[k : k + step]) for k in range(0, len(words), step)]
-                return LaneValue(
-                    [f"poisson({g}, {p}, {poisson_bound(node)!r})" for g, p in zip(groups, ps, strict=True)]
-                )
+        words, form = self.words[node.site], VARIATES[node.base].lane
+        if form is not None:
+            return LaneValue(form(self, node, words))
+        given = tuple_of([self.packed(a) for a in node.args])
+        drawn = self.assign(f"{self.constant(one(node))}({given}, {tuple_of(words)})")
+        return LaneValue(packed=drawn) if node.type.shape else LaneValue([f"{drawn}[0]"])
 
-    def _outcome(self, node: Draw, word: str) -> str:
-        """A word against the thresholds of the present row, or against weights known only now."""
-        looked_up = row_table(node.args[0])
-        if looked_up is None:
-            return f"weighted_categorical({word}, {self.packed(node.args[0])})"
-        table, row = looked_up
-        k = table.type.shape[-1]
-        rows = tuple(thresholds(table.flat[i : i + k]) for i in range(0, len(table.flat), k))
-        at = self.scalar_of(row)
-        if k == 2:
-            return f"(0 if {word} < {self.constant(tuple(r[0] for r in rows))}[{at}] else 1)"
-        return f"bisect_right({self.constant(rows)}[{at}], {word})"
+    def argument(self, draw: Draw) -> list[str]:
+        """The first argument of a draw, an expression for each of its elements."""
+        atoms = self.atoms(draw.args[0])
+        return atoms * draw.type.size if len(atoms) == 1 else atoms
 
 
 def _shown(roots: Sequence[Node], order: Sequence[Node]) -> set[int]:

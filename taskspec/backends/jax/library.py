@@ -14,13 +14,15 @@ from typing import Any
 import jax.numpy as jnp
 from jax import lax
 
-from taskspec.draws import GAMMA_WORDS, poisson_terms, poisson_words
+from taskspec.draws import GAMMA_WORDS, poisson_terms
 from taskspec.draws.polynomials import LN2, LN2_HIGH, LN2_LOW, LOG2E, C, E, L, S
 from taskspec.draws.threefry import PARITY, ROTATIONS
 from taskspec.draws.variates import LARGEST_ALPHA, LEAST, SMALLEST_ALPHA
 from taskspec.lang.arrays import Runtime
 
 Array = Any
+xp: Any = jnp
+"""What entries of `taskspec.lang.variates` compute with."""
 BIAS = 1 << 31
 """Words are compared as int32, less this, where ints are signed."""
 UNROLLED = 8
@@ -70,19 +72,8 @@ class RandomWords:
         """Words first, first + 1, ...: uint32 (count, N)."""
         if self._rows is None or first & 1:
             return jnp.stack([self.word(first + k) for k in range(count)])
-        return self._joined(*self.pairs(first, (count + 1) >> 1))[:count]
-
-    def pairs(self, first: int, count: int) -> tuple[Array, Array]:
-        """Words first, first + 2, ... and those after each: uint32 (count, N) both."""
-        if self._rows is None or first & 1:
-            halves = ([self.word(first + 2 * k + h) for k in range(count)] for h in (0, 1))
-            return tuple(jnp.stack(half) for half in halves)  # type: ignore[return-value, unused-ignore]
-        place = slice(first >> 1, (first >> 1) + count)
-        return self._rows[0][place], self._rows[1][place]
-
-    @staticmethod
-    def _joined(even: Array, odd: Array) -> Array:
-        return jnp.stack([even, odd], 1).reshape(-1, even.shape[-1])
+        place = slice(first >> 1, (first + count + 1) >> 1)
+        return jnp.stack([half[place] for half in self._rows], 1).reshape(-1, self._rows[0].shape[-1])[:count]
 
 
 # -- float32 polynomials ------------------------------------------------------------------------------------------
@@ -162,53 +153,35 @@ def normal_pair(radius: Array, angle: Array) -> tuple[Array, Array]:
     return rounded(r * _real(_bits(cosine) ^ sign)), rounded(r * sine)
 
 
-# -- variates: what draws are called in generated code ------------------------------------------------------------
+# -- variates: those of `taskspec.draws`, with the lanes last ------------------------------------------------------
 
 
-def uniform(w: RandomWords, first: int, size: int) -> Array:
-    return uniforms(w.rows(first, size))
+def normals(words: Array, n: int) -> Array:
+    a, b = normal_pair(words[0::2], words[1::2])
+    return jnp.stack([a, b], 1).reshape(-1, a.shape[-1])[:n]
 
 
-def exponential(w: RandomWords, first: int, size: int) -> Array:
-    return exponentials(w.rows(first, size))
+def bernoullis(words: Array, p: Array) -> Array:
+    return uniforms(words) < p
 
 
-def normal(w: RandomWords, first: int, size: int) -> Array:
-    a, b = normal_pair(*w.pairs(first, (size + 1) >> 1))
-    return jnp.stack([a, b], 1).reshape(-1, a.shape[-1])[:size]
-
-
-def bernoulli(w: RandomWords, first: int, size: int, p: Array) -> Array:
-    return uniforms(w.rows(first, size)) < p
-
-
-def index(w: RandomWords, first: int, size: int, n: Array) -> Array:
+def indices(words: Array, n: Array) -> Array:
     """(word * n) >> 32 in 32 bits, for 0 < n < 2**31: from products of 16-bit halves."""
-    word, n = w.rows(first, size), jnp.asarray(n).astype(jnp.uint32)
-    (a, b), (c, d) = (word >> 16, word & 0xFFFF), (n >> 16, n & 0xFFFF)
+    n = jnp.asarray(n).astype(jnp.uint32)
+    (a, b), (c, d) = (words >> 16, words & 0xFFFF), (n >> 16, n & 0xFFFF)
     middle = a * d + ((b * d) >> 16)
     low = (middle & 0xFFFF) + b * c
     return (a * c + (middle >> 16) + (low >> 16)).astype(jnp.int32)
 
 
-def categorical(w: RandomWords, first: int, size: int, limits: Array) -> Array:
-    """How many of the ascending limits (uint32) are at most the word."""
-    found = jnp.searchsorted(limits, w.rows(first, size).reshape(-1), side="right")
-    return found.astype(jnp.int32).reshape(size, -1)
+def categoricals(words: Array, thresholds: Array) -> Array:
+    """How many of the ascending thresholds (uint32) are at most the word."""
+    found = jnp.searchsorted(thresholds, words.reshape(-1), side="right")
+    return found.astype(jnp.int32).reshape(words.shape)
 
 
-def counts(w: RandomWords, first: int, size: int, tables: Sequence[tuple[int, Array]]) -> Array:
-    """The least outcome of a table and how many of its limits are at most the word; a table for all, or one for each."""
-    if len(tables) == 1:
-        ((least, limits),) = tables
-        return least + categorical(w, first, size, limits)
-    rows = [least + categorical(w, first + k, 1, limits) for k, (least, limits) in enumerate(tables)]
-    return jnp.concatenate(rows)
-
-
-def weighted(w: RandomWords, first: int, size: int, weights: Array) -> Array:
-    """Outcomes in proportion to weights (k, N)."""
-    words = w.rows(first, size)
+def weighted_categoricals(words: Array, weights: Array) -> Array:
+    """Outcomes in proportion to weights (k, ...)."""
     rounded = Rounding(words[0])  # XLA adds up constants first
     partial = [jnp.where(weights[0] > 0, weights[0], 0)]
     for weight in weights[1:]:
@@ -218,12 +191,10 @@ def weighted(w: RandomWords, first: int, size: int, weights: Array) -> Array:
     return sum(reached, jnp.zeros(target.shape, jnp.int32))
 
 
-def poisson(w: RandomWords, first: int, size: int, rate: Array, bound: float) -> Array:
-    """Counts at a rate of at most `bound`; each draw shares its rate among its words."""
-    each = poisson_words(bound)
-    words = w.rows(first, size * each).reshape(size, each, -1)
-    rounded = Rounding(words[:, :1])
-    share = jnp.minimum(jnp.where(rate > 0, rate, 0), bound)[:, None] / rounded(jnp.float32(each))
+def poissons(words: Array, rate: Array, bound: float) -> Array:
+    """Counts at rates (...) of at most `bound`, each shared among its words (k, ...)."""
+    rounded = Rounding(words[:1])
+    share = jnp.minimum(jnp.where(rate > 0, rate, 0), bound)[None] / rounded(jnp.float32(len(words)))
     term = total = jnp.ones_like(share)
     sums = [total]
     for k in range(1, poisson_terms(bound) + 1):
@@ -232,18 +203,17 @@ def poisson(w: RandomWords, first: int, size: int, rate: Array, bound: float) ->
         sums.append(total)
     target = uniforms(words) * total
     counts = sum(((s <= target).astype(jnp.int32) for s in sums[:-1]), jnp.zeros(target.shape, jnp.int32))
-    return counts.sum(axis=1)
+    return counts.sum(axis=0)
 
 
-def permutation(w: RandomWords, first: int, size: int, n: int) -> Array:
-    words = w.rows(first, size).reshape(size // n, n, -1)
-    return jnp.argsort(words, axis=1, stable=True).astype(jnp.int32).reshape(size, -1)
+def permutations(words: Array) -> Array:
+    return jnp.argsort(words, axis=0, stable=True).astype(jnp.int32)
 
 
-def dirichlet(w: RandomWords, first: int, size: int, alpha: Array) -> Array:
-    """Gamma variates by Marsaglia and Tsang over their sum, in logarithms, as `taskspec.draws.dirichlets`."""
-    words = w.rows(first, size * GAMMA_WORDS).reshape(size, GAMMA_WORDS, -1)
-    alpha = jnp.where(alpha > SMALLEST_ALPHA, alpha, SMALLEST_ALPHA)
+def dirichlets(words: Array, alphas: Array) -> Array:
+    """Gamma variates by Marsaglia and Tsang over their sum, in logarithms."""
+    words = words.reshape(-1, GAMMA_WORDS, words.shape[-1])
+    alpha = jnp.where(alphas > SMALLEST_ALPHA, alphas, SMALLEST_ALPHA)
     alpha = jnp.where(alpha < LARGEST_ALPHA, alpha, LARGEST_ALPHA)
     rounded = Rounding(words[:, 0])
     small = alpha < 1

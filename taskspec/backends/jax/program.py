@@ -5,7 +5,7 @@ from __future__ import annotations
 import linecache
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -13,15 +13,17 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.backends.emit.arrayform import ArrayForm, arrays
+from taskspec.backends.emit.source import tuple_of
 from taskspec.backends.jax import library
 from taskspec.backends.lowering.hoist import compared, word_names
 from taskspec.backends.lowering.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.draws.layout import WordLayout, poisson_bound
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.ranges import INF, Range
 from taskspec.lang.types import INT_MAX, Kind
+from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates.layout import WordLayout, words_of
 from taskspec.task.reach import over, reach
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
 from taskspec.task.task import Component, Task
@@ -138,10 +140,10 @@ def compile_jax(task: Task) -> JaxProgram:
     body, values = _emit(task, step, step_words, constants)
     states, actions = _names("s", task.state), _names("a", task.action)
     lines = [f"def step({', '.join(['w', 't', *states, *actions])}):", *_indent(body)]
-    lines += _indent([f"return {_tuple(values[:n])}, {values[n]}, {values[n + 1]}, {_tuple(values[n + 2 :])}"])
+    lines += _indent([f"return {tuple_of(values[:n])}, {values[n]}, {values[n + 1]}, {tuple_of(values[n + 2 :])}"])
     body, values = _emit(task, start, start_words, constants)
     lines += ["", "", "def start(w):", *_indent(body)]
-    lines += _indent([f"return {_tuple(values[:n])}, {_tuple(values[n:])}"])
+    lines += _indent([f"return {tuple_of(values[:n])}, {tuple_of(values[n:])}"])
     source = "\n".join([repr(f"{task.id}: n environments, array code for JAX. Generated."), "", "", *lines, ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
     file = f"<taskspec {task.id} {task.content_hash[:12]} jax>"
@@ -164,11 +166,16 @@ def _check_ints(task: Task, roots: Sequence[Node]) -> None:
     for c, start in zip(task.state, task.initial, strict=True):
         (low, high), (first, last) = reached[c.name], task.builder.bounds(start)
         reached[c.name] = (min(first, -LONG) if low == -INF else low, max(last, LONG) if high == INF else high)
-    counts = {id(n): Range(0, LONG) for n in walk(roots) if isinstance(n, Draw) and n.base == "poisson"}
+    counts = {id(n): Range(0, LONG) for n in walk(roots) if _is_endless(task, n)}
     most = widest(roots, INT_MAX, over(roots, reached) | counts)
     if most:
         message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
         raise SpecError([Diagnostic("E715", None, message, 'use the backend "numba" or "numpy"')])
+
+
+def _is_endless(task: Task, node: Node) -> bool:
+    """Whether a node is the draw of a count without a bound."""
+    return isinstance(node, Draw) and node.type.kind is Kind.INT and task.builder.bounds(node)[1] == INF
 
 
 _NAMESPACE: dict[str, Any] = {
@@ -176,11 +183,7 @@ _NAMESPACE: dict[str, Any] = {
     "rt": library.RUNTIME,
     "nan": float("nan"),
     "inf": float("inf"),
-    **{f"draw_{name}": getattr(library, name) for name in (
-        "uniform", "exponential", "normal", "bernoulli", "index", "categorical", "weighted", "poisson", "counts",
-        "permutation", "dirichlet",
-    )},
-}  # fmt: skip
+}
 
 
 def _array(node: Const) -> Any:
@@ -219,39 +222,12 @@ class JaxForm(ArrayForm):
 
 
 def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[str, Any]) -> str:
-    """A draw as a call of the library, with the number of its first word."""
-    size, first = draw.type.size, words.first[draw.site]
-    call, extra = f"draw_{draw.base}", ""
-    match draw.base, draw.args[0] if draw.args else None:
-        case "categorical", Const() as p:
-            extra = f", {_kept(constants, draws.reachable(draws.thresholds(p.flat)))}"
-        case "categorical", _:
-            call, extra = "draw_weighted", f", {args[0]}"
-        case "poisson", Const() as rates if poisson_bound(draw) is None:
-            tables = [draws.poisson_table(float(rate)) for rate in rates.flat]
-            pairs = [f"({least}, {_kept(constants, np.array(limits, np.uint32))})" for least, limits in tables]
-            call, extra = "draw_counts", f", {_tuple(pairs)}"
-        case "poisson", _:
-            extra = f", {_rows(draw, args[0])}, {poisson_bound(draw)!r}"
-        case "permutation", _:
-            extra = f", {draw.type.shape[-1]}"
-        case _ if draw.args:
-            extra = f", {_rows(draw, args[0])}"
+    """A draw as a function of its arguments and its words."""
+    name, form = f"C{len(constants)}", VARIATES[draw.base].many
+    assert form is not None, draw.base
+    constants[name] = partial(form, library, draw)
     shape = "".join(f"{k}, " for k in draw.type.shape)
-    return f"{call}(w, {first}, {size}{extra}).reshape({shape}-1)"
-
-
-def _rows(draw: Draw, source: str) -> str:
-    """The first argument of a draw with one row for each element, or one for all."""
-    spread = source if draw.args[0].type.shape else f"xp.asarray({source}).reshape(1, -1)"
-    return f"rt.rows({spread})"
-
-
-def _kept(constants: dict[str, Any], array: Any) -> str:
-    """The name of an array that generated code refers to."""
-    name = f"C{len(constants)}"
-    constants[name] = array
-    return name
+    return f"{name}({tuple_of(args)}, w.rows({words.first[draw.site]}, {words_of(draw)})).reshape({shape}-1)"
 
 
 def _names(prefix: str, components: Sequence[Component]) -> list[str]:
@@ -260,7 +236,3 @@ def _names(prefix: str, components: Sequence[Component]) -> list[str]:
 
 def _indent(lines: Sequence[str]) -> list[str]:
     return [f"    {line}" for line in lines]
-
-
-def _tuple(items: Sequence[str]) -> str:
-    return f"({', '.join(items)}{',' * (len(items) == 1)})"

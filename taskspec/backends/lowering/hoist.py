@@ -9,15 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from taskspec.draws import NEVER, threshold_table, thresholds
-from taskspec.draws.layout import WordLayout, row_table, words_of
-from taskspec.draws.sample import bernoulli_threshold
+from taskspec.draws import NEVER
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
-from taskspec.lang.types import INT, Kind, Type
-
-COMPARED = 16
-"""Constant categorical draws of up to this many outcomes become a sum of comparisons."""
+from taskspec.lang.ir import Draw, Node, Read, Role, children, rewrite, walk
+from taskspec.lang.types import INT
+from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates.layout import WordLayout, words_of
 
 
 @dataclass(frozen=True)
@@ -97,57 +94,7 @@ def _maximal(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
 
 def _comparison(b: Builder, draw: Draw, bias: int) -> Node | None:
     words = [b.read(Role.VARIABLE, n, INT, -bias, NEVER - 1 - bias) for n in word_names(draw)]
-    p = draw.args[0] if draw.args else None
-    match draw.base, p:
-        case "categorical", Const() if len(p.flat) <= COMPARED:
-            limits = [b.scalar(t - bias) for t in thresholds(p.flat) if t < NEVER]
-            return _arranged(b, draw, [_reached(b, limits, w) for w in words])
-        case "categorical", Apply() if row_table(p) is not None:
-            return _arranged(b, draw, _row_outcomes(b, p, words, bias))
-        case "bernoulli", Const():
-            each = p.flat * draw.type.size if len(p.flat) == 1 else p.flat
-            return _arranged(
-                b, draw, [_below(b, w, bernoulli_threshold(q), bias) for w, q in zip(words, each, strict=True)]
-            )
-        case _:
-            return None
-
-
-def _arranged(b: Builder, draw: Draw, elements: Sequence[Node]) -> Node:
-    if draw.type.is_scalar:
-        return elements[0]
+    elements = VARIATES[draw.base].compared(b, draw, words, bias)
+    if elements is None or draw.type.is_scalar:
+        return None if elements is None else elements[0]
     return b.structure("reshape", [b.structure("vector", elements)], draw.type.shape)
-
-
-def _below(b: Builder, word: Node, limit: int, bias: int) -> Node:
-    return b.scalar(True) if limit >= NEVER else b.apply("lt", word, b.scalar(limit - bias))
-
-
-def _reached(b: Builder, limits: Sequence[Node], word: Node) -> Node:
-    """How many of the limits are at most the word."""
-    total: Node = b.scalar(0)
-    for limit in limits:
-        total = b.apply("add", total, b.cast(b.apply("le", limit, word), Kind.INT))
-    return total
-
-
-def _row_outcomes(b: Builder, p: Node, words: Sequence[Node], bias: int) -> list[Node]:
-    """Draws from the row of a table that is chosen at run time: one look-up for every threshold."""
-    found = row_table(p)
-    assert found is not None
-    table, row = found
-    k = table.type.shape[-1]
-    rows = [table.flat[i : i + k] for i in range(0, len(table.flat), k)]
-    if not bias:  # ints with room for the threshold that no word reaches
-        exact = [thresholds(r) for r in rows]
-        return [_reached(b, [_column(b, [t[i] for t in exact], row) for i in range(k - 1)], w) for w in words]
-    limits, last = threshold_table(rows)
-    columns = [_column(b, [int(v) - bias for v in limits[:, i]], row) for i in range(k - 1)]
-    most = _column(b, [int(v) for v in last], row)
-    return [b.apply("min2", _reached(b, columns, w), most) for w in words]
-
-
-def _column(b: Builder, values: Sequence[int], row: Node) -> Node:
-    if len(set(values)) == 1:
-        return b.scalar(values[0])
-    return b.structure("index", [b.const(values, Type(Kind.INT, (len(values),))), row])

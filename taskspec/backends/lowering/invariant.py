@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from taskspec.draws.layout import row_table
 from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, reads, rewrite, walk
+from taskspec.lang.variates.choices import row_table
 from taskspec.task.task import Task
 
 

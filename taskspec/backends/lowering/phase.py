@@ -11,13 +11,13 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.backends.lowering.invariant import WIDE
-from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import WordLayout, words_of
 from taskspec.draws.stream import stream
 from taskspec.lang import batch
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
+from taskspec.lang.variates.layout import WordLayout, words_of
+from taskspec.lang.variates.sample import batch_sampler
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 

@@ -14,13 +14,12 @@ import numpy as np
 from taskspec.backends.emit.lane import LaneEmitter
 from taskspec.backends.emit.lanevalues import LaneValue
 from taskspec.backends.emit.source import literal
-from taskspec.draws import poisson_table, poisson_terms, thresholds
-from taskspec.draws.layout import poisson_bound
 from taskspec.lang.arrays import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, plain, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.operators.structure import strided
 from taskspec.lang.types import INT_MAX, Kind
+from taskspec.lang.variates import VARIATES
 from taskspec.task.task import Task
 
 EVERYTHING = 10**9
@@ -38,9 +37,9 @@ def suits(task: Task) -> bool:
     nodes = [n for n in walk(roots) if not isinstance(n, Const)]
     quadratic = ("argsort", "swap", "put", "index", "argmin", "argmax")
     wide = [n for n in nodes if isinstance(n, Apply) and n.op in quadratic and not isinstance(n.args[0], Const)]
-    wide_draws = [n for n in nodes if isinstance(n, Draw) and n.base == "permutation"]
+    wide_draws = [n for n in nodes if isinstance(n, Draw) and VARIATES[n.base].sorts]
     largest = max([n.args[0].type.size for n in wide] + [n.type.shape[-1] for n in wide_draws], default=0)
-    looped = sum(n.type.size - 1 for n in nodes if isinstance(n, Draw) and n.base in ("normal", "exponential"))
+    looped = sum(n.type.size - 1 for n in nodes if isinstance(n, Draw) and VARIATES[n.base].loop)
     return sum(n.type.size for n in nodes) - looped <= ELEMENTS and largest <= WIDE
 
 
@@ -104,7 +103,7 @@ class KernelLane(LaneEmitter):
             best = self.assign(f"select({won}, {atom}, {best})")
         return [f"i32({at})" if place else best]
 
-    def _order(self, atoms: Sequence[str], real: bool) -> list[str]:
+    def order(self, atoms: Sequence[str], real: bool) -> list[str]:
         """The places that sort: the rank of every element, then which element has each rank."""
         n = len(atoms)
         ranks = ["0"] * n
@@ -171,9 +170,9 @@ class KernelLane(LaneEmitter):
         dtype: Any = {Kind.BOOL: np.bool_, Kind.REAL: np.float64}.get(kind)
         if dtype is None:
             dtype = np.int32 if all(abs(v) <= INT_MAX for v in cells) else np.int64
-        return self._array(np.array(cells, dtype))
+        return self.array(np.array(cells, dtype))
 
-    def _array(self, array: Any) -> str:
+    def array(self, array: Any) -> str:
         for name, known in self.constants.items():
             if known.dtype == array.dtype and known.tobytes() == array.tobytes():  # 0.0 is not -0.0
                 return name
@@ -204,63 +203,15 @@ class KernelLane(LaneEmitter):
     # -- draws ----------------------------------------------------------------------------------------------------
 
     def _draw(self, node: Draw) -> LaneValue:
-        if node.base in ("normal", "exponential"):
+        entry = VARIATES[node.base]
+        if entry.loop is not None:
             return LaneValue([f"f64({r})" for r in self.reals[node.site][: node.type.size]])
-        words = self.words[node.site]
-        return LaneValue([self.assign(a) for a in _DRAW[node.base](self, node, words)])
+        assert entry.kernel is not None, node.base
+        return LaneValue([self.assign(a) for a in entry.kernel(self, node, self.words[node.site])])
 
-    def _arguments(self, node: Draw) -> list[str]:
-        atoms = [self.assign(a) for a in self.atoms(node.args[0])]
-        return atoms * node.type.size if len(atoms) == 1 else atoms
-
-    def _groups(self, node: Draw, words: Sequence[str]) -> list[str]:
-        step = len(words) // node.type.size
-        return [f"({', '.join(words[k : k + step])},)" for k in range(0, len(words), step)]
-
-    def _categorical(self, node: Draw, words: Sequence[str]) -> list[str]:
-        p = node.args[0]
-        if isinstance(p, Const):
-            table = self._array(np.array(thresholds(p.flat), np.int64))
-            return [f"i32(search({table}, i64({w})))" for w in words]
-        weights = f"({', '.join(self.atoms(p))},)"
-        return [f"i32(weighted({w}, {weights}))" for w in words]
-
-    def _poisson(self, node: Draw, words: Sequence[str]) -> list[str]:
-        rate, bound = node.args[0], poisson_bound(node)
-        if bound is not None:
-            arguments = f"{bound!r}, {poisson_terms(bound)}"
-            groups = zip(self._groups(node, words), self._arguments(node), strict=True)
-            return [f"i32(poisson({g}, {r}, {arguments}))" for g, r in groups]
-        assert isinstance(rate, Const)
-        rates = rate.flat * len(words) if len(rate.flat) == 1 else rate.flat
-        tables = [poisson_table(float(r)) for r in rates]
-        named = [(first, self._array(np.array(limits, np.int64))) for first, limits in tables]
-        return [f"i32({first} + search({t}, i64({w})))" for (first, t), w in zip(named, words, strict=True)]
-
-    def _dirichlet(self, node: Draw, words: Sequence[str]) -> list[str]:
-        values = []
-        for group, alpha in zip(self._groups(node, words), self._arguments(node), strict=True):
-            value, shrink = self.name(), self.name()
-            self.lines.append(f"{value}, {shrink} = gamma_parts({group}, {alpha})")
-            values.append((value, shrink))
-        largest = self._largest([value for value, _ in values])
-        logs = [self.assign(f"log_share({value}, {largest}, {shrink})") for value, shrink in values]
-        most = self._largest(logs)
-        parts = [self.assign(f"exp32({x} - {most})") for x in logs]
-        total = parts[0]
-        for part in parts[1:]:
-            total = self.assign(f"({total} + {part})")
-        return [f"share({part}, {total})" for part in parts]
-
-    def _largest(self, atoms: Sequence[str]) -> str:
-        found = atoms[0]
-        for atom in atoms[1:]:
-            found = self.assign(f"select({atom} > {found}, {atom}, {found})")
-        return found
-
-    def _permutation(self, node: Draw, words: Sequence[str]) -> list[str]:
-        n = node.type.shape[-1]
-        return [a for k in range(0, len(words), n) for a in self._order(words[k : k + n], real=False)]
+    def argument(self, draw: Draw) -> list[str]:
+        atoms = [self.assign(a) for a in self.atoms(draw.args[0])]
+        return atoms * draw.type.size if len(atoms) == 1 else atoms
 
 
 Reduce = Callable[[KernelLane, Apply, list[str]], list[str]]
@@ -275,22 +226,11 @@ _REDUCE: dict[str, Reduce] = {
     "argmin": lambda k, node, a: k._best(node, a, "<", place=True),
     "argmax": lambda k, node, a: k._best(node, a, ">", place=True),
     "sort": lambda k, node, a: k._network(node, a),
-    "argsort": lambda k, node, a: k._order(a, node.args[0].type.kind is Kind.REAL),
+    "argsort": lambda k, node, a: k.order(a, node.args[0].type.kind is Kind.REAL),
     "cumsum": lambda k, node, a: k._running(a),
 }
 _STRUCTURE: dict[str, Callable[[KernelLane, Apply], LaneValue]] = {
     "index": KernelLane._index,
     "put": KernelLane._put,
     "swap": KernelLane._swap,
-}
-_DRAW: dict[str, Callable[[KernelLane, Draw, Sequence[str]], list[str]]] = {
-    "uniform": lambda k, node, words: [f"uniform({w})" for w in words],
-    "index": lambda k, node, words: [f"i32(index({w}, {n}))" for w, n in zip(words, k._arguments(node), strict=True)],
-    "bernoulli": lambda k, node, words: [
-        f"bernoulli({w}, {p})" for w, p in zip(words, k._arguments(node), strict=True)
-    ],
-    "categorical": KernelLane._categorical,
-    "poisson": KernelLane._poisson,
-    "dirichlet": KernelLane._dirichlet,
-    "permutation": KernelLane._permutation,
 }

@@ -12,10 +12,11 @@ from taskspec.backends.lowering.hoist import word_names
 from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
 from taskspec.backends.numba.kernelmemory import MemoryRow, Program
 from taskspec.backends.numpy.arraystep import never
-from taskspec.draws.layout import WordLayout as WordLayout
-from taskspec.draws.layout import words_of
 from taskspec.lang.ir import Const, Draw, Node, Role
 from taskspec.lang.types import INT_MAX, Kind, Type
+from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates.layout import WordLayout as WordLayout
+from taskspec.lang.variates.layout import words_of
 
 SHOWN = 8
 """Draws of this many elements or more that are observed as they are go to the observations in one piece."""
@@ -63,7 +64,7 @@ def _shown(p: Program, roots: Sequence[Node], words: WordLayout) -> dict[int, tu
     found, row = {}, 0
     components = p.observation.components
     for i, (c, node) in enumerate(zip(components, roots[len(roots) - len(components) :], strict=True)):
-        if isinstance(node, Draw) and node.base in ("normal", "exponential") and c.type.size >= SHOWN:
+        if isinstance(node, Draw) and VARIATES[node.base].loop and c.type.size >= SHOWN:
             found[i] = (row, (words.first[node.site], c.type.size))
         row += c.type.size
     return found

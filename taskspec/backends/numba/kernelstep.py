@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from taskspec.backends.numba.kernelloop import Shown, action_rows, advance, begin, check, indent
 from taskspec.backends.numba.kernelmemory import BAD, CHECK, CHECKED_STEP, RESET, STEP, WHAT, MemoryRow, Program
 from taskspec.backends.vector import Mode
-from taskspec.draws.layout import WordLayout
 from taskspec.lang.operators import OPERATORS
+from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates.layout import WordLayout
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
@@ -169,7 +170,8 @@ def _fill(p: Program, words: WordLayout, call: str, keys: str, n: str) -> list[s
     w, r = p.memory.at("words"), p.memory.at("reals")
     lines = [f"{call}, {w}, i64({p.width}), i64({(words.count + 1) // 2}), {keys})"]
     for draw in words.draws:
-        if draw.base in ("normal", "exponential"):
+        loop = VARIATES[draw.base].loop
+        if loop is not None:
             place = f"i64({words.first[draw.site]}), i64({draw.type.size})"
-            lines.append(f"{draw.base}s({n}, {w}, {r}, i64({p.width}), {place})")
+            lines.append(f"{loop}({n}, {w}, {r}, i64({p.width}), {place})")
     return lines

@@ -10,10 +10,11 @@ import numpy as np
 
 from taskspec.backends.buffers import Array, Values
 from taskspec.backends.emit.arrayform import ArrayForm, Scratch, Sink, scalar
+from taskspec.backends.emit.source import tuple_of
 from taskspec.backends.lowering.hoist import Hoisted
-from taskspec.draws.layout import poisson_bound
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.types import Kind
+from taskspec.lang.variates.sample import many
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
@@ -92,35 +93,14 @@ def _form(task: Task, states: Sequence[str], actions: Sequence[str], hoisted: Ho
     names |= {(Role.STATE, c.name): s for c, s in zip(task.state, states, strict=True)}
     names |= {(Role.ACTION, c.name): a for c, a in zip(task.action, actions, strict=True)}
     names |= {(Role.VARIABLE, v): v for v in (*hoisted.names, *hoisted.word_numbers)}
-    return ArrayForm(
-        names,
-        lambda draw, args: _drawn(draw, args, hoisted.words[draw.site]),
-        scratch=Scratch(),
-    )
+    form = ArrayForm(names, lambda draw, args: drawn(draw, args), scratch=Scratch())
 
+    def drawn(draw: Draw, args: Sequence[str]) -> str:
+        """A draw whose distribution depends on the state; the step is given its words one by one, as int64 (lanes,)."""
+        words = f"np.stack({tuple_of(hoisted.words[draw.site])}).astype(np.uint32)"
+        return f"{form.constant(many(draw))}({tuple_of(args)}, {words})"
 
-# -- draws whose distribution depends on the state ----------------------------------------------------------------
-
-
-def _drawn(draw: Draw, args: Sequence[str], words: Sequence[str]) -> str:
-    """A draw from its words, which the step is given one by one as int64 (lanes,)."""
-    size = draw.type.size
-    stacked = f"np.stack(({', '.join(words)},)).astype(np.uint32)"
-    spread = args[0] if draw.args[0].type.shape else f"np.asarray({args[0]})[None]"
-    flat = f"rt.rows({spread})"
-    match draw.base:
-        case "bernoulli":
-            text = f"bernoullis({stacked}, {flat})"
-        case "index":
-            text = f"indices({stacked}, {flat}).astype(np.int64)"
-        case "categorical":
-            text = f"weighted_categoricals({stacked}, {args[0]}[:, None]).astype(np.int64)"
-        case "poisson":
-            grouped = f"{stacked}.reshape({size}, {len(words) // size}, -1).swapaxes(0, 1)"
-            text = f"poissons({grouped}, {flat}, {poisson_bound(draw)!r}).astype(np.int64)"
-        case _:
-            text = f"dirichlets({stacked}, {flat}).astype(np.float64)"
-    return f"{text}.reshape({''.join(f'{k}, ' for k in draw.type.shape)}-1)"
+    return form
 
 
 # -- what a step leaves behind ------------------------------------------------------------------------------------

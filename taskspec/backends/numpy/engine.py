@@ -22,11 +22,10 @@ from taskspec.backends.lowering.tabulate import tabulate
 from taskspec.backends.numpy.arraystep import Again, generate, never, observed
 from taskspec.backends.numpy.runtimes import RUNTIME
 from taskspec.backends.vector import LanesNotRunningError, Mode, Options
-from taskspec.draws import finite, variates
-from taskspec.draws.layout import WordLayout
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
 from taskspec.lang.ir import draws as draws_below
+from taskspec.lang.variates.layout import WordLayout
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
 from taskspec.task.task import Task
 
@@ -93,11 +92,6 @@ _NAMESPACE: dict[str, Any] = {
     "rt": RUNTIME,
     "nan": np.nan,
     "inf": np.inf,
-    "dirichlets": variates.dirichlets,
-    "bernoullis": variates.bernoullis,
-    "indices": finite.indices,
-    "poissons": finite.poissons,
-    "weighted_categoricals": finite.weighted_categoricals,
 }
 
 

@@ -21,8 +21,8 @@ from taskspec.backends.lowering.phase import Phase
 from taskspec.backends.scalar import scalars
 from taskspec.backends.scalar.emit_info import sees_state
 from taskspec.backends.scalar.module import Parts, generate
-from taskspec.draws.sample import sampler
 from taskspec.lang.evaluate import evaluate
+from taskspec.lang.variates.sample import sampler
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, singles
 from taskspec.task.task import Task
 

@@ -18,7 +18,5 @@ def namespace() -> dict[str, Any]:
         **{name: function for operator in OPERATORS.values() for name, function in operator.scalar.names.items()},
         "bisect_right": bisect_right,
         "bernoulli": draws.bernoulli,
-        "poisson": draws.poisson,
-        "dirichlet": draws.dirichlet,
         "weighted_categorical": draws.weighted_categorical,
     }

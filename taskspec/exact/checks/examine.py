@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import WordLayout
 from taskspec.exact.checks.check import Check
 from taskspec.exact.checks.phases import CheckPhase
 from taskspec.exact.model.codes import distinct, holds, union, without
@@ -22,6 +20,8 @@ from taskspec.exact.model.transitions import Steps
 from taskspec.exact.simulation.points import Batch, Grid, Method
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Const, Draw, Node, draws
+from taskspec.lang.variates.layout import WordLayout
+from taskspec.lang.variates.sample import batch_sampler
 
 Array = np.ndarray[Any, Any]
 BATCH = 65_536

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.model.outcomes import FLOATS, ProbabilityArithmetic, branches, count, is_finite
+from taskspec.exact.model.outcomes import FLOATS, branches, count, is_finite
 from taskspec.exact.model.space import plain, words
 from taskspec.exact.planning.certified.rational import Chances
 from taskspec.exact.planning.certified.readings import Inexact, Reader
@@ -18,6 +18,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Draw, Node, draws
 from taskspec.lang.normal import NormalForms
+from taskspec.lang.variates.entry import ProbabilityArithmetic
 from taskspec.task.task import Component, Example
 
 Array = np.ndarray[Any, Any]

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector
-from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import WordLayout
 from taskspec.exact.lint.case import Case
 from taskspec.exact.model.space import Reads, shown, words
 from taskspec.exact.simulation.rollout import visited
 from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Apply, Node, Role, children, reads, walk
+from taskspec.lang.variates.layout import WordLayout
+from taskspec.lang.variates.sample import batch_sampler
 from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]

@@ -15,6 +15,7 @@ from taskspec.exact.model.space import plain, words
 from taskspec.lang.ir import Draw, Role, reads, walk
 from taskspec.lang.ranges import Interval
 from taskspec.lang.types import Kind
+from taskspec.lang.variates import VARIATES
 from taskspec.task.build import build
 from taskspec.task.reach import reached
 from taskspec.task.task import Component, Task
@@ -109,7 +110,7 @@ def _ends(high: float) -> str:
 def _normal(task: Task) -> set[str]:
     """Components that normal draws go into: how far these get is a matter of how they are made."""
     pairs = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
-    found = {n for n, pair in pairs.items() if any(isinstance(x, Draw) and x.base == "normal" for x in walk(pair))}
+    found = {n for n, pair in pairs.items() if any(isinstance(x, Draw) and VARIATES[x.base].cut for x in walk(pair))}
     while more := {n for n, pair in pairs.items() if {name for _, name in reads(pair)} & found} - found:
         found |= more
     return found

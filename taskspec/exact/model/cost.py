@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from taskspec.draws.layout import words_of
 from taskspec.exact.model.failure import refuse
 from taskspec.lang.ir import Const, Draw, Node, walk
+from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates.layout import words_of
 from taskspec.limits import how_to_raise, limits
 
 RATE = 3e8
@@ -16,7 +17,7 @@ CALL = 1e-5
 """Seconds that an operation of NumPy takes, however few numbers there are."""
 BYTES = 8
 WORD, SORTED = 5, 60
-"""How many operations a random word is worth, and one of a permutation, which is sorted."""
+"""How many operations a random word is worth, and one of a draw that sorts them."""
 
 
 class Cost:
@@ -46,7 +47,7 @@ class Cost:
 
 
 def _sampling(draw: Draw) -> int:
-    return words_of(draw) * (SORTED if draw.base == "permutation" else WORD)
+    return words_of(draw) * (SORTED if VARIATES[draw.base].sorts else WORD)
 
 
 class Budget:

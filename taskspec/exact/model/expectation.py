@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from fractions import Fraction
 
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Draw, Node, children, draws, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.operators.structure import STRUCTURES
-from taskspec.lang.types import Kind, Type
+from taskspec.lang.variates import VARIATES
 
 
 def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> Node:
@@ -32,21 +31,10 @@ def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> N
 
 
 def _mean(draw: Draw, builder: Builder) -> Node | None:
-    match draw.base:
-        case "uniform":
-            mean: Node = builder.const(Fraction(1, 2), Type(Kind.REAL))
-        case "normal":
-            mean = builder.scalar(0.0)
-        case "exponential":
-            mean = builder.scalar(1.0)
-        case "dirichlet":
-            alpha = draw.args[0]
-            mean = builder.apply("div", alpha, builder.apply("sum", alpha))
-        case "poisson":
-            mean = draw.args[0]
-        case _:
-            return None  # finite draws are enumerated
-    return builder.stretch(builder.cast(mean, draw.type.kind), draw.type.shape)
+    found = VARIATES[draw.base].mean
+    return (
+        None if found is None else builder.stretch(builder.cast(found(builder, draw), draw.type.kind), draw.type.shape)
+    )
 
 
 def _is_linear(root: Node, draw: Draw) -> bool:

@@ -14,10 +14,11 @@ from taskspec.exact.model.codes import distinct
 from taskspec.exact.model.expectation import expected
 from taskspec.exact.model.failure import refuse
 from taskspec.exact.model.lump import lumped
-from taskspec.exact.model.outcomes import FLOATS, Branch, ProbabilityArithmetic, branches, count
+from taskspec.exact.model.outcomes import FLOATS, Branch, branches, count
 from taskspec.exact.model.space import MAX_CODES, Reads, Space
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
+from taskspec.lang.variates.entry import ProbabilityArithmetic
 from taskspec.limits import count as count_of
 from taskspec.limits import how_to_raise, limits
 from taskspec.task.task import Task

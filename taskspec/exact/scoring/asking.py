@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import WordLayout
 from taskspec.exact.model.failure import misused
 from taskspec.exact.simulation.rollout import State, reads_of
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
+from taskspec.lang.variates.layout import WordLayout
+from taskspec.lang.variates.sample import batch_sampler
 from taskspec.task import spaces
 from taskspec.task.task import Task
 

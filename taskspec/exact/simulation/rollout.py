@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.draws.batched import batch_sampler
-from taskspec.draws.layout import WordLayout
 from taskspec.exact.model.cost import BYTES
 from taskspec.exact.simulation.points import columns, sampled
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, Role
+from taskspec.lang.variates.layout import WordLayout
+from taskspec.lang.variates.sample import batch_sampler
 from taskspec.limits import limits
 from taskspec.task.task import Task
 

@@ -168,8 +168,8 @@ class _Factoring:
 def _continuous(node: Node) -> Draw | None:
     """The draw behind a vector of independent numbers of one continuous distribution, which no two are equal of."""
     match node:
-        case Draw(base="uniform" | "normal" | "exponential", args=(), type=type) if len(type.shape) == 1:
-            return node
+        case Draw(args=(), type=type) if type.kind is Kind.REAL and len(type.shape) == 1:
+            return node  # elements of draws without arguments are independent
         case Apply(op="add" | "mul", args=(Const() as factor, inner)) if _is_moderate(factor):
             return _continuous(inner)
         case Apply(op="add" | "sub" | "mul" | "div", args=(inner, Const() as factor)) if _is_moderate(factor):

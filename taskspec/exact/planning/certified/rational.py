@@ -14,13 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.draws.layout import row_table
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.outcomes import branches
 from taskspec.exact.model.transitions import Steps, acted, total
 from taskspec.exact.planning.certified.enclosure import Enclosure
 from taskspec.exact.planning.certified.readings import Inexact, Reader
 from taskspec.lang.ir import Const, Draw, Node, draws
+from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates.choices import row_table
 
 Array = np.ndarray[Any, Any]
 MOST_OUTCOMES = 100_000
@@ -38,13 +39,13 @@ class Chances:
         self.reader = reader
 
     def argument(self, draw: Draw, arg: Array) -> Array:
-        p = draw.args[0]
-        if draw.base == "poisson":
-            raise Inexact  # probabilities of a Poisson are irrational
+        p, outcomes = draw.args[0], VARIATES[draw.base].outcomes
+        if outcomes is None or outcomes.tail:
+            raise Inexact
         if isinstance(p, Const):
             return _objects([self.reader(v) for v in p.flat]).reshape(*p.type.shape, 1)
         looked_up = row_table(p)
-        if looked_up is not None and draw.base == "categorical":
+        if looked_up is not None and outcomes.by_row:
             return self._rows(looked_up[0], arg)
         return _objects([self.reader.computed(v) for v in arg.reshape(-1).tolist()]).reshape(arg.shape)
 

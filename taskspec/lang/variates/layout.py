@@ -10,41 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from taskspec import draws
-from taskspec.lang.ir import Apply, Const, Draw, Node
+from taskspec.lang.ir import Draw, Node
 from taskspec.lang.ir import draws as draws_below
+from taskspec.lang.variates import VARIATES
 
 
 def words_of(draw: Draw) -> int:
     """How many words a draw takes."""
-    size = draw.type.size
-    match draw.base:
-        case "normal":
-            return draws.normal_words(size)
-        case "dirichlet":
-            return draws.dirichlet_words(size)
-        case "poisson" if (bound := poisson_bound(draw)) is not None:
-            return draws.poisson_words(bound) * size
-        case _:
-            return size
-
-
-def poisson_bound(draw: Draw) -> float | None:
-    """The largest rate of a Poisson draw, fixed when the task is built; None where the spec gives the rate as a constant."""
-    if len(draw.args) == 1:
-        return None
-    bound = draw.args[1]
-    assert isinstance(bound, Const)
-    return float(bound.value)
-
-
-def row_table(p: Node) -> tuple[Const, Node] | None:
-    """For probabilities looked up in a constant table: the table (rows, k) and the row's number; else None."""
-    match p:
-        case Apply(op="index", args=(Const() as table, row)) if row.type.is_scalar:
-            return table, row
-        case _:
-            return None
+    return VARIATES[draw.base].words(draw)
 
 
 @dataclass(frozen=True)

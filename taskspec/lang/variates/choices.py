@@ -1,0 +1,203 @@
+"""Base variates that choose with given probabilities: a condition, and an index."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from taskspec import draws
+from taskspec.lang.ir import Apply, Const, Draw, Node, plain
+from taskspec.lang.operators.nodes import NodeMaker
+from taskspec.lang.types import Kind, Type
+from taskspec.lang.variates import outcomes
+from taskspec.lang.variates.entry import (
+    Array,
+    Draws,
+    Enumeration,
+    Flat,
+    KernelWriter,
+    LaneWriter,
+    ProbabilityArithmetic,
+    Variate,
+    Words,
+    rows,
+    stretched,
+)
+
+COMPARED = 16
+"""Constant categorical draws of up to this many outcomes become a sum of comparisons."""
+
+
+def row_table(p: Node) -> tuple[Const, Node] | None:
+    """For probabilities looked up in a constant table: the table (rows, k) and the row's number; else None."""
+    match p:
+        case Apply(op="index", args=(Const() as table, row)) if row.type.is_scalar:
+            return table, row
+        case _:
+            return None
+
+
+def _table_rows(table: Const) -> list[tuple[Any, ...]]:
+    """The rows of a table of probabilities, in the exact numbers they were written with."""
+    k = table.type.shape[-1]
+    return [table.flat[i : i + k] for i in range(0, len(table.flat), k)]
+
+
+# -- conditions ---------------------------------------------------------------------------------------------------
+
+
+def bernoulli_threshold(p: Fraction | float) -> int:
+    """A condition of constant probability (limited to [0, 1], NaN to 0) holds for the words below this."""
+    return round(Fraction(min(p, 1)) * draws.NEVER) if p > 0 else 0
+
+
+def _condition(draw: Draw, args: list[Flat], words: Words) -> Flat:
+    ps = stretched(args[0], draw.type.size)
+    if isinstance(draw.args[0], Const):
+        return tuple(w < bernoulli_threshold(p) for w, p in zip(words, ps, strict=False))
+    return tuple(draws.bernoulli(w, float(p)) for w, p in zip(words, ps, strict=False))
+
+
+def _conditions(x: Draws, draw: Draw, args: Sequence[Array], words: Array) -> Array:
+    p = draw.args[0]
+    if not isinstance(p, Const):
+        return x.bernoullis(words, rows(x, draw, args[0]))
+    limits = np.array([bernoulli_threshold(v) for v in stretched(p.flat, draw.type.size)], np.uint64)
+    return words.astype(np.uint64) < limits[:, None]
+
+
+def _below(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[Node] | None:
+    p = draw.args[0]
+    if not isinstance(p, Const):
+        return None
+    limits = [bernoulli_threshold(q) for q in stretched(p.flat, draw.type.size)]
+    return [
+        b.scalar(True) if limit >= draws.NEVER else b.apply("lt", word, b.scalar(limit - bias))
+        for word, limit in zip(words, limits, strict=True)
+    ]
+
+
+def _condition_outcomes(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+    found = []
+    for p in outcomes.each(numbers.argument(draw, args[0]), draw.type.size):
+        inside = np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
+        found.append(np.stack([1 - inside, inside]))
+    return outcomes.product(draw, found, np.bool_)
+
+
+# -- indices ------------------------------------------------------------------------------------------------------
+
+
+def _outcome(draw: Draw, args: list[Flat], words: Words) -> Flat:
+    mine, p = words[: draw.type.size], draw.args[0]
+    if isinstance(p, Const) or row_table(p) is not None:
+        # the row as it stands in the table: exact, whatever was rounded on the way
+        table = draws.thresholds(p.flat if isinstance(p, Const) else args[0])
+        return tuple(draws.categorical(w, table) for w in mine)
+    return tuple(draws.weighted_categorical(w, [float(x) for x in args[0]]) for w in mine)
+
+
+def _outcomes(x: Draws, draw: Draw, args: Sequence[Array], words: Array) -> Array:
+    p = draw.args[0]
+    if isinstance(p, Const):
+        return x.categoricals(words, _limits(p))
+    looked_up = row_table(p)
+    if looked_up is not None:
+        present, which = np.unique(args[0], axis=1, return_inverse=True)
+        table, last = draws.threshold_table([_exact_row(looked_up[0], row) for row in present.T.tolist()])
+        return draws.row_categoricals(words, np.broadcast_to(which.reshape(-1), words.shape[1:]), table, last)
+    return x.weighted_categoricals(words, args[0].reshape(-1, 1, args[0].shape[-1]))
+
+
+@lru_cache(maxsize=256)
+def _limits(p: Const) -> Array:
+    """Thresholds of constant probabilities; sets of thousands of outcomes take a while, once."""
+    return draws.reachable(draws.thresholds(p.flat))
+
+
+def _exact_row(table: Const, row: list[float]) -> tuple[Any, ...]:
+    """The row of a table of probabilities, in the exact numbers it was written with."""
+    return next(r for r in _table_rows(table) if [float(plain(v)) for v in r] == row)
+
+
+def _reached_limits(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[Node] | None:
+    p = draw.args[0]
+    if isinstance(p, Const) and len(p.flat) <= COMPARED:
+        limits = [b.scalar(t - bias) for t in draws.thresholds(p.flat) if t < draws.NEVER]
+        return [_reached(b, limits, w) for w in words]
+    looked_up = row_table(p)
+    return None if looked_up is None else _row_outcomes(b, *looked_up, words, bias)
+
+
+def _reached(b: NodeMaker, limits: Sequence[Node], word: Node) -> Node:
+    """How many of the limits are at most the word."""
+    total: Node = b.scalar(0)
+    for limit in limits:
+        total = b.apply("add", total, b.cast(b.apply("le", limit, word), Kind.INT))
+    return total
+
+
+def _row_outcomes(b: NodeMaker, table: Const, row: Node, words: Sequence[Node], bias: int) -> list[Node]:
+    """Draws from the row of a table that is chosen at run time: one look-up for every threshold."""
+    k, found = table.type.shape[-1], _table_rows(table)
+    if not bias:  # ints with room for the threshold that no word reaches
+        exact = [draws.thresholds(r) for r in found]
+        return [_reached(b, [_column(b, [t[i] for t in exact], row) for i in range(k - 1)], w) for w in words]
+    limits, last = draws.threshold_table(found)
+    columns = [_column(b, [int(v) - bias for v in limits[:, i]], row) for i in range(k - 1)]
+    most = _column(b, [int(v) for v in last], row)
+    return [b.apply("min2", _reached(b, columns, w), most) for w in words]
+
+
+def _column(b: NodeMaker, values: Sequence[int], row: Node) -> Node:
+    if len(set(values)) == 1:
+        return b.scalar(values[0])
+    return b.structure("index", [b.const(values, Type(Kind.INT, (len(values),))), row])
+
+
+def _in_lane(lane: LaneWriter, draw: Draw, words: Sequence[str]) -> list[str]:
+    """Words against the thresholds of the present row, or against weights known only now."""
+    looked_up = row_table(draw.args[0])
+    if looked_up is None:
+        return [f"weighted_categorical({word}, {lane.packed(draw.args[0])})" for word in words]
+    limits, at = tuple(map(draws.thresholds, _table_rows(looked_up[0]))), lane.scalar_of(looked_up[1])
+    if len(limits[0]) == 1:
+        return [f"(0 if {word} < {lane.constant(tuple(r[0] for r in limits))}[{at}] else 1)" for word in words]
+    return [f"bisect_right({lane.constant(limits)}[{at}], {word})" for word in words]
+
+
+def _in_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[str]:
+    p = draw.args[0]
+    if isinstance(p, Const):
+        table = k.array(np.array(draws.thresholds(p.flat), np.int64))
+        return [f"i32(search({table}, i64({w})))" for w in words]
+    weights = f"({', '.join(k.atoms(p))},)"
+    return [f"i32(weighted({w}, {weights}))" for w in words]
+
+
+TABLE = (
+    Variate(  # true with a given probability: a word below a threshold
+        name="bernoulli", kind=Kind.BOOL, bounds=lambda draw, args: (0, 1),
+        outcomes=Enumeration(lambda draw, bounds: outcomes.power(2, draw.type.size), _condition_outcomes),
+        one=_condition, many=_conditions, compared=_below,
+        lane=lambda lane, draw, words: [
+            f"bernoulli({w}, {p})" for w, p in zip(words, lane.argument(draw), strict=True)
+        ],
+        kernel=lambda k, draw, words: [f"bernoulli({w}, {p})" for w, p in zip(words, k.argument(draw), strict=True)],
+    ),
+    Variate(  # an index drawn with given probabilities: how many thresholds are at most the word
+        name="categorical", kind=Kind.INT, bounds=lambda draw, args: (0, draw.args[0].type.shape[-1] - 1),
+        outcomes=Enumeration(
+            lambda draw, bounds: outcomes.power(draw.args[0].type.shape[-1], draw.type.size),
+            lambda draw, args, numbers: outcomes.product(
+                draw, [outcomes.clean(numbers.argument(draw, args[0]))] * draw.type.size, np.int64
+            ),
+            steps=lambda draw: draw.type.size * (draw.args[0].type.shape[-1] + 4), by_row=True,
+        ),
+        one=_outcome, many=_outcomes, compared=_reached_limits, lane=_in_lane, kernel=_in_kernel,
+    ),
+)  # fmt: skip

@@ -1,0 +1,186 @@
+"""What an entry of the table of base variates says, and what it is given to say it with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from taskspec.lang.ir import Draw, Node
+from taskspec.lang.operators.nodes import NodeMaker
+from taskspec.lang.ranges import EVERYTHING, Args, Interval
+from taskspec.lang.types import Kind
+
+Array = Any
+"""An array of NumPy or of JAX."""
+Flat = tuple[Any, ...]
+Words = Sequence[int]
+Bounds = Callable[[Node], Interval]
+Comparison = Callable[[NodeMaker, Draw, Sequence[Node], int], list[Node] | None]
+
+
+class Draws(Protocol):
+    """Variates over arrays of words: `taskspec.draws` for NumPy, `taskspec.backends.jax.library` for JAX.
+
+    Words are uint32 and lie along the first axis, the lanes along the last one. Each function is that of `taskspec.draws`.
+    """
+
+    xp: Any
+
+    def uniforms(self, words: Array, /) -> Array: ...
+
+    def exponentials(self, words: Array, /) -> Array: ...
+
+    def normals(self, words: Array, n: int, /) -> Array: ...
+
+    def dirichlets(self, words: Array, alphas: Array, /) -> Array: ...
+
+    def bernoullis(self, words: Array, p: Array, /) -> Array: ...
+
+    def indices(self, words: Array, n: Array, /) -> Array: ...
+
+    def categoricals(self, words: Array, thresholds: Any, /) -> Array: ...
+
+    def weighted_categoricals(self, words: Array, weights: Array, /) -> Array: ...
+
+    def poissons(self, words: Array, rate: Array, bound: float, /) -> Array: ...
+
+    def permutations(self, words: Array, /) -> Array: ...
+
+
+class LaneWriter(Protocol):
+    """What writes a draw into the scalar program (`taskspec.backends.emit.lane`)."""
+
+    def atoms(self, node: Node) -> list[str]:
+        """One expression for each element."""
+
+    def packed(self, node: Node) -> str:
+        """The name of a flat sequence of the elements."""
+
+    def scalar_of(self, node: Node) -> str:
+        """The name of a number that is no direct argument."""
+
+    def constant(self, value: Any) -> str:
+        """The name of a value that is kept outside of the function."""
+
+    def argument(self, draw: Draw) -> list[str]:
+        """The first argument of a draw, an expression for each of its elements."""
+
+
+class KernelWriter(Protocol):
+    """What writes a draw into a compiled kernel (`taskspec.backends.numba.kernel`), without branches.
+
+    Statements may use the functions of `taskspec.backends.numba.basics` and `taskspec.backends.numba.draws`.
+    """
+
+    lines: list[str]
+
+    def name(self) -> str:
+        """A name that is not taken."""
+
+    def assign(self, text: str) -> str:
+        """A name for an expression."""
+
+    def atoms(self, node: Node) -> list[str]:
+        """The name of each element."""
+
+    def argument(self, draw: Draw) -> list[str]:
+        """The first argument of a draw, a name for each of its elements."""
+
+    def array(self, array: np.ndarray[Any, Any]) -> str:
+        """The name of a constant array."""
+
+    def order(self, atoms: Sequence[str], real: bool) -> list[str]:
+        """The places that sort some numbers."""
+
+
+class ProbabilityArithmetic(Protocol):
+    """The arithmetic in which probabilities are worked out: floats, or rationals."""
+
+    def argument(self, draw: Draw, arg: Array) -> Array:
+        """The first argument of a draw, rates and probabilities, (*shape, N)."""
+
+    def ratio(self, part: Array, whole: Array) -> Array:
+        """Ints divided by ints."""
+
+    def times(self, a: Array, b: Array) -> Array:
+        """The product of two probabilities of which neither is 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Enumeration:
+    """The outcomes of a variate that exact analysis goes through.
+
+    `count` bounds how many there are, given bounds of nodes. `table` gives their values (K, *shape) and probabilities
+    (K, N or 1) from arguments (*shape, N or 1). A probability takes so many rounded `steps`, as a row is rounded, added up
+    and divided for each element, and is made of so many `chances` that the arguments give. With a `tail` there are
+    infinitely many, of irrational probabilities; those left out weigh less than 1e-20 for each element. `weighted` says
+    whether the arguments are what outcomes weigh, and `by_row` whether a row of a constant table is taken as it is written.
+    """
+
+    count: Callable[[Draw, Bounds], float]
+    table: Callable[[Draw, list[Array], ProbabilityArithmetic], tuple[Array, Array]]
+    steps: Callable[[Draw], int] = lambda draw: 6 * draw.type.size
+    chances: Callable[[Draw], int] = lambda draw: draw.type.size
+    tail: bool = False
+    weighted: bool = True
+    by_row: bool = False
+
+
+def one_each(draw: Draw) -> int:
+    """A word for every element."""
+    return draw.type.size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variate:
+    """A base variate: what draws are made of, and all that anyone needs to know of it.
+
+    `words` is how many random words a draw takes. `many` is its value over arrays, (size, N) of any width, from a library,
+    its arguments (*shape, N or 1) and its words (count, N); `one` the same of a single draw on Python numbers, where that is
+    not a batch of one. All backends give the same to the bit. `many` is None for what stands in exact models only, and is
+    never drawn.
+
+    What depends on draws alone is worked out in blocks by `many`. Where a distribution depends on the state, the scalar
+    program has the form `lane`, or else calls `one`. Kernels have the expressions `kernel`, one for each element; or a `loop` of
+    `taskspec.backends.numba.draws` makes float32 numbers of the words, each of its own, before the step. `compared` gives
+    the elements as comparisons of words (ints, less a bias) with known thresholds, where it can.
+
+    `mean` is what a draw is replaced by where a reward is linear in it; variates with `outcomes` are gone through.
+    `sorts` says that it sorts its words, which is costly. `cut`: its bounds are where the way it is made ends, and
+    nothing in mathematics.
+    """
+
+    name: str
+    kind: Kind
+    many: Callable[[Draws, Draw, Sequence[Array], Array], Array] | None
+    one: Callable[[Draw, list[Flat], Words], Flat] | None = None
+    words: Callable[[Draw], int] = one_each
+    bounds: Callable[[Draw, Args], Interval] = lambda draw, args: EVERYTHING
+    outcomes: Enumeration | None = None
+    mean: Callable[[NodeMaker, Draw], Node] | None = None
+    lane: Callable[[LaneWriter, Draw, Sequence[str]], list[str]] | None = None
+    kernel: Callable[[KernelWriter, Draw, Sequence[str]], list[str]] | None = None
+    loop: str | None = None
+    compared: Comparison = lambda b, draw, words, bias: None
+    sorts: bool = False
+    cut: bool = False
+
+
+def stretched(flat: Flat, size: int) -> Flat:
+    """An argument with one number for each element of a draw."""
+    return flat * size if len(flat) == 1 and size != 1 else flat
+
+
+def rows(x: Draws, draw: Draw, arg: Array) -> Array:
+    """An argument with one row for each element of a draw: (size, N or 1)."""
+    flat = arg.reshape(-1, arg.shape[-1])
+    return x.xp.broadcast_to(flat, (draw.type.size, flat.shape[1]))
+
+
+def groups(draw: Draw, words: Sequence[str]) -> list[str]:
+    """The words of each element, as the source of a tuple."""
+    step = len(words) // draw.type.size
+    return [f"({', '.join(words[k : k + step])},)" for k in range(0, len(words), step)]

@@ -1,0 +1,67 @@
+"""What stands for draws in exact models where nothing tells their outcomes apart (`taskspec.exact.model.lump`)."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from taskspec.lang.ir import Const, Draw
+from taskspec.lang.types import Kind
+from taskspec.lang.variates.entry import Array, Bounds, Enumeration, ProbabilityArithmetic, Variate
+
+
+def _total(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+    """How many of some conditions hold: of each, its draw's chance, and whether it holds with it, and without it."""
+    p, *ends = numbers.argument(draw, args[0]), *args[1:]
+    p = np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
+    row = np.ones((1, 1), p.dtype) if p.dtype != object else numbers.ratio(np.ones((1, 1), int), np.ones((1, 1), int))
+    for chance, on, off in zip(p, *ends, strict=True):
+        holds = np.where(on, np.where(off, 1, chance), np.where(off, 1 - chance, 0))
+        shape = (1, max(row.shape[-1], holds.shape[-1]))
+        none = np.zeros(shape, row.dtype)
+        row = np.concatenate([row * (1 - holds), none]) + np.concatenate([none, row * holds])
+    return np.arange(len(row)), row
+
+
+def _arrangement(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+    """What may stand in some places of a permutation, as far as its values are told apart; elsewhere, any of them."""
+    alike, places = (a[:, 0] for a in args)
+    kinds, counts = np.unique(alike, return_counts=True)
+    left, ways = counts[None, :], np.ones(1, dtype=object)
+    chosen = np.empty((1, 0), np.int64)
+    for _ in places:
+        row, kind = np.nonzero(left)
+        ways = ways[row] * left[row, kind]
+        chosen = np.concatenate([chosen[row], kinds[kind][:, None]], axis=1)
+        left = left[row] - (np.arange(len(kinds)) == kind[:, None])
+    values = np.full((len(chosen), draw.type.size), kinds[0])
+    values[:, places] = chosen
+    return values, numbers.ratio(ways[:, None], np.full((1, 1), math.perm(draw.type.size, len(places)), dtype=object))
+
+
+def _arrangements(draw: Draw, bounds: Bounds) -> float:
+    """How many there are: in each number of places, of ever more kinds of values."""
+    alike, places = draw.args
+    assert isinstance(alike, Const) and isinstance(places, Const)
+    ways = [1] + [0] * places.type.size
+    for held in Counter(alike.flat).values():
+        ways = [sum(ways[k - i] * math.comb(k, i) for i in range(min(k, held) + 1)) for k in range(len(ways))]
+    return float(min(ways[-1], 10**300))
+
+
+TABLE = (
+    Variate(  # the count of conditions that hold
+        name="total", kind=Kind.INT, many=None,
+        outcomes=Enumeration(
+            lambda draw, bounds: draw.args[0].type.size + 1, _total,
+            steps=lambda draw: 4 * draw.args[0].type.size + 4,  # two products and a sum for each, of what was rounded
+            chances=lambda draw: draw.args[0].type.size,
+        ),
+    ),
+    Variate(  # a permutation, as far as its values are told apart in the places that are looked at
+        name="arrangement", kind=Kind.INT, many=None,
+        outcomes=Enumeration(_arrangements, _arrangement, steps=lambda draw: 1, weighted=False),  # a quotient of whole numbers
+    ),
+)  # fmt: skip

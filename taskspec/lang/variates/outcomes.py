@@ -1,0 +1,48 @@
+"""Enumeration of single draws with their probabilities, as entries of the table list them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from taskspec.lang.ir import Draw
+
+Array = np.ndarray[Any, Any]
+
+
+def product(draw: Draw, rows: Sequence[Array], dtype: Any) -> tuple[Array, Array]:
+    """Independent elements: element e takes value k with probability rows[e][k]."""
+    shape = draw.type.shape
+    if shape == ():
+        return np.arange(len(rows[0]), dtype=dtype), rows[0]
+    digits = np.array(list(itertools.product(*(range(len(r)) for r in rows))), dtype=np.int64)
+    p: Any = 1
+    for e, row in enumerate(rows):
+        p = p * row[digits[:, e]]
+    return digits.reshape(-1, *shape).astype(dtype), p
+
+
+def each(arg: Array, size: int) -> list[Array]:
+    """An argument with one row for each element."""
+    flat = arg.reshape(-1, arg.shape[-1])
+    return list(flat) * size if len(flat) == 1 else list(flat)
+
+
+def clean(p: Array) -> Array:
+    """Rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total."""
+    p = np.where(p > 0, p, 0)
+    total = p.sum(axis=0)
+    if (total != 1).any():
+        empty = total == 0
+        p = p / np.where(empty, 1, total)
+        p[-1] = np.where(empty, 1, p[-1])
+    return p
+
+
+def power(base: float, exponent: int) -> float:
+    """`base ** exponent`; 1e300 stands for all that is beyond it, as it is finite for all that."""
+    return 1e300 if exponent * math.log(max(1.0, base)) > 690 else float(base) ** exponent
