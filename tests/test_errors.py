@@ -247,10 +247,10 @@ HINTS: list[tuple[str, str, str, str, str | None]] = [
     ("      calm: {up: cross, else: calm}", "      calm: {up: cross}", "E410", "calm", "add the row, or `else:`"),
     (
         "mood: calm\n",
-        "mood: 1\n",
+        "mood: 1 / 2\n",
         "E306",
-        "1",
-        "a table gives each number its label: `{by: i, rows: {0: calm, 1: cross}}`",
+        "1 / 2",
+        "`floor(x)` and `round(x)` give ints",
     ),
     (
         "clip(p + move, 0, N - 1)",

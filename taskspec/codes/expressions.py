@@ -90,6 +90,13 @@ and an `int` may stand where a `real` is asked for; nothing else converts by its
 s': s / 2     # wrong when s is an int: / gives a real
 s': s // 2    # right
 ```
+
+A choice takes one of its labels, or an int: the position of a label, from 0, or the value that a label stands for.
+
+```yaml
+dir': dir / 2          # wrong when dir is a choice: / gives a real
+dir': (dir + 1) % 4    # right
+```
 """,
     ),
     Code(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import partial
-from typing import NoReturn
 
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Node
+from taskspec.lang.labels import numbered
 from taskspec.lang.scope import Lazy, Scope, Value
-from taskspec.lang.types import Domain
+from taskspec.lang.types import Domain, Refused
 
 
 def select(
@@ -67,13 +67,12 @@ def unify(
     if len(domains) == 1:
         return [v.node for v in values], values[0].domain
     if want is not None and want.values is None and want in domains:
-        _need_labels(checker, [e for v, e in zip(values, exprs, strict=True) if v.domain != want], want)
-    return [checker.number_of(v, e) for v, e in zip(values, exprs, strict=True)], None
+        return [_labelled(checker, v, e, want) for v, e in zip(values, exprs, strict=True)], want
+    return [checker.number_of(v) for v in values], None
 
 
-def _need_labels(checker: BaseChecker, odd: Sequence[s.Expr], want: Domain) -> NoReturn:
-    """Report the alternatives that are no labels, where the others are."""
-    for expr in odd:
-        labels = ", ".join(want.labels[:6]) + ", ..." * (len(want.labels) > 6)
-        checker.collector.add("E306", expr.place, f"one of the labels {labels} is needed here")
-    checker.poison()
+def _labelled(checker: BaseChecker, value: Value, expr: s.Expr, want: Domain) -> Node:
+    try:
+        return numbered(checker, value, expr, want)
+    except Refused as refused:
+        checker.fail(refused.code, expr, refused.message, refused.hint)

@@ -60,17 +60,14 @@ class BaseChecker(ABC):
             return None
 
     def numeric(self, expr: s.Expr, scope: Scope) -> Node:
-        """An expression that must be a number, a condition or a vector; a mapped choice gives the value it stands for."""
-        return self.number_of(self.value(expr, scope), expr)
+        """An expression that must be a number, a condition or a vector; a choice gives what its label stands for."""
+        return self.number_of(self.value(expr, scope))
 
-    def number_of(self, value: Value, expr: s.Expr) -> Node:
-        if value.domain is None:
-            return value.node
+    def number_of(self, value: Value) -> Node:
+        """A value in arithmetic: a label is the value that it stands for, or else its position."""
         domain = value.domain
-        if domain.values is None or domain.value_type is None:
-            labels = ", ".join(domain.labels[:4]) + (", ..." if len(domain.labels) > 4 else "")
-            self.fail("E306", expr, f"this is a choice between labels ({labels}), not a number",
-                      "compare it (`x == label`), or give its labels values: `values: {label: value}`")  # fmt: skip
+        if domain is None or domain.values is None or domain.value_type is None:
+            return value.node
         rows = Type(domain.value_type.kind, (len(domain.labels), *domain.value_type.shape))
         flat = [v for row in domain.values for v in (row if isinstance(row, tuple) else (row,))]
         return self.builder.structure("index", [self.builder.const(flat, rows), value.node])

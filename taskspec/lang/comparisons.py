@@ -8,6 +8,7 @@ from taskspec.lang import sets
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Node
+from taskspec.lang.labels import check_comparable
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import Domain
 
@@ -54,7 +55,7 @@ class _Side:
         return self.check(want) or self.checker.poison()
 
     def number(self) -> Node:
-        return self.checker.number_of(self.value(), self.expr)
+        return self.checker.number_of(self.value())
 
 
 def _link(op: str, left: _Side, right: _Side) -> Node:
@@ -66,7 +67,8 @@ def _link(op: str, left: _Side, right: _Side) -> Node:
         one, other = _alike(left, right)
         if one.domain is not None and one.domain == other.domain:
             return checker.builder.apply(_OPERATORS[op], one.node, other.node)
-        nodes = [checker.number_of(one, left.expr), checker.number_of(other, right.expr)]
+        check_comparable(one.domain, other.domain)
+        nodes = [checker.number_of(one), checker.number_of(other)]
     else:
         nodes = checker.each([left.number, right.number])
     if op in _TURNED:

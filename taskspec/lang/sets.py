@@ -14,6 +14,7 @@ from taskspec.lang import alternatives, batch
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Const, Node, Role, draws, reads
+from taskspec.lang.labels import check_comparable
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
 from taskspec.limits import count as count_of
@@ -74,7 +75,8 @@ def member(checker: BaseChecker, value: Value, left: s.Expr, right: s.Expr, scop
     table, domain = _table(checker, right, scope, value.domain)
     node = value.node
     if domain is None or domain != value.domain:  # numbers, or what labels stand for in arithmetic
-        node, table = checker.number_of(value, left), checker.number_of(Value(table, domain), right)
+        check_comparable(domain, value.domain)
+        node, table = checker.number_of(value), checker.number_of(Value(table, domain))
     if node.type.shape != table.type.shape[1:]:
         checker.fail("E307", left, f"{node.type} cannot be an element of this set")
     if node.type.is_scalar:

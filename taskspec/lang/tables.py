@@ -192,10 +192,11 @@ def _some(row: s.TableRow) -> s.Expr:
 
 def _key(checker: BaseChecker, expr: s.Expr, column: _Column, scope: Scope) -> int:
     value = checker.value(expr, scope, column.domain)
-    node = checker.number_of(value, expr) if value.domain is not None and value.domain != column.domain else value.node
+    node = value.node if value.domain == column.domain else checker.number_of(value)
     if not isinstance(node, Const) or not node.type.is_scalar:
         checker.fail("E312", expr, "a row of a table must be a constant")
-    if node.type.kind is Kind.REAL or (column.domain is not None and value.domain is None):
+    is_label = value.domain is not None and value.domain.values is None
+    if node.type.kind is Kind.REAL or (value.domain != column.domain and (column.domain is not None or is_label)):
         checker.fail("E313", expr, f"'{node.value}' is not a value of this column", _known(column))
     if not column.ends[0] <= int(node.value) <= column.ends[1]:
         checker.fail("E313", expr, f"'{node.value}' is not a value of this column", _known(column))

@@ -6,8 +6,9 @@ from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node
+from taskspec.lang.labels import numbered
 from taskspec.lang.scope import Scope, Value
-from taskspec.lang.types import Domain, Kind, Refused
+from taskspec.lang.types import Kind, Refused
 from taskspec.task.task import Component
 
 
@@ -42,12 +43,7 @@ def _blame(checker: Checker, refused: Refused, expr: s.Expr, scope: Scope, compo
 
 def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
     """The value as one of a component; Refused when it cannot be."""
-    if c.domain is not None and value.domain != c.domain:
-        labels = ", ".join(c.domain.labels[:6]) + ", ..." * (len(c.domain.labels) > 6)
-        raise Refused(
-            f"'{c.name}' is a choice between {labels}; this is {_what(value)}", hint=_labelled(value, c.domain)
-        )
-    node = value.node if c.domain is not None else checker.number_of(value, expr)
+    node = checker.number_of(value) if c.domain is None else numbered(checker, value, expr, c.domain)
     if node.type.kind > c.type.kind:
         message = f"'{c.name}' is {_NAMED[c.type.kind]}, but this is {_NAMED[node.type.kind]}"
         raise Refused(message, "E306", "compare it, e.g. `x > 0`" if c.type.kind is Kind.BOOL else _whole(expr, c))
@@ -69,18 +65,3 @@ def _whole(expr: s.Expr, c: Component) -> str:
     if isinstance(expr, s.Binary) and expr.op == "/":
         return "`x // y` divides ints, rounded down"
     return "`floor(x)` and `round(x)` give ints"
-
-
-def _labelled(value: Value, domain: Domain) -> str | None:
-    """What to do about a number that is to be a label."""
-    if value.domain is not None or value.node.type.shape or value.node.type.kind is Kind.REAL:
-        return None
-    rows = ", ".join(f"{i}: {label}" for i, label in enumerate(domain.labels[:3]))
-    more = ", ..." * (len(domain.labels) > 3)
-    return f"a table gives each number its label: `{{by: i, rows: {{{rows}{more}}}}}`"
-
-
-def _what(value: Value) -> str:
-    if value.domain is not None:
-        return "a choice between other labels"
-    return "a vector" if value.node.type.shape else _NAMED[value.node.type.kind]

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from taskspec.diagnostics import suggest
-from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Node
 from taskspec.lang.scope import Scope
-from taskspec.lang.types import Refused
 from taskspec.source import Path
 from taskspec.task.context import Context
 from taskspec.task.task import Figure
@@ -60,12 +58,7 @@ def _node(context: Context, path: Path, scope: Scope) -> Node | None:
     value = None if expr is None else context.checker.check(expr, scope)
     if expr is None or value is None:
         return None
-    if value.domain is None or value.domain.values is None:
-        return value.node
-    try:
-        return context.checker.number_of(value, expr)
-    except (Poisoned, Refused):
-        return None
+    return context.checker.number_of(value)
 
 
 def _map(context: Context, name: str | None) -> tuple[str, ...]:

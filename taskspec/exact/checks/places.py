@@ -46,15 +46,9 @@ class SectionScope:
             return None
 
     def number(self, expr: s.Expr) -> Node | None:
-        """The meaning of a part as a number; a mapped choice gives the value that it stands for."""
+        """The meaning of a part as a number; a choice gives what its label stands for."""
         value = self.value(expr)
-        if value is None:
-            return None
-        checker = Checker(self.task.builder, Collector())
-        try:
-            return checker.number_of(value, expr)
-        except Exception:  # a choice between plain labels is no number
-            return value.node
+        return None if value is None else Checker(self.task.builder, Collector()).number_of(value)
 
     def row(self, by: s.Expr, key: s.Expr) -> Node | None:
         """Whether the present value of a column is that of a row, as a condition."""

@@ -110,8 +110,9 @@ def _labels(c: Component, codes: Any) -> Any:
     if isinstance(codes, list):
         return [_labels(c, code) for code in codes]
     assert c.domain is not None
-    inside = 0 <= codes < len(c.domain.labels)
-    return c.domain.labels[int(codes)] if inside else f"label number {codes}"
+    if 0 <= codes < len(c.domain.labels):
+        return c.domain.labels[int(codes)]
+    return f"label number {codes}" if c.domain.values is None else "none of them"
 
 
 def shown(c: Component, value: Array) -> str:

@@ -103,6 +103,8 @@ def labelled(c: Context, to: Component, depth: int) -> Any:
     copies = [n.text for n in c.names if n.kind == "label" and n.labels == labels and same_meaning(n, to)]
     if copies and c.chance(0.3):
         return c.rng.choice(copies)
+    if c.chance(0.2) and (found := numbered(c, to, depth)):
+        return found
     one, other = (label(c, c.rng.choice(labels)) for _ in range(2))
     match c.rng.randrange(5 if c.may_draw else 4):
         case 0:
@@ -117,6 +119,17 @@ def labelled(c: Context, to: Component, depth: int) -> Any:
     if c.chance(0.4):
         return f"Categorical({{{', '.join(f'{label(c, x)}: {p}' for x, p in zip(labels, shares, strict=True))}}})"
     return dict(zip(labels, shares, strict=True))
+
+
+def numbered(c: Context, to: Component, depth: int) -> str | None:
+    """A label by its number, or by the number that it stands for; None where it stands for none of its own."""
+    position = f"{scalars.integer(c, depth).at(6)} % {len(to.labels)}"
+    if not to.numbers:
+        return position
+    stand = list(to.data["values"].values())
+    if to.means or len(set(stand)) < len(stand):
+        return None
+    return f"({', '.join(map(str, stand))},)[{position}]"
 
 
 def same_meaning(name: Term, to: Component) -> bool:

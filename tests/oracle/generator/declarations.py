@@ -38,6 +38,9 @@ class Component:
             found.append(Term(text, self.kind, self.shape, size=self.size, reads=reads, rows=self.rows(text)))
         elif self.numbers:
             found.append(Term(text, "int", self.means, size=5, reads=reads, rows=()))
+        elif self.labels:
+            position = f"{text} + 0"  # bare, it would be a label
+            found.append(Term(position, "int", level=5, size=len(self.labels), reads=reads, rows=()))
         if self.labels:
             found.append(Term(text, "label", size=1 + self.numbers, reads=reads, labels=self.labels))
         return found

@@ -65,8 +65,8 @@ class Component:
 
     def cast(self, value: Value) -> Value:
         if self.kind == "choice":
-            if value.kind != "choice" or value.choice != self.choice:
-                raise Wrong(f"{self.name} needs one of its labels")
+            labels = value.data if value.choice == self.choice else self._numbered(value)
+            value = Value("choice", value.shape, tuple(labels), False, choice=self.choice)
             return Value("choice", self.shape, spread(value, self.shape), False, choice=self.choice)
         value = number(value)
         if "bool int real".find(value.kind) > "bool int real".find(self.kind):
@@ -75,6 +75,17 @@ class Component:
         if self.kind == "int" and (self.low is None or self.high is None):
             data = [max(-LARGEST - 1, min(LARGEST, x)) for x in data]
         return settled(self.kind, self.shape, data, fixed=False, rough=value.rough)
+
+    def _numbered(self, value: Value) -> list[int]:
+        """Numbers of the labels that ints stand for; -1 where it is none."""
+        assert self.choice is not None
+        ints = number(value)
+        if ints.kind == "real" or (value.choice is not None and not value.choice.meaning):
+            raise Wrong(f"{self.name} needs one of its labels")
+        if not self.choice.meaning:
+            return [int(x) for x in ints.data]
+        stand = [v.item for v in self.choice.meaning]
+        return [stand.index(x) if x in stand else -1 for x in ints.data]
 
     def everything(self) -> Iterator[Value]:
         """All values of a finite component."""

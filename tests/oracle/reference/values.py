@@ -68,12 +68,12 @@ RANK = {"bool": 0, "int": 1, "real": 2}
 
 
 def number(value: Value) -> Value:
-    """A value in arithmetic: a choice is what its labels stand for."""
+    """A value in arithmetic: a choice is what its labels stand for, or their numbers, from 0."""
     if value.kind != "choice":
         return value
     assert value.choice is not None
     if not value.choice.meaning:
-        raise Wrong(f"labels {value.choice.labels} are no numbers")
+        return settled("int", value.shape, value.data, fixed=value.fixed)
     picked = [value.choice.meaning[i] for i in value.data]
     return settled(
         joint_kind(value.choice.meaning),
