@@ -11,7 +11,7 @@ import pytest
 from tests.mutants import __main__ as command
 from tests.mutants import run
 from tests.mutants.changes import mutants, mutated
-from tests.mutants.choose import Seen, Timed, rounds
+from tests.mutants.choose import Seen, Timed, chosen
 from tests.mutants.rooms import ROOMS
 
 CHANGES = {
@@ -118,18 +118,19 @@ def test_tests_that_run_the_line_are_asked() -> None:
         Path("test_draws.py"), [Timed("slow", 2), Timed("fast", 1), Timed("no", 0)], {below.file: {3: [0, 1], 2: [2]}}
     )
     of_others = Seen(Path("test_oracle.py"), [Timed("other", 1), Timed("endless", 1e9)], {below.file: {3: [0, 1]}})
-    asked = rounds(below, room, [of_others, of_room])
-    assert [[test.name for test in tests] for tests in asked] == [["fast", "slow"], ["other"]]
+    asked = chosen(below, room, [of_others, of_room])
+    assert [test.name for test in asked] == ["fast", "slow", "other"]
 
 
 def test_a_line_of_a_table_is_asked_of_what_runs_the_file() -> None:
     (_, *_, row) = mutants("taskspec/draws/a.py", "def f(x):\n    return x < 1\n\nTABLE = (1, 2)\n")
     seen = Seen(Path("test_draws.py"), [Timed("one", 1)], {row.file: {2: [0], 4: []}})
-    assert [[test.name for test in tests] for tests in rounds(row, ROOMS["draws"], [seen])] == [["one"], []]
+    assert [test.name for test in chosen(row, ROOMS["draws"], [seen])] == ["one"]
 
 
 # -- what becomes of a change ---------------------------------------------------------------------------------------------
 
+FILE = "taskspec/__init__.py"
 SOURCE = """
 def down(x):
     while x > 0:
@@ -141,28 +142,27 @@ def twice(x):
     return max(x, x) * 2
 """
 TESTS = """
-import thing
+import taskspec
 
 
 def test_down():
-    assert thing.down(2) == 0
+    assert taskspec.down(2) == 0
 
 
 def test_twice():
-    assert thing.twice(2) == 4
+    assert taskspec.twice(2) == 4
 """
 
 
 @pytest.fixture
 def copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> run.Copy:
     original = tmp_path / "original"
-    original.mkdir()
-    (original / "thing.py").write_text(SOURCE)
+    (original / "taskspec").mkdir(parents=True)
+    (original / FILE).write_text(SOURCE)
     (original / "test_thing.py").write_text(TESTS)
-    (original / "pytest.ini").write_text("[pytest]\npythonpath = .\n")
     subprocess.run(["git", "init", "-q"], cwd=original, check=True)
     monkeypatch.setattr(run, "ROOT", original)
-    monkeypatch.setattr(run, "PATIENCE", 10.0)
+    monkeypatch.setattr(run, "PATIENCE", 4)
     return run.Copy(tmp_path / "copy")
 
 
@@ -174,7 +174,7 @@ def copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> run.Copy:
     ],
 )  # fmt: skip
 def test_what_becomes_of_a_change(copy: run.Copy, after: str, test: str, became: str) -> None:
-    (number,) = (m.number for m in mutants("thing.py", SOURCE) if after in m.after)
-    asked = [[], [Timed(f"test_thing.py::{test}", 0.0)]]
-    assert copy.ask("thing.py", number, asked) == (became, asked[1][0].name if became == "killed" else "")
-    assert (copy.folder / "thing.py").read_text() == SOURCE
+    (number,) = (m.number for m in mutants(FILE, SOURCE) if after in m.after)
+    asked = Timed(f"test_thing.py::{test}", 0.0)
+    assert copy.ask(FILE, number, [asked]) == (became, asked.name if became == "killed" else "")
+    assert (copy.folder / FILE).read_text() == SOURCE

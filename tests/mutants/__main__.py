@@ -60,7 +60,7 @@ def results(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def run(room: str, wanted: list[Mutant], jobs: int, folder: Path) -> None:
-    from tests.mutants.choose import mapped, rounds
+    from tests.mutants.choose import chosen, mapped
     from tests.mutants.run import Copy
 
     seen = mapped(ROOMS[room], folder / "map")
@@ -72,7 +72,7 @@ def run(room: str, wanted: list[Mutant], jobs: int, folder: Path) -> None:
         def ask(mutant: Mutant) -> dict[str, Any]:
             copy, begun = copies.get(), time.monotonic()
             try:
-                became, by = copy.ask(mutant.file, mutant.number, rounds(mutant, ROOMS[room], seen))
+                became, by = copy.ask(mutant.file, mutant.number, chosen(mutant, ROOMS[room], seen))
             finally:
                 copies.put(copy)
             return {

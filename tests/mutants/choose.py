@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -38,8 +38,8 @@ class Seen:
         return sorted((self.tests[n] for n in numbers), key=lambda test: test.seconds)
 
 
-def rounds(mutant: Mutant, room: Room, seen: Sequence[Seen]) -> list[list[Timed]]:
-    """Tests that are asked about a change: those about the room, and if none of these fails all others.
+def chosen(mutant: Mutant, room: Room, seen: Sequence[Seen]) -> list[Timed]:
+    """Tests that are asked about a change: those about the room, then all others, files with little to run first.
 
     A line of a table runs once, when the module is read: what runs anything of its file is asked then, or of the room.
     """
@@ -52,16 +52,23 @@ def rounds(mutant: Mutant, room: Room, seen: Sequence[Seen]) -> list[list[Timed]
         files = sorted({file for s in seen for file in s.lines if file.startswith(room.folder)})
         found = [(s, list(dict.fromkeys(t for file in files for t in s.of(file, 1, sys.maxsize)))) for s in seen]
     halves = ([tests for s, tests in found if is_own(room, s.path) is own] for own in (True, False))
-    return [list(_affordable(half, budget)) for half, budget in zip(halves, BUDGETS, strict=True)]
+    return [
+        test
+        for half, budget in zip(halves, BUDGETS, strict=True)
+        for tests in _affordable(half, budget)
+        for test in tests
+    ]
 
 
-def _affordable(files: list[list[Timed]], budget: float) -> Iterator[Timed]:
-    """One test of each file in turn, until the time is spent."""
+def _affordable(files: list[list[Timed]], budget: float) -> list[list[Timed]]:
+    """One test of each file in turn, until the time is spent; then file by file, the ones that take least first."""
+    kept: list[list[Timed]] = [[] for _ in files]
     for turn in zip_longest(*files):
-        for test in turn:
+        for test, some in zip(turn, kept, strict=True):
             if test is not None and test.seconds <= budget:
                 budget -= test.seconds
-                yield test
+                some.append(test)
+    return sorted(kept, key=lambda tests: sum(test.seconds for test in tests))
 
 
 def mapped(room: Room, folder: Path) -> list[Seen]:

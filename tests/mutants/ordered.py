@@ -1,8 +1,8 @@
-"""A plugin of pytest: of the tests that are collected only those in `chosen.txt` are run, in its order."""
+"""A plugin of pytest that runs some of the tests that are collected, in a given order."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Sequence
 
 import pytest
 
@@ -12,8 +12,18 @@ def name_of(item: pytest.Item) -> str:
     return item.nodeid.replace(f"{item.config.rootpath}/", "")
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    order = {name: k for k, name in enumerate(Path("chosen.txt").read_text().splitlines())}
-    config.hook.pytest_deselected(items=[item for item in items if name_of(item) not in order])
-    items[:] = sorted((item for item in items if name_of(item) in order), key=lambda item: order[name_of(item)])
+class Only:
+    """Runs the tests with these names, in this order; `failed` is the first that fails."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.order = {name: k for k, name in enumerate(names)}
+        self.failed = ""
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        wanted = (item for item in items if name_of(item) in self.order)
+        items[:] = sorted(wanted, key=lambda item: self.order[name_of(item)])
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if report.failed and not self.failed:
+            self.failed = report.nodeid
