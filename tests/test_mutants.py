@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.mutants import __main__ as command
-from tests.mutants import run
+from tests.mutants import run, table
 from tests.mutants.changes import mutants, mutated
 from tests.mutants.choose import Seen, Timed, chosen
 from tests.mutants.rooms import ROOMS
@@ -126,6 +126,31 @@ def test_a_line_of_a_table_is_asked_of_what_runs_the_file() -> None:
     (_, *_, row) = mutants("taskspec/draws/a.py", "def f(x):\n    return x < 1\n\nTABLE = (1, 2)\n")
     seen = Seen(Path("test_draws.py"), [Timed("one", 1)], {row.file: {2: [0], 4: []}})
     assert [test.name for test in chosen(row, ROOMS["draws"], [seen])] == ["one"]
+
+
+# -- what no test can notice --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("key", table.equivalent())
+def test_what_is_called_equivalent_can_still_be_changed(key: str) -> None:
+    file = key.partition("::")[0]
+    assert key in {m.key for m in mutants(file, Path(run.ROOT, file).read_text())}
+
+
+def test_the_page_lists_what_is_called_equivalent() -> None:
+    page = Path(run.ROOT, "docs/correctness.md").read_text(encoding="utf-8")
+    assert (
+        page.partition("<!-- equivalent -->\n")[2].partition("\n<!-- /equivalent -->")[0].splitlines()
+        == table.reasons()
+    )
+
+
+def test_a_room_is_counted() -> None:
+    every = mutants("a.py", "def f(x):\n    return x < 1\n")
+    known = {
+        m.key: {"became": what} for m, what in zip(every, ("killed", "timeout", "survived", "killed"), strict=True)
+    }
+    assert table.row("lang", every, every, known) == "| `lang` | 4 | 4 | 2 | 1 | 1 | 0 |"
 
 
 # -- what becomes of a change ---------------------------------------------------------------------------------------------

@@ -135,6 +135,7 @@ def test_hand_writing(source: str, expected: str) -> None:
         ("s'[i]**2", r"s_i^{\prime 2}"),
         ("put(x + y, 0, 1)", r"(x + y)[0 \leftarrow 1]"),
         ("dot(x + y, -a)", r"(x + y) \cdot (- a)"),
+        ("x + dot(-y, a)", r"x + (- y \cdot a)"),
         ("Normal(0, x + 1)", r"\mathcal{N}(0, (x + 1)^2)"),
         ("Normal(x, y) + 1", r"\mathcal{N}(x, y^2) + 1"),
         ("(x if a else y)**2", r"\left( \begin{cases} x & \text{if }a \\ y & \text{otherwise} \end{cases} \right)^2"),
@@ -169,6 +170,17 @@ def test_brackets(source: str, expected: str) -> None:
 )  # fmt: skip
 def test_brackets_in_a_line_of_text(source: str, expected: str) -> None:
     assert plain(mathematics(parse(nowhere(source)), N)) == expected
+
+
+@pytest.mark.parametrize(
+    "source",
+    ["x[i + 1, 2 * L + 3]", "x**(2 * L + 3)", "x if x > y else y", "sqrt(x + y)", "[[1, 2], [x, y]]", "abs(x)", "sum(s[:L])",
+     "norm2(s)**2", "-x", "x' + 1", "clip(x, 0, L)", "Normal(0, x + 1)"],
+)  # fmt: skip
+def test_widths_are_about_those_of_a_line_of_text(source: str) -> None:
+    """For what does not stand on two lines."""
+    tree = mathematics(parse(nowhere(source)), N)
+    assert 0.4 < m.width(tree) / len(plain(tree)) < 1.6
 
 
 def tabulated(rows: dict[str, Any]) -> s.Table:
@@ -243,7 +255,10 @@ def test_symbols_of_names(name: str, expected: str) -> None:
      (r"\frac12", r"\frac{1}{2}", "1/2"), (r"\frac1{23}", r"\frac{1}{23}", "1/23"), (r"\frac{12}x", r"\frac{12}{x}", "12/x"),
      (r"\uparrow", r"\uparrow", " ↑ "), ("↔", r"\leftrightarrow", " ↔ "),
      (r"\sum_i^{2n} x_i", r"\sum_{i}^{2n} x_i", "∑_(i)^(2n) xᵢ"),
-     (r"\prod^n x", r"\prod^{n} x", "∏^(n) x")],
+     (r"\prod^n x", r"\prod^{n} x", "∏^(n) x"), (r"\sqrt{x} y", r"\sqrt{x}y", "√(x)y"), ("a~b", r"a\,b", "a b"),
+     (r"\begin{cases} a & b \\ c \end{cases} + 1", r"\begin{cases} a & b \\ c & \end{cases} + 1", "{ a b; c } + 1"),
+     (r"\begin{pmatrix} a & b \\ c & d \end{pmatrix} x", r"\begin{pmatrix} a & b \\ c & d \end{pmatrix}x", "[a b; c d]x"),
+     (r"\left( x \right] y", "(x]y", "(x]y"), (r"\mathbb R", r"\mathbb{R}", "ℝ")],
 )  # fmt: skip
 def test_symbols_that_authors_give(source: str, tex: str, text: str) -> None:
     found = read_tex(source)

@@ -132,10 +132,6 @@ class _TexReader:
         return [Sym(_PLAIN.get(token, token))] if token not in "{}$&#%^_\\" else [Words(token)]
 
     def group(self) -> Math:
-        after = "".join(self.tokens[self.at : self.at + 1])
-        if after in self.holes and self.tokens[self.at + 1 : self.at + 2] == ["}"]:
-            self.at += 2
-            return Hole(after)
         name = self.raw(peek_only=True)
         if name in self.holes:
             self.raw()

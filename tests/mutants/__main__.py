@@ -2,7 +2,7 @@
 
     python -m tests.mutants --room lang --sample 100 --seed 0
     python -m tests.mutants --room lang --again          # those that nothing noticed
-    python -m tests.mutants --table                      # the table of docs/correctness.md
+    python -m tests.mutants --table                      # what is in docs/correctness.md
 
 Results are kept as lines of JSON, so that a run goes on where one was stopped. A sample is the same wherever the text of what it
 changes is. Which tests run which lines is found out once, by coverage.py.
@@ -25,6 +25,7 @@ from typing import Any
 
 from tests.mutants.changes import Mutant, mutants
 from tests.mutants.rooms import NOT_CHANGED, ROOMS, ROOT
+from tests.mutants.table import HEAD, reasons, row
 
 
 def arguments() -> argparse.Namespace:
@@ -36,6 +37,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=0, help="which of them")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--again", action="store_true", help="ask the tests once more about changes that survived")
+    parser.add_argument("--table", action="store_true", help="run nothing; print what is in docs/correctness.md")
     parser.add_argument(
         "--folder", type=Path, default=ROOT / "build" / "mutants", help="where maps and results are kept"
     )
@@ -98,14 +100,15 @@ def run(room: str, wanted: list[Mutant], jobs: int, folder: Path) -> None:
 def main() -> int:
     asked = arguments()
     asked.folder.mkdir(parents=True, exist_ok=True)
+    lines = list(HEAD)
     for room in asked.room or ROOMS:
         path = asked.folder / f"{room}.jsonl"
         wanted, known = sample(room, asked.sample, asked.seed), results(path)
-        done = {key for key, record in known.items() if not (asked.again and record["became"] == "survived")}
-        run(room, [m for m in wanted if m.key not in done], asked.jobs, asked.folder)
-        became = [results(path)[m.key]["became"] for m in wanted]
-        counts = ", ".join(f"{became.count(what)} {what}" for what in ("killed", "timeout", "survived"))
-        print(f"{room}: {len(wanted)} changes: {counts}")
+        if not asked.table:
+            done = {key for key, record in known.items() if not (asked.again and record["became"] == "survived")}
+            run(room, [m for m in wanted if m.key not in done], asked.jobs, asked.folder)
+        lines.append(row(room, changes_of(room), wanted, results(path)))
+    print("\n".join(lines if not asked.table else [*lines, "", *reasons()]))
     return 0
 
 
