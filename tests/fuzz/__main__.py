@@ -51,7 +51,13 @@ class Tally:
 
     def fault(self, signature: str, number: int, detail: str) -> None:
         self.kinds[signature] += 1
-        self.examples.setdefault(signature, (number, detail))
+        if signature not in self.examples:
+            self.examples[signature] = (number, detail)
+            print(told(signature, number, detail), file=sys.stderr, flush=True)  # a long run is read while it runs
+
+
+def told(signature: str, number: int, detail: str) -> str:
+    return f"{signature}: input {number}: {detail.strip().splitlines()[-1][:200]}"
 
 
 def of_inputs(first: int, last: int, hash_seed: int = 0) -> Iterator[dict[str, Any]]:
@@ -153,7 +159,7 @@ def main() -> int:
     tally = run(asked.inputs, asked.seed, asked.jobs, asked.twice, begun + asked.seconds)
     for signature, count in tally.kinds.most_common():
         number, detail = tally.examples[signature]
-        print(f"{count} × {signature}: input {number}: {detail.strip().splitlines()[-1][:200]}")
+        print(f"{count} × {told(signature, number, detail)}")
     print(
         ", ".join(f"{layer} {n:,}" for layer, n in tally.layers.most_common()),
         f"; slowest is {tally.slowest[1]}",
