@@ -148,6 +148,37 @@ def test_overlays_on_a_grid() -> None:
     assert len([x for x in found.items if isinstance(x, Line) and x.arrow]) > 20
 
 
+def arrows(found: Scene) -> set[tuple[int, int, int, int]]:
+    """Cells of a grid with the ways of the arrows in them."""
+    left = min(x.corner[0] for x in found.items if isinstance(x, Box))
+    top = min(x.corner[1] for x in found.items if isinstance(x, Box))
+    ends = [x.points for x in found.items if isinstance(x, Line) and x.arrow]
+    return {
+        (int((a - left) / 0.8), int((b - top) / 0.8), round((c - a) * 3), round((d - b) * 3)) for (a, b), (c, d) in ends
+    }
+
+
+def test_arrows_on_a_grid_show_what_is_chosen_and_not_what_chance_makes_of_it() -> None:
+    """The optimal policy of FrozenLake as Gymnasium's own tutorial has it, for as long a horizon."""
+    lake = registry.load(ROOT / "tests" / "specs" / "frozen_lake.yaml")
+    found = scene(lake, overlay(lake, ["policy"]))
+    assert found is not None
+    assert {(0, 0, -1, 0), (1, 0, 0, -1), (0, 1, -1, 0), (1, 2, 0, 1), (1, 3, 1, 0), (2, 3, 0, 1)} <= arrows(found)
+    ends = {(1, 1), (3, 1), (3, 2), (0, 3), (3, 3)}  # nobody acts in holes and in the goal
+    assert not ends & {(x, y) for x, y, _, _ in arrows(found)}
+    assert "arrows: best actions with all 100 steps to go" in labels(found)
+
+
+def test_a_terminal_state_has_no_value() -> None:
+    one = task("EarlyTermPos")
+    over = overlay(one, ["values", "policy"])
+    assert over.values == {0: 10, 1: 10}
+    assert set(over.policy) == {0, 1}
+    found = scene(one, over)
+    assert found is not None
+    assert "V: best return with all 10 steps to go" in labels(found)
+
+
 def test_unknown_overlay() -> None:
     with pytest.raises(SpecError, match="E713"):
         overlay(task("RiskyPath"), ["colour"])

@@ -18,6 +18,7 @@ from taskspec.figures.overlay import Overlay as Overlay
 from taskspec.figures.results import OVERLAYS as OVERLAYS
 from taskspec.figures.results import overlay as overlay
 from taskspec.figures.scene import Scene as Scene
+from taskspec.figures.scene import with_legend
 from taskspec.figures.svg import svg as svg
 from taskspec.figures.table import table
 from taskspec.figures.tikz import colors as tikz_colors
@@ -60,8 +61,9 @@ def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
 
 def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can."""
-    task = load(task)
-    return KINDS["graph" if task.figure is None else task.figure.kind](task, over or Overlay())
+    task, over = load(task), over or Overlay()
+    found = KINDS["graph" if task.figure is None else task.figure.kind](task, over)
+    return found if found is None else with_legend(found, over.legend)
 
 
 def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Path:

@@ -12,6 +12,7 @@ from taskspec.exact.model.transitions import Steps
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Role, Scene, fitted, scaled
 from taskspec.figures.values import Reads, all_states, at_states, first_state, reads_of
+from taskspec.figures.ways import Cell, Way, chosen_ways
 from taskspec.lang.ir import Node
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
@@ -19,7 +20,6 @@ from taskspec.task.task import Task
 CELL = 0.8
 LARGEST = 24
 _COLORS: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end"}
-Cell = tuple[int, int]
 
 
 def grid(task: Task, overlay: Overlay) -> Scene | None:
@@ -61,7 +61,7 @@ class _Board:
     agents: dict[Cell, float]
     shades: dict[Cell, float]
     values: dict[Cell, float]
-    moves: list[tuple[Cell, Cell]] = field(default_factory=list)
+    moves: list[tuple[Cell, Way]] = field(default_factory=list)
     open: bool = False  # the world goes on beyond the frame
 
     def items(self) -> Iterator[Item]:
@@ -76,20 +76,17 @@ class _Board:
             yield Box((0, 0), self.columns * CELL, self.rows * CELL, None, "ink")
         for (x, y), text in self.letters.items():
             yield Label(((x + 0.5) * CELL, (y + 0.5) * CELL), m.Words(text), 0.3, color="muted")
-        yield from (_move(a, b) for a, b in self.moves)
+        yield from (_move(cell, way) for cell, way in self.moves)
         for (x, y), value in self.values.items():
             yield Label(((x + 0.5) * CELL, (y + 0.5) * CELL), m.Num(f"{value:.3g}".replace("-", "−")), 0.24)
         for (x, y), weight in self.agents.items():
             yield from _agent((x + 0.5) * CELL, (y + 0.5) * CELL, weight)
 
 
-def _move(a: Cell, b: Cell) -> Line:
-    """An arrow from the middle of a cell towards another."""
-    (ax, ay), (bx, by) = ((x + 0.5, y + 0.5) for x, y in (a, b))
-    length = max(abs(bx - ax), abs(by - ay))
-    ux, uy = (bx - ax) / length, (by - ay) / length
-    return Line(((CELL * (ax + 0.2 * ux), CELL * (ay + 0.2 * uy)), (CELL * (ax + 0.48 * ux), CELL * (ay + 0.48 * uy))),
-                arrow=True, color="muted")  # fmt: skip
+def _move(cell: Cell, way: Way) -> Line:
+    """An arrow from near the middle of a cell to its edge."""
+    near, far = ((CELL * (cell[0] + 0.5 + r * way[0]), CELL * (cell[1] + 0.5 + r * way[1])) for r in (0.2, 0.48))
+    return Line((near, far), arrow=True, color="muted")
 
 
 def _agent(x: float, y: float, weight: float) -> Iterator[Item]:
@@ -112,7 +109,7 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     by_code = {code: (int(x), int(y)) for code, (x, y) in enumerate(cells)}
     agents = _agents(task, place, by_code, overlay)
     shades, values = ({by_code[c]: v for c, v in by.items()} for by in (overlay.occupancy, overlay.values))
-    moves = _moves(task, by_code, overlay) if overlay.policy else []
+    moves = list(chosen_ways(task, overlay.policy, by_code))
     letters = {} if values else _letters(task, columns, rows)  # a cell has room for one of them
     board = _Board(columns, rows, colors, letters, {} if values else agents, shades, values, moves)
     return fitted(board.items(), f"Grid of {task.name}: {columns} columns and {rows} rows")
@@ -127,21 +124,6 @@ def _agents(task: Task, place: tuple[Node, ...], by_code: Mapping[int, Cell], ov
     for code, p in zip(codes.tolist(), weights.tolist(), strict=True):
         found[by_code[code]] = found.get(by_code[code], 0.0) + p
     return found
-
-
-def _moves(task: Task, by_code: Mapping[int, Cell], overlay: Overlay) -> list[tuple[Cell, Cell]]:
-    """Where the policy's actions lead most often."""
-    steps = Steps(task)
-    pairs = [(code, action) for code, actions in overlay.policy.items() for action in actions]
-    codes, actions = (np.array(x) for x in zip(*pairs, strict=True))
-    likely: dict[int, tuple[float, int]] = {}
-    for o in steps.outcomes(codes, actions, 0):
-        origin = np.arange(len(codes)) if o.origin is None else o.origin
-        weight, target = (np.broadcast_to(x, origin.shape) for x in (o.weight, o.code))
-        for point, p, code in zip(origin.tolist(), weight.tolist(), target.tolist(), strict=True):
-            likely[point] = max(likely.get(point, (0.0, code)), (p, code))
-    found = dict.fromkeys((by_code[pairs[i][0]], by_code[code]) for i, (_, code) in likely.items())
-    return [(a, b) for a, b in found if a != b]
 
 
 def _letters(task: Task, columns: int, rows: int) -> dict[Cell, str]:

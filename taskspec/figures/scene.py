@@ -6,7 +6,7 @@ Colours are roles, so that a page can show the same scene on light and dark pape
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -90,6 +90,17 @@ def fitted(items: Iterable[Item], alt: str, notes: tuple[str, ...] = (), margin:
     right, bottom = max(b[2] for b in boxes) + margin, max(b[3] for b in boxes) + margin
     moved = tuple(shifted(item, -left, -top) for item in items)
     return Scene(right - left, bottom - top, moved, alt, notes)
+
+
+def with_legend(scene: Scene, lines: Sequence[str]) -> Scene:
+    """The scene with lines of words below it, on its left."""
+    if not lines:
+        return scene
+    words = [
+        Label((0.0, scene.height + 0.25 + 0.45 * i), m.Words(line), 0.26, "start", "muted")
+        for i, line in enumerate(lines)
+    ]
+    return fitted([*scene.items, *words], f"{scene.alt}; {'; '.join(lines)}", scene.notes)
 
 
 def _extent(item: Item) -> tuple[float, float, float, float]:
