@@ -49,6 +49,10 @@ class Expressed(Rule):
     nodes: tuple[Node, ...]
 
     @cached_property
+    def is_drawn(self) -> bool:  # type: ignore[override]
+        return bool(draws(self.nodes))
+
+    @cached_property
     def is_timed(self) -> bool:
         return TIME in reads(self.nodes)
 

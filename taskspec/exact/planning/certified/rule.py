@@ -10,7 +10,9 @@ class Rule(ABC):
     """A way to choose actions, worked out from the last time to the first (`exact.planning.plans`)."""
 
     is_rational: ClassVar[bool] = True
-    """Whether rational arithmetic has its policies."""
+    """Whether rational arithmetic has its policies, as far as can be said beforehand."""
+    is_drawn: bool = False
+    """Whether its policies are probabilities that are worked out: they may be no rationals."""
 
     @property
     def is_best(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, Protocol
@@ -132,7 +133,8 @@ class Solvers:
             return self._bounded()
         if as_written not in self._known:
             self._known[as_written] = self._made(as_written)
-        return self._known[as_written]
+        found = self._known[as_written]
+        return found if rule is None or not rule.is_drawn or _has(found, rule) else self._bounded()
 
     def _made(self, as_written: bool) -> Solver:
         if self.model.horizon is None:
@@ -151,6 +153,17 @@ class Solvers:
         if None not in self._known:
             self._known[None] = _in_floats(self.model)
         return self._known[None]
+
+
+def _has(solver: Solver, rule: Rule) -> bool:
+    """Whether a solver's arithmetic has the policies of a rule."""
+    if not isinstance(solver.numbers, Rational):
+        return True
+    try:
+        deque(solver.policies(rule), maxlen=0)
+    except Inexact:
+        return False
+    return True
 
 
 def _in_floats(model: Model) -> Solver:
