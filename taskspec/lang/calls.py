@@ -6,7 +6,7 @@ import math
 from typing import NoReturn
 
 from taskspec.diagnostics import Collector, suggest
-from taskspec.lang import dists, sets, subscripts, tables
+from taskspec.lang import dists, late, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.foreign import advice
@@ -78,7 +78,7 @@ def _keyword(name: str, value: s.Expr) -> s.Place:
 def _built_in(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
     function = FUNCTIONS[expr.function]
     _no_keywords(checker, expr)
-    nodes = checker.numerics(expr.args, scope)
+    nodes = late.operands(checker, expr.args, scope)
     if not function.accepts(len(nodes)):
         checker.fail("E304", expr, f"{function.signature} was given {count_of(len(nodes))}")
     for index in function.static:
@@ -106,7 +106,7 @@ def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope
         checker.fail("E304", expr, f"{function.signature} was given {count_of(len(values))}")
     leave = function.enter(expr)
     try:
-        given = [subscripts.named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
+        given = [late.named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
         inner = function.scope.child(dict(zip(function.arguments, given, strict=True)))
         inner.draws = NO_DRAWS
         return checker.value(function.body, inner, want)

@@ -10,7 +10,7 @@ import math
 from typing import assert_never
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError, nearest, suggest
-from taskspec.lang import alternatives, calls, comparisons, sets, subscripts, tables
+from taskspec.lang import alternatives, calls, comparisons, late, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.builder import Builder
@@ -169,9 +169,9 @@ class Checker(BaseChecker):
                 node = self.numeric(operand, scope)
                 return b.apply("neg", node) if sign == "-" else b.cast(node, Kind.INT)
             case s.Binary(op="**", left=left, right=right):
-                return b.power(*self.numerics((left, right), scope))
+                return b.power(*late.operands(self, (left, right), scope))
             case s.Binary(op=op, left=left, right=right):
-                return b.apply(_ARITHMETIC[op], *self.numerics((left, right), scope))
+                return b.apply(_ARITHMETIC[op], *late.operands(self, (left, right), scope))
             case s.Logical(op=op, operands=operands):
                 nodes = self.numerics(operands, scope)
                 result = nodes[0]

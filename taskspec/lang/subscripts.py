@@ -6,13 +6,11 @@ negative; one that depends on the state, the action, the time or a draw is moved
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker, ClampedIndex
-from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
+from taskspec.lang.late import varies
+from taskspec.lang.scope import Scope
 from taskspec.lang.types import Kind, Refused
 
 
@@ -58,7 +56,7 @@ def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Nod
     if node.type.kind is Kind.REAL:
         checker.fail("E306", expr, "an index must be an int, not a real", "`floor(x)` gives an int")
     node = checker.builder.cast(node, Kind.INT)
-    if isinstance(node, Const) and not _varies(expr, scope):
+    if isinstance(node, Const) and not varies(expr, scope):
         for i in node.flat:
             if not -length <= i < length:
                 checker.fail(
@@ -71,38 +69,10 @@ def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Nod
     return moved(checker, node, length, expr)
 
 
-def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
-    """The value of an expression as that of a name, for which a definition or an argument lets it stand."""
-    return replace(value, late=True) if isinstance(value.node, Const) and _varies(expr, scope) else value
-
-
-def _varies(expr: s.Expr, scope: Scope) -> bool:
-    """Whether an expression names what is known only when the task runs, whatever its value comes to."""
-    names = list(s.names(expr))
-    measured = {
-        id(n) for call in names if isinstance(call, s.Call) and call.function == "len" for n in s.names(call.args)
-    }
-    own = set(s.targets(expr))
-    relevant = (n for n in names if id(n) not in measured and not (isinstance(n, s.Name) and n.id in own))
-    return any(_known_late(n, scope.lookup(n.written if isinstance(n, s.Name) else n.function)) for n in relevant)
-
-
-def _known_late(at: s.Name | s.Call, binding: Binding | None) -> bool:
-    match binding:
-        case Value(node=node, late=late):
-            return late or not isinstance(node, Const)
-        case Lazy(resolve=resolve) if isinstance(at, s.Name):
-            return _known_late(at, resolve(at))
-        case FunctionDef(arguments=arguments, body=body, scope=scope):
-            return _varies(body, scope.child({a: Unavailable("", "") for a in arguments}))
-        case _:
-            return isinstance(at, s.Call) and is_distribution(at.function)
-
-
 def argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:
     """The argument of a function that is an index of x; what cannot be one is left to the function."""
-    varies = not isinstance(index, Const) or _varies(expr, scope)
-    if not varies or x.type.is_scalar or not index.type.is_scalar or index.type.kind is Kind.REAL:
+    known = isinstance(index, Const) and not varies(expr, scope)
+    if known or x.type.is_scalar or not index.type.is_scalar or index.type.kind is Kind.REAL:
         return index
     return moved(checker, checker.builder.cast(index, Kind.INT), x.type.shape[0], expr)
 

@@ -13,8 +13,8 @@ from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.calls import NO_DRAWS
 from taskspec.lang.ir import Draw, Node, Role, reads
+from taskspec.lang.late import named
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
-from taskspec.lang.subscripts import named
 from taskspec.lang.types import Kind, Type
 from taskspec.task.context import Context
 from taskspec.task.widths import kept
