@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from docutils import nodes
-from docutils.utils.math import latex2mathml
 
 from taskspec import __version__
+from taskspec.printers import tex
+from taskspec.printers.mathml import mathml
 
 project = "taskspec"
 author = project_copyright = "the taskspec authors"
@@ -70,16 +71,10 @@ def tree(caption: str, pages: list[str]) -> str:
 
 
 def inline_math(visitor: Any, node: Any) -> None:
-    visitor.body.append(mathml(node.astext(), as_block=False))
+    visitor.body.append(mathml(tex.read(node.astext())))
     raise nodes.SkipNode
 
 
 def block_math(visitor: Any, node: Any) -> None:
-    visitor.body.append(mathml(node.astext(), as_block=True))
+    visitor.body.append(mathml(tex.read(node.astext()), block=True))
     raise nodes.SkipNode
-
-
-def mathml(tex: str, as_block: bool) -> str:
-    """By docutils, which knows one of TeX's two ways to end a row; Markdown leaves only the other one alone."""
-    rows = re.sub(r"\\cr\b", r"\\\\", tex)
-    return str(latex2mathml.tex2mathml(rows, as_block=as_block))

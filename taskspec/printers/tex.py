@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from taskspec.printers import characters as c
 from taskspec.printers.tree import (
     Accent,
+    Arrow,
     Big,
     Cases,
     Fence,
@@ -42,6 +43,8 @@ _STYLES: dict[str, Style] = {
 _IGNORED = {"textstyle", "displaystyle", "limits", "nolimits", "big", "Big", "bigl", "bigr", "Bigl", "Bigr"}
 _SPACES = {",": "thin", ";": "thin", ":": "thin", "!": None, " ": "thin", "quad": "wide", "qquad": "wide"}
 _BIG = {"sum": "∑", "prod": "∏"}
+_SAME = {r"\lbrace": r"\{", r"\rbrace": r"\}", r"\thinspace": r"\,", r"\cr": r"\\"}
+"""Longer spellings, which Markdown leaves alone."""
 _PLAIN = {"*": "⋅", "-": "−", "'": "′"}
 
 
@@ -194,6 +197,8 @@ class _TexReader:
                 return [Frac(self.digit_or_argument(), self.digit_or_argument())]
             case _ if name in c.ACCENTS:
                 return [Accent(name, self.argument())]
+            case "xrightarrow":
+                return [Arrow(self.argument())]
             case "sqrt":
                 return [Root(self.argument())]
             case "text" | "textrm" | "mbox" | "textit":
@@ -263,7 +268,7 @@ def read(text: str, holes: Collection[str] = ()) -> Math:
         text: TeX, without dollars.
         holes: names which, alone in braces, stand for arguments of a template.
     """
-    reader = _TexReader(_TOKEN.findall(text), holes)
+    reader = _TexReader([_SAME.get(token, token) for token in _TOKEN.findall(text)], holes)
     found: list[Math] = []
     while reader.peek() is not None:
         found += reader.items()
