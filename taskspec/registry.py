@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskspec import scan
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
@@ -158,11 +158,7 @@ def find(task_id: str) -> Entry:
 
 
 def _load_file(path: Path, variant: str | None, parameters: dict[str, Any], suite: str | None = None) -> Task:
-    try:
-        stamp = path.stat()
-        version = (stamp.st_mtime_ns, stamp.st_size)
-    except (OSError, ValueError):
-        version = (0, 0)  # reading it will say what is wrong
+    version = _version(str(path))
     suite = suite_of(path) if suite is None else suite
     # 1, 1.0 and True are one key to a dictionary, but not one value to a parameter.
     given = tuple((name, type(value).__name__, value) for name, value in parameters.items())
@@ -173,8 +169,34 @@ def _load_file(path: Path, variant: str | None, parameters: dict[str, Any], suit
     return _built(str(path), version, variant, given, suite)
 
 
+_Version: TypeAlias = tuple[tuple[int, int], ...]
+"""What tells one state of a file, and of those that it extends, from another."""
+
+
+def _version(path: str) -> _Version:
+    """The version of a file as it is now."""
+    files: tuple[str, ...] = ()
+    while True:
+        version = tuple(map(_stamp, (path, *files)))
+        try:
+            found = _document(path, version).files
+        except SpecError:
+            return version  # the build says what is wrong
+        if found == files:
+            return version
+        files = found
+
+
+def _stamp(path: str) -> tuple[int, int]:
+    try:
+        found = Path(path).stat()
+    except (OSError, ValueError):
+        return 0, 0  # reading it will say what is wrong
+    return found.st_mtime_ns, found.st_size
+
+
 @lru_cache(maxsize=128)
-def _built(path: str, version: tuple[int, int], variant: str | None, given: tuple[Any, ...], suite: str) -> Task:
+def _built(path: str, version: _Version, variant: str | None, given: tuple[Any, ...], suite: str) -> Task:
     """A task of an unchanged file is built once: tasks are immutable."""
     from taskspec.task.build import build
 
@@ -182,7 +204,7 @@ def _built(path: str, version: tuple[int, int], variant: str | None, given: tupl
 
 
 @lru_cache(maxsize=64)
-def _document(path: str, version: tuple[int, int]) -> Document:
+def _document(path: str, version: _Version) -> Document:
     from taskspec.source import read_file
 
     return read_file(path)

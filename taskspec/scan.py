@@ -12,6 +12,9 @@ from dataclasses import dataclass
 REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")
 """Sections without which a spec, or a variant of it, is not a task."""
 
+EXTENDS = "extends"
+"""The section that takes what is left out from another file."""
+
 _ENTRY = re.compile(r" *([^\W\d]\w*):(?: +(.*))?$")
 _NOTHING = re.compile(r"\s*(?:#.*)?$")
 _COMMENT = re.compile(r"(?:^|\s)#.*$")
@@ -83,7 +86,9 @@ def _word(value: str) -> str:
 
 def _collected(name: str, version: int, sections: Iterable[str], variants: Iterable[str]) -> Scanned:
     """The spec itself, unless it leaves sections to its variants, and every variant."""
-    tasks: list[tuple[str, str | None]] = [(name, None)] if set(sections).issuperset(REQUIRED) else []
+    found = set(sections)
+    is_task = found.issuperset(REQUIRED) or EXTENDS in found
+    tasks: list[tuple[str, str | None]] = [(name, None)] if is_task else []
     return Scanned(version, (*tasks, *((task_name(name, key), key) for key in variants)))
 
 
@@ -102,4 +107,4 @@ def _parsed(text: str) -> Scanned:
     variants, version = data.get("variants"), data.get("version")
     named = [str(key) for key in variants] if isinstance(variants, dict) else []
     whole = version if isinstance(version, int) and version >= 0 else 0
-    return _collected(str(data.get("name", "")), int(whole), data, named)
+    return _collected(str(data.get("name", "")), int(whole), map(str, data), named)

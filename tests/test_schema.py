@@ -335,9 +335,10 @@ def test_every_reference_of_the_json_schema_leads_somewhere() -> None:
 def test_the_json_schema_knows_every_section() -> None:
     sections = {field.alias or key for key, field in Spec.model_fields.items()}
     schema = json_schema()
-    assert set(schema["properties"]) == sections
+    assert set(schema["$defs"]["Spec"]["properties"]) == sections
     variant = set(schema["$defs"]["Variant"]["properties"])
-    assert variant == sections - {"taskspec", "name", "variants"} | {"base"}
+    assert variant == sections - {"taskspec", "name", "variants"} | {"base", "extends"}
+    assert set(schema["$defs"]["Extension"]["properties"]) == variant | sections
 
 
 def test_reading_a_spec_does_not_import_pydantic() -> None:

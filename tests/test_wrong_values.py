@@ -100,6 +100,7 @@ FEATURES: dict[str, dict[str, Any]] = {
             "states > 1",
             {"claim": "actions == 2", "for": [{"L": 2}], "under": "optimal", "where": "page 1", "tolerance": 0.1, "episodes": 10},
         ],
+        "variants": {"fewer": {"claims": {"drop": ["states > 1"], "add": [{"claim": "states > 2", "for": {"L": [2, 3]}}]}}},
     },
     "examples": {
         "examples": [
@@ -265,7 +266,7 @@ def test_the_specs_are_right(feature: str) -> None:
 
 def test_the_specs_have_every_key() -> None:
     used = {step for _, path in PLACES for step in path}
-    assert {key for key, _ in _keys(json_schema())} - {"base"} <= used
+    assert {key for key, _ in _keys(json_schema())} - {"base", "extends"} <= used
 
 
 def _keys(schema: Any) -> Iterator[tuple[str, Any]]:

@@ -154,10 +154,10 @@ variants:
     Code(
         "E212",
         "variant-cycle",
-        "variants that are based on each other",
+        "variants, or specs, that are based on each other",
         """
 Following `base` from variant to variant must end at one without a base, which starts from the spec
-itself.
+itself. So must `extends` from file to file, at a spec that extends no other.
 """,
     ),
     Code(
@@ -257,6 +257,8 @@ variants:
   long: {parameters: {lenght: {default: 9}}}    # wrong
   short: {parameters: {length: {default: 2}}}   # right
 ```
+
+A claim that is to be dropped, `claims: {drop: [...]}`, is written as it is there.
 """,
     ),
 )

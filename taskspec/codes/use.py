@@ -119,7 +119,7 @@ There is no file at this path. Relative paths start at the current folder.
         "a file that cannot be read",
         """
 The path exists, but it is a folder, or it may not be read. The message gives the reason that the
-operating system gives.
+operating system gives. A spec `extends` files that end in `.yaml` only.
 """,
     ),
     Code(

@@ -81,12 +81,10 @@ def check(
     may accept them like others. Never raises for a wrong task: everything found is in the report.
     """
     task = load(task)
-    tell("soundness")
     sound = examine(task)
     found = list(sound.diagnostics)
     cases: tuple[Mapping[str, Any], ...] = ()
     if ranges and task.parameters:
-        tell("other parameter values")
         others = check_ranges(task)
         found += others.diagnostics
         cases = others.cases

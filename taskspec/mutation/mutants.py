@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -39,6 +39,8 @@ class Mutant:
     before: str
     after: str
     data: Any
+    others: Mapping[str, Document] = field(default_factory=dict)
+    """What the spec extends."""
 
     @property
     def section(self) -> str:
@@ -52,11 +54,16 @@ class Mutant:
 
     def document(self) -> Document:
         """The changed spec as a document. Its places are those of a text that nobody has written."""
-        return read_text(written(self.data), "mutant")
+        return read_text(written(self.data), "mutant", self.others)
 
 
 def mutants(document: Document) -> Iterator[Mutant]:
-    """Every change of a spec, in the order of the file's sections."""
+    """Every change of a spec, in the order of the file's sections; what it extends stays as it is."""
+    for each in _mutants(document):
+        yield replace(each, others=document.others)
+
+
+def _mutants(document: Document) -> Iterator[Mutant]:
     walk = _Walk(document)
     yield from walk.spec(document.data, ())
     for key, variant in (document.data.get("variants") or {}).items():

@@ -16,7 +16,7 @@ from taskspec.lang.scope import FunctionDef, Scope
 from taskspec.lang.types import BOOL, REAL, Refused
 from taskspec.lang.uncalled import check_uncalled
 from taskspec.limits import Limits
-from taskspec.source import Document, Path, read_text
+from taskspec.source import Document, Packed, Path, packed, unpacked
 from taskspec.task.context import Context
 from taskspec.task.declare import INSTANCE_SEED
 from taskspec.task.examples import read_examples
@@ -59,14 +59,12 @@ def build(
 
 def _reduced(task: Task) -> tuple[Any, ...]:
     """A task travels as its spec's text and its parameter values, and is built again on arrival."""
-    origin = task.document.origin
     options = (task.suite, task.ending, task.observe_time)
-    return _rebuilt, (origin.text, origin.name, task.variant, task.values, *options)
+    return _rebuilt, (packed(task.document), task.variant, task.values, *options)
 
 
 def _rebuilt(
-    text: str,
-    name: str,
+    pack: Packed,
     variant: str | None,
     values: dict[str, Any],
     suite: str,
@@ -74,7 +72,7 @@ def _rebuilt(
     observe_time: bool,
 ) -> Task:
     """A task from the text it was built from."""
-    task = build(read_text(text, name), variant, values, suite)
+    task = build(unpacked(pack), variant, values, suite)
     task = task.absorbing() if ending == "absorb" else task
     return task.observing_time() if observe_time else task
 

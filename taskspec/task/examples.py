@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Any
 
 from taskspec.diagnostics import suggest
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Role
+from taskspec.limits import how_to_raise, limits
 from taskspec.source import Path
+from taskspec.task import grids
 from taskspec.task.context import Context
 from taskspec.task.task import Example, Followed
 
@@ -39,7 +42,11 @@ def _example(context: Context, entry: Mapping[str, Any], path: Path) -> Example:
         expr = context.forms.expr((*path, key)) if entry.get(key) is not None else None
         follows += [] if expr is None else [Followed(key, None, expr)]
     chance = context.forms.expr((*path, "probability")) if entry.get("probability") is not None else None
-    cases = tuple(entry.get("for") or ())
+    most = limits().claims
+    if (number := grids.size(entry.get("for"))) > most:
+        message = f"{number:,} choices of parameter values are too many; the limit is {most:,}"
+        context.collector.add("E314", context.merged.key_span((*path, "for")), message, how_to_raise("claims", number))
+    cases = tuple(islice(grids.cases(entry.get("for")), most))
     return Example(context.forms.place(path), given, tuple(follows), int(entry.get("t") or 0), chance, cases)
 
 

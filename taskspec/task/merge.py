@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeAlias
 
 from taskspec.diagnostics import Diagnostic, Span, SpecError, suggest
 from taskspec.scan import REQUIRED, task_name
@@ -21,39 +21,58 @@ FIELDED = ("parameters", "state", "action")
 """Sections whose entries have fields, which a variant overrides field by field."""
 
 _OF_ANY_TYPE = ("default", "shape", "symbol", "doc", "alias")
-_DROPPED = ("variants", "base")
+_DROPPED = ("variants", "base", "extends")
+_OF_A_FILE = ("taskspec", "name", "version", "roles")
+"""Sections that are about a file as a whole, which none takes over from another."""
 _NOT_ABSTRACT = ("abstraction", "observation", "claims", "examples", "accept", "figure", "info")
 
 
-@dataclass(frozen=True)
+Place: TypeAlias = tuple[Document, Path]
+"""A document, and a path in it."""
+
+
+@dataclass(frozen=True, eq=False)
 class Merged:
-    """The data of one variant (or of the spec itself), and where in the document each part was written."""
+    """The data of one variant (or of the spec itself), and where, in which document, each part was written."""
 
     document: Document
     name: str
     variant: str | None
     data: dict[str, Any]
-    moved: dict[Path, Path]
+    moved: dict[Path, Place]
     strays: tuple[Path, ...] = ()
     """Entries that the variant changes or removes, though what it is based on has nothing of the name."""
 
-    def source_path(self, path: Path) -> Path:
-        """The path in the document of a path in the merged data."""
-        for n in range(len(path), 0, -1):
-            if path[:n] in self.moved:
-                return (*self.moved[path[:n]], *path[n:])
-        return path
+    def written(self, path: Path) -> Place:
+        """Where what stands at a path of the merged data was written."""
+        return _place(self.moved, self.document, path)
+
+    def origin(self, path: Path) -> Place:
+        """The document and the variant (as a path) that wrote what stands at a path."""
+        document, there = self.written(path)
+        return document, there[: len(there) - len(path)]
+
+    def is_own(self, path: Path) -> bool:
+        """Whether it was written by this variant, or this spec, and not by what it is based on."""
+        own = () if self.variant is None else ("variants", self.variant)
+        return self.origin(path) == (self.document, own)
 
     def span(self, path: Path, start: int | None = None, end: int | None = None) -> Span:
-        return self.document.span(self.source_path(path), start, end)
+        document, there = self.written(path)
+        return document.span(there, start, end)
 
     def key_span(self, path: Path) -> Span:
-        return self.document.key_span(self.source_path(path))
+        document, there = self.written(path)
+        return document.key_span(there)
 
     @property
     def missing(self) -> list[str]:
         """Required sections that are not there: such a spec is only a base for its variants."""
         return [section for section in REQUIRED if section not in self.data]
+
+
+Step: TypeAlias = tuple[Document, str | None]
+"""A document, and a variant of it, or the spec itself."""
 
 
 def variant_names(data: dict[str, Any]) -> dict[str, str | None]:
@@ -67,31 +86,44 @@ def variant_names(data: dict[str, Any]) -> dict[str, str | None]:
 
 
 def merge(document: Document, variant: str | None = None) -> Merged:
-    """The spec with a variant's overrides (by key or by task name).
+    """The spec with a variant's overrides (by key or by task name), laid over all that it is based on.
 
     Raises:
         SpecError: when there is no such variant, or variants are based on each other in a circle.
     """
     name = str(document.data.get("name", ""))
-    if variant is None or variant == name:
-        return _overlaid(document, None)
-    for key in reversed(list(_chain(document, _key(document, variant)))):
-        merged = _overlaid(document, key)  # each finds what it is based on done
+    key = None if variant is None or variant == name else _key(document, variant)
+    merged: Merged | None = None
+    for step in reversed(list(_chain((document, key)))):
+        merged = _overlaid(*step, merged)
+    assert merged is not None
     return merged
 
 
+def before(document: Document, variant: str | None) -> Merged | None:
+    """What a variant, or a spec, is based on; None for a spec that extends no other."""
+    step = _base((document, variant))
+    return None if step is None else merge(*step)
+
+
 @lru_cache(maxsize=512)
-def _overlaid(document: Document, variant: str | None) -> Merged:
-    """A spec without its variants, or a variant laid over what it is based on."""
+def _overlaid(document: Document, variant: str | None, base: Merged | None) -> Merged:
+    """A spec without its variants, or one variant, laid over what it is based on."""
     name = str(document.data.get("name", ""))
-    if variant is None:
-        return Merged(document, name, None, {k: v for k, v in document.data.items() if k not in _DROPPED}, {})
-    over = document.data["variants"][variant] or {}
-    base = _overlaid(document, _base(document, variant))
-    overlay = _Overlay(dict(base.data), dict(base.moved), variant)
+    own = {key: value for key, value in document.data.items() if key not in _DROPPED}
+    if base is None:
+        return Merged(document, name, None, own, {})
+    data, moved = dict(base.data), dict(base.moved)
+    if base.document is not document:
+        data = {key: value for key, value in data.items() if key not in _OF_A_FILE}
+        moved = {(key,): (base.document, (key,)) for key in data} | moved
+        data |= {key: own[key] for key in _OF_A_FILE if key in own}
+    over = own if variant is None else document.data["variants"][variant] or {}
+    overlay = _Overlay(data, moved, (document, () if variant is None else ("variants", variant)))
     overlay.lay(over)
     strays = (*base.strays, *overlay.strays)
-    return Merged(document, task_name(name, variant), variant, overlay.data, overlay.moved, strays)
+    found = name if variant is None else task_name(name, variant)
+    return Merged(document, found, variant, overlay.data, overlay.moved, strays)
 
 
 def abstracted(merged: Merged) -> Merged | None:
@@ -107,7 +139,7 @@ def abstracted(merged: Merged) -> Merged | None:
     for section, value in over.items():
         if section != "map" and value is not None:
             data[section] = value
-            _move(moved, (section,), merged.source_path(("abstraction", section)))
+            _move(moved, (section,), merged.written(("abstraction", section)))
     return Merged(merged.document, merged.name, merged.variant, data, moved)
 
 
@@ -125,33 +157,38 @@ def _key(document: Document, variant: str) -> str:
     raise SpecError([Diagnostic("E211", document.span(("name",)), message, hint)])
 
 
-def _base(document: Document, variant: str) -> str | None:
-    """The variant that a variant says it is based on; None for the spec itself."""
-    base = (document.data["variants"][variant] or {}).get("base")
-    return None if base is None else _key(document, str(base))
+def _base(step: Step) -> Step | None:
+    """What a variant, or a spec, says it is based on; None for a spec that extends no other."""
+    document, variant = step
+    over = document.data if variant is None else document.data["variants"][variant] or {}
+    extends, base = over.get("extends"), over.get("base")
+    if extends is None and variant is None:
+        return None
+    other = document if extends is None else document.others[extends]
+    return other, None if base is None else _key(other, str(base))
 
 
-def _chain(document: Document, variant: str) -> Iterator[str]:
-    """A variant, the one it is based on, and so on."""
-    seen: set[str] = set()
-    current: str | None = variant
+def _chain(step: Step) -> Iterator[Step]:
+    """A variant, or a spec, what it is based on, and so on."""
+    seen: set[Step] = set()
+    current: Step | None = step
     while current is not None:
         if current in seen:
-            span = document.span(("variants", variant, "base"))
+            span = step[0].span(("variants", str(step[1]), "base"))
             raise SpecError([Diagnostic("E212", span, "these variants are based on each other in a circle")])
         seen.add(current)
         yield current
-        current = _base(document, current)
+        current = _base(current)
 
 
 class _Overlay:
-    """One variant being laid over `data`; `moved` records where each part was written.
+    """A variant, or a spec, written at `here`, being laid over `data`; `moved` records where each part was written.
 
     `strays` are the entries that it changes or removes though there is nothing of the name.
     """
 
-    def __init__(self, data: dict[str, Any], moved: dict[Path, Path], variant: str) -> None:
-        self.data, self.moved, self.variant = data, moved, variant
+    def __init__(self, data: dict[str, Any], moved: dict[Path, Place], here: Place) -> None:
+        self.data, self.moved, self.here = data, moved, here
         self.strays: list[Path] = []
 
     def lay(self, over: dict[str, Any]) -> None:
@@ -160,6 +197,9 @@ class _Overlay:
                 continue
             if value is not None and section in NAMED:
                 self.data[section] = self._entries(section, value)
+                continue
+            if section == "claims" and isinstance(value, dict):
+                self._claims(value)
                 continue
             self._written((section,))
             if value is None:
@@ -188,9 +228,42 @@ class _Overlay:
                 result[name] = _without_nulls(value) if fields else value
         return result
 
+    def _claims(self, over: dict[str, Any]) -> None:
+        """The claims there are, without those that are dropped, and those that are added."""
+        document, start = self.here
+        kept = [
+            (claim, _place(self.moved, document, ("claims", i)))
+            for i, claim in enumerate(self.data.get("claims") or [])
+        ]
+        dropped = {statement(claim): i for i, claim in enumerate(over.get("drop") or ())}
+        known = {statement(claim) for claim, _ in kept}
+        found = [(claim, place) for claim, place in kept if statement(claim) not in dropped]
+        found += [(claim, (document, (*start, "claims", "add", i))) for i, claim in enumerate(over.get("add") or ())]
+        self._written(("claims",))
+        self.data["claims"] = [claim for claim, _ in found]
+        self.moved |= {("claims", i): place for i, (_, place) in enumerate(found)}
+        for unknown in dropped.keys() - known:
+            self.strays.append(("claims", unknown))
+            self.moved["claims", unknown] = document, (*start, "claims", "drop", dropped[unknown])
+
     def _written(self, path: Path) -> None:
-        """Everything at a path was written in this variant."""
-        _move(self.moved, path, ("variants", self.variant, *path))
+        """Everything at a path was written here."""
+        document, start = self.here
+        _move(self.moved, path, (document, (*start, *path)))
+
+
+def _place(moved: dict[Path, Place], document: Document, path: Path) -> Place:
+    """Where what stands at a path of merged data was written: in the document itself unless it was moved."""
+    for n in range(len(path), 0, -1):
+        if path[:n] in moved:
+            there, start = moved[path[:n]]
+            return there, (*start, *path[n:])
+    return document, path
+
+
+def statement(claim: Any) -> str:
+    """What a claim says, however it is laid out."""
+    return " ".join(str(claim["claim"] if isinstance(claim, dict) else claim).split())
 
 
 def _kept(old: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -204,7 +277,7 @@ def _without_nulls(entry: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in entry.items() if value is not None}
 
 
-def _move(moved: dict[Path, Path], path: Path, here: Path) -> None:
+def _move(moved: dict[Path, Place], path: Path, here: Place) -> None:
     """Record that everything at a path now comes from `here`, and forget what was known below it."""
     for old in [p for p in moved if p[: len(path)] == path]:
         del moved[old]

@@ -14,6 +14,7 @@ from taskspec.lang.scope import Lazy, Scope, Value
 from taskspec.lang.types import BOOL, Kind, Type
 from taskspec.limits import count, how_to_raise, limits
 from taskspec.source import Path
+from taskspec.task import grids
 from taskspec.task.context import Context
 from taskspec.task.names import Names, poison
 from taskspec.task.observe import Observed
@@ -76,7 +77,7 @@ class SectionBuilder:
     def _without_start(self, name: str) -> None:
         """Report a component without a line in `initial`: there, unless a variant declares it beside the spec's `initial`."""
         merged, section = self.context.merged, ("initial",)
-        is_added = merged.source_path(("state", name)) != ("state", name) and merged.source_path(section) == section
+        is_added = merged.origin(("state", name)) != merged.origin(section)
         place = merged.key_span(("state", name) if is_added else section)
         self.collector.add("E217", place, f"'{name}' has no value in `initial`", f"add `{name}: ...`")
 
@@ -311,20 +312,21 @@ class SectionBuilder:
                 "E314", self.context.merged.span((*path, "episodes")), message, how_to_raise("episodes", wanted)
             )
 
-    def _check_few(self, claims: list[Any]) -> None:
+    def _too_many(self, claims: list[Any]) -> bool:
         """Report (E314) more claims than are checked."""
-        number = sum(len(entry.get("for") or (1,)) if isinstance(entry, dict) else 1 for entry in claims)
+        number = sum(grids.size(entry.get("for")) or 1 if isinstance(entry, dict) else 1 for entry in claims)
         most = limits().claims
         if number > most:
             message = f"{number:,} claims, counted for all their parameter values, are too many; the limit is {most:,}"
             self.collector.add(
                 "E314", self.context.merged.key_span(("claims",)), message, how_to_raise("claims", number)
             )
+        return number > most
 
     def claims(self) -> Iterable[Claim]:
         """The claims as surface syntax; they are evaluated on the exact model."""
         context = self.context
-        self._check_few(context.data.get("claims") or [])
+        too_many = self._too_many(context.data.get("claims") or [])
         for i, entry in enumerate(context.data.get("claims") or ()):
             path: Path = ("claims", i) if isinstance(entry, str) else ("claims", i, "claim")
             text = entry if isinstance(entry, str) else entry["claim"]
@@ -332,7 +334,7 @@ class SectionBuilder:
             self._check_episodes(path[:2], entry)
             if expr is not None:
                 rest = {} if isinstance(entry, str) else {k: v for k, v in entry.items() if k not in ("claim", "for")}
-                cases = () if isinstance(entry, str) else tuple(entry.get("for") or ())
+                cases = () if isinstance(entry, str) or too_many else tuple(grids.cases(entry.get("for")))
                 yield Claim(expr, str(text), cases, rest)
 
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 from taskspec.cli.manual.markdown import code, table
-from taskspec.scan import REQUIRED
+from taskspec.scan import EXTENDS, REQUIRED
 from taskspec.task.schema import json_schema
 
-FIRST, LAST = ("taskspec", "name"), ("variants",)
+FIRST, LAST = ("taskspec", "name"), ("variants", EXTENDS)
 NEEDED = "needed"
 
 
 def sections() -> str:
     """What stands at the top of a spec, in canonical order."""
-    schema = json_schema()
-    properties: dict[str, Any] = schema["properties"]
+    spec, extension = (json_schema()["$defs"][kind] for kind in ("Spec", "Extension"))
+    properties: dict[str, Any] = {**spec["properties"], EXTENDS: extension["properties"][EXTENDS]}
     middle = [key for key in properties if key not in FIRST + LAST]
-    needed = {*schema["required"], *REQUIRED}
+    needed = {*spec["required"], *REQUIRED}
     rows = ((key, properties[key]) for key in (*FIRST, *middle, *LAST))
     return table(
         ("section", "", "what it holds"),

@@ -21,6 +21,7 @@ from taskspec.exact.checks.phases import phases
 from taskspec.exact.checks.wording import parameters, report
 from taskspec.exact.simulation.points import Method
 from taskspec.limits import limits
+from taskspec.progress import tell
 from taskspec.registry import load
 from taskspec.task.build import build
 from taskspec.task.task import Parameter, Task, TaskLike
@@ -45,6 +46,7 @@ def examine(task: TaskLike, limit: int | None = None) -> Soundness:
     Args:
         limit: how many steps (state, action, time, outcome) are looked at before samples stand in.
     """
+    tell("soundness")
     collector = Collector()
     methods = []
     for phase in phases(load(task), limits().points if limit is None else limit):

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from taskspec.diagnostics import Collector
 from taskspec.exact.lint.case import Case
-from taskspec.task.merge import merge
+from taskspec.task.merge import before
 
 
 def idle_errata(case: Case, collector: Collector) -> None:
     """W521: an erratum of a variant about a section that is as it is without the variant."""
     task, merged = case.task, case.merged
-    own = (task.document.data.get("variants") or {}).get(task.variant) or {}
-    if not own.get("errata"):
+    based = before(task.document, task.variant)
+    if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
         return
-    before = merge(task.document, own.get("base")).data
-    for i, entry in enumerate(own["errata"]):
+    for i, entry in enumerate(merged.data["errata"]):
         for j, section in enumerate(entry.get("about") or ()):
-            if merged.data.get(section) == before.get(section):
+            if merged.data.get(section) == based.data.get(section):
                 message = f"this erratum is about `{section}`, which this variant leaves as it is"
                 collector.add("W521", merged.span(("errata", i, "about", j)), message)

@@ -6,18 +6,19 @@ import re
 from collections.abc import Iterator
 from functools import lru_cache
 from types import UnionType
-from typing import Annotated, Any, Protocol, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
 from taskspec.diagnostics import Collector, Diagnostic, Span, suggest
 from taskspec.limits import how_to_raise, limits
+from taskspec.scan import EXTENDS
 from taskspec.source import Document, Path
-from taskspec.task.merge import Merged, variant_names
+from taskspec.task.merge import Merged, statement, variant_names
 from taskspec.task.schema import fields, problems
 from taskspec.task.schema.models import FORMAT
 from taskspec.task.schema.problems import Problem
-from taskspec.task.schema.variants import Spec
+from taskspec.task.schema.variants import CHANGES, LIST, Extension, Spec
 
 # What belongs where pydantic found something else, by the type of its error.
 _EXPECTED = {
@@ -29,6 +30,7 @@ _EXPECTED = {
     "bool_type": "`true` or `false`",
     "list_type": "a list",
 }
+Shape = TypeVar("Shape", bound=BaseModel)
 _MAPPINGS = ("dict_type", "model_type", "model_attributes_type")
 
 
@@ -50,9 +52,12 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     Variants are checked as far as they go; what they come to with what they are based on is for `validated`.
     """
     collector = Collector()
+    for other in document.others.values():
+        collector.extend(check_shape(other))
     if isinstance(document.data, dict):
-        _validate(document, collector)
-        for problem in (*_format(document.data), *_many(document.data), *_bases(document.data), *_roles(document.data)):
+        _validate(document, collector, Extension if EXTENDS in document.data else Spec)
+        found = (*_format(document.data), *_many(document.data), *_bases(document), *_roles(document.data))
+        for problem in found:
             _add(collector, document, problem)
     else:
         message = f"a spec is a mapping of sections, not {problems.kind(document.data)}"
@@ -72,18 +77,18 @@ def validated(merged: Merged) -> Spec:
         _add(collector, merged, problem)
     for section in merged.missing:
         _add_missing(collector, merged, section)
-    found = None if merged.strays else _validate(merged, collector)
+    found = None if merged.strays else _validate(merged, collector, Spec)
     collector.raise_if_errors()
     assert found is not None
     return found
 
 
-def _validate(located: Located, collector: Collector) -> Spec | None:
+def _validate(located: Located, collector: Collector, model: type[Shape]) -> Shape | None:
     try:
-        return Spec.model_validate(located.data)
+        return model.model_validate(located.data)
     except ValidationError as error:
         for details in error.errors(include_url=False):
-            for problem in _problems(dict(details), located.data):
+            for problem in _problems(dict(details), model):
                 _add(collector, located, problem)
         return None
 
@@ -93,9 +98,9 @@ def _add(collector: Collector, located: Located, problem: Problem) -> None:
     collector.add(problem.code, place(problem.path), problem.message, problem.hint)
 
 
-def _problems(error: dict[str, Any], data: Any) -> Iterator[Problem]:
+def _problems(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Problem]:
     """One of pydantic's errors as problems, with paths from the root of the data."""
-    loc: Path = error["loc"]
+    loc: Path = tuple(step for step in error["loc"] if step not in (LIST, CHANGES))
     if loc and loc[-1] == "[key]":
         loc = loc[:-1]
     match error["type"]:
@@ -104,7 +109,7 @@ def _problems(error: dict[str, Any], data: Any) -> Iterator[Problem]:
         case "missing":
             yield _missing_key(loc)
         case "extra_forbidden":
-            known = _keys_at(Spec, loc[:-1])
+            known = _keys_at(model, loc[:-1])
             yield problems.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
         case "literal_error":
             yield _not_an_option(error["input"], error["ctx"]["expected"]).below(*loc)
@@ -201,17 +206,22 @@ def _many(data: dict[str, Any]) -> Iterator[Problem]:
         yield Problem("E314", ("variants",), message, how_to_raise("variants", len(variants)), of_key=True)
 
 
-def _bases(data: dict[str, Any]) -> Iterator[Problem]:
+def _bases(document: Document) -> Iterator[Problem]:
     """Variants whose `base` does not exist, or leads back to themselves."""
-    variants = data.get("variants")
-    if not isinstance(variants, dict):
-        return
-    bases = {k: v.get("base") for k, v in variants.items() if isinstance(v, dict)}
+    variants = document.data.get("variants")
+    entries = {k: v for k, v in variants.items() if isinstance(v, dict)} if isinstance(variants, dict) else {}
+    listed: list[tuple[Path, Any]] = [((), document.data), *((("variants", k), v) for k, v in entries.items())]
+    for path, entry in listed:
+        base, other = entry.get("base"), document.others.get(str(entry.get(EXTENDS)))
+        there = {} if other is None or not isinstance(other.data, dict) else other.data.get("variants")
+        if other is not None and isinstance(base, str) and base not in (there or {}):
+            yield _unknown_variant(base, list(there or {})).below(*path, "base")
+    bases = {k: v.get("base") for k, v in entries.items() if EXTENDS not in v}
     circular = _circles(bases)
     for key, base in bases.items():
         path = ("variants", key, "base")
-        if isinstance(base, str) and base not in variants:
-            yield _unknown_variant(base, list(variants)).below(*path)
+        if isinstance(base, str) and base not in entries:
+            yield _unknown_variant(base, list(entries)).below(*path)
         elif key in circular:
             yield Problem("E212", path, f"these variants are based on each other: {circular[key]}")
 
@@ -252,6 +262,11 @@ def _strays(merged: Merged) -> Iterator[Problem]:
     """Entries that a variant changes or removes, where there is nothing of the name."""
     for path in merged.strays:
         section, name = str(path[0]), str(path[1])
+        if section == "claims":
+            stated = [statement(claim) for claim in merged.data[section]]
+            message = f"what this variant is based on does not claim `{name}`"
+            yield Problem("E219", path, message, suggest(name, stated) or "a claim is dropped as it is written there")
+            continue
         known = [key for key in merged.data.get(section) or {} if (section, key) not in merged.strays]
         listed = f"its entries are {', '.join(known)}" if known else f"it has no `{section}:` section"
         message = f"what this variant is based on has no `{name}` in `{section}`"
@@ -266,6 +281,8 @@ def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
     elif merged.variant is not None:
         place = merged.document.key_span(("variants", merged.variant))
         collector.add("E210", place, message, "what this variant is based on has none either")
+    elif EXTENDS in merged.document.data:
+        collector.add("E210", merged.document.span((EXTENDS,)), message, "what this spec extends has none either")
     else:
         hint = f"only its variants are tasks: {', '.join(variants)}" if variants else None
         collector.add("E210", merged.document.span(("name",)), message, hint)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from taskspec.scan import REQUIRED
+from pydantic import TypeAdapter
+
+from taskspec.scan import EXTENDS, REQUIRED
 from taskspec.task.schema.fields import FORM, NAMES
 from taskspec.task.schema.values import SPACES
-from taskspec.task.schema.variants import Spec
+from taskspec.task.schema.variants import Extension, Spec
 
 
 def _ref(title: str) -> dict[str, Any]:
@@ -18,6 +20,12 @@ _EXPRESSION = _ref("Expression")
 _TEXT = {"type": ["string", "number", "boolean"]}
 
 
+_GRID: dict[str, Any] = {
+    "type": "object",
+    "additionalProperties": {
+        "anyOf": [_ref("Setting"), {"type": "array", "items": _ref("Setting"), "minItems": 1}],
+    },
+}
 _BOUNDED: dict[str, Any] = {
     "type": "object",
     "description": "An expression with declared bounds of its space.",
@@ -183,6 +191,11 @@ _FORMS: dict[str, Any] = {
         "description": "An expression; `null` removes the entry.",
         "anyOf": [_EXPRESSION, {"type": "null"}],
     },
+    "Grid": {
+        "title": "Parameter values",
+        "description": "A list of choices, or a grid of values: `{L: [1, 2, 5]}`.",
+        "anyOf": [{"type": "array", "items": _GRID}, _GRID],
+    },
     "Setting": {
         "title": "Setting",
         "description": "A value of a parameter.",
@@ -193,20 +206,20 @@ _FORMS: dict[str, Any] = {
 
 def json_schema() -> dict[str, Any]:
     """The JSON Schema (2020-12) of a spec. Every key has a description, for editors to show."""
-    schema: dict[str, Any] = _linked(Spec.model_json_schema(by_alias=True))
-    definitions = {
-        **_FORMS,
-        **{title: {"title": title, **form} for title, form in NAMES.items()},
-        **schema.pop("$defs"),
-    }
+    models: dict[str, Any] = _linked(TypeAdapter(Spec | Extension).json_schema(by_alias=True)["$defs"])
+    definitions = {**_FORMS, **{title: {"title": title, **form} for title, form in NAMES.items()}, **models}
     for key in ("Parameters", "PartialParameters"):
         _type_extra_keys(definitions[key])
     complete = {"anyOf": [{"required": list(REQUIRED)}, {"required": ["variants"]}]}  # or a variant may be
+    definitions["Spec"] |= complete
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **schema,
-        **complete,
         "title": "taskspec",
+        "description": definitions["Spec"]["description"],
+        "type": "object",
+        "if": {"required": [EXTENDS]},
+        "then": _ref("Extension"),
+        "else": _ref("Spec"),
         "$defs": dict(sorted(definitions.items())),
     }
 

@@ -65,6 +65,7 @@ Labels: TypeAlias = Annotated[Any, _check(values.labels), _refer("Labels")]
 Horizon: TypeAlias = Annotated[Any, _check(values.horizon), _refer("Horizon")]
 Expert: TypeAlias = Annotated[Any, _check(values.expert), _refer("Expert")]
 Setting: TypeAlias = Annotated[Any, _check(values.setting), _refer("Setting")]
+Grid: TypeAlias = Annotated[Any, _check(values.grid), _refer("Grid")]
 Observation: TypeAlias = Annotated[Any, _check(values.observation), _refer("Observation")]
 PartialObservation: TypeAlias = Annotated[Any, _check(values.partial_observation), _refer("PartialObservation")]
 

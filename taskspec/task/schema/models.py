@@ -6,7 +6,7 @@ Expressions stay plain data: what they say is the business of the expression lan
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -15,6 +15,7 @@ from taskspec.task.schema.fields import (
     Defined,
     Expert,
     Expression,
+    Grid,
     Horizon,
     Name,
     Observation,
@@ -58,10 +59,10 @@ class ClaimEntry(Strict):
     """A statement about exact results that must hold."""
 
     claim: str = Field(description="A condition over exact results: `optimal_return == 1`.")
-    for_: list[dict[str, Any]] | None = Field(
+    for_: Grid = Field(
         None,
         alias="for",
-        description="Parameter values to check it for: `[{L: 3}, {L: 5}]`. Without it: defaults.",
+        description="Parameter values to check it for: `[{L: 3}, {L: 5}]`, or a grid, `{L: [1, 2, 5]}`. Without it: defaults.",
     )
     under: str | None = Field(None, description="The decision model it is about: `soft(1)`.")
     where: str | None = Field(None, description="Where the source states it.")
@@ -71,12 +72,19 @@ class ClaimEntry(Strict):
     episodes: int | None = Field(None, ge=1, description="How many episodes to simulate, when there is no exact model.")
 
 
+class ChangedClaims(Strict):
+    """The claims of what a variant is based on, without some, and with others."""
+
+    drop: list[str] | None = Field(None, description="Claims that do not hold any more, as they are written there.")
+    add: list[Annotated[ClaimEntry, Shorthand("claim")]] | None = Field(None, description="Claims that hold besides.")
+
+
 class ExampleEntry(Strict):
     """A worked example: a state, an action, and what follows."""
 
     doc: str | None = Field(None, description="What it shows, in a few words.")
-    for_: list[dict[str, Any]] | None = Field(
-        None, alias="for", description="Parameter values that it is about: `[{L: 2}]`. Without it: defaults."
+    for_: Grid = Field(
+        None, alias="for", description="Parameter values that it is about: `[{L: 2}]`, or a grid. Without it: defaults."
     )
     state: dict[Name, Expression] | None = Field(None, description="The state, as far as what follows depends on it.")
     action: dict[Name, Expression] | None = Field(None, description="The action, as far as what follows depends on it.")

@@ -248,6 +248,21 @@ def setting(value: Any) -> Iterator[Problem]:
         yield wrong_kind("a number, `true`, `false` or a label", value)
 
 
+def grid(value: Any) -> Iterator[Problem]:
+    """Choices of parameter values: `[{L: 3}, {L: 5}]`, or a grid, `{L: [3, 5]}`."""
+    for path, entry in [((i,), each) for i, each in enumerate(value)] if isinstance(value, list) else [((), value)]:
+        if not isinstance(entry, dict):
+            yield wrong_kind("parameter values, such as `{L: [3, 5]}`", entry).below(*path)
+            continue
+        for key, values in entry.items():
+            if values == []:
+                yield wrong_kind("a value, or a list of some", None).below(*path, key)
+            for i, each in enumerate(values) if isinstance(values, list) else ():
+                yield from (problem.below(*path, key, i) for problem in setting(each))
+            if not isinstance(values, list):
+                yield from (problem.below(*path, key) for problem in setting(values))
+
+
 def observation(value: Any) -> Iterator[Problem]:
     """Named expressions, and under `space` which kind of space to make of them."""
     yield from _observation(value, nullable=False)

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, model_validator
 from pydantic.fields import FieldInfo
 
 from taskspec.task.schema import problems
-from taskspec.task.schema.fields import Name, PartialObservation, fail
-from taskspec.task.schema.models import FORMAT, Sections
+from taskspec.task.schema.fields import Name, PartialObservation, Shorthand, fail
+from taskspec.task.schema.models import FORMAT, ChangedClaims, ClaimEntry, Sections
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry, Parameters, Requirement, Strict
 
 
@@ -58,12 +58,26 @@ class PartialParameters(BaseModel):
         return self
 
 
+LIST, CHANGES = "[list]", "[changes]"
+"""Steps of pydantic's paths that no file has."""
+Claims = Annotated[
+    Annotated[list[Annotated[ClaimEntry, Shorthand("claim")]], Tag(LIST)] | Annotated[ChangedClaims, Tag(CHANGES)],
+    Discriminator(lambda value: CHANGES if isinstance(value, dict) else LIST),
+]
 Variant = _partial(
     Sections,
     "Variant",
     observation=(
         PartialObservation | None,
         Field(None, description=Sections.model_fields["observation"].description),
+    ),
+    claims=(
+        Claims | None,
+        Field(None, description="Other claims; or those of what it is based on, `{drop: [...], add: [...]}`."),
+    ),
+    extends=(
+        str | None,
+        Field(None, description="The file of another spec to start from, as seen from this one: `../grid.yaml`."),
     ),
     base=(
         str | None,
@@ -72,8 +86,8 @@ Variant = _partial(
 )
 
 
-class Spec(Sections):
-    """A task: one YAML file from which environments, exact models and documentation follow."""
+class Head(Strict):
+    """What every file begins with, and the variants."""
 
     taskspec: int = Field(description="Version of the format of this file: 1.", json_schema_extra={"const": FORMAT})
     name: Name = Field(description="Name of the task, and of its environments.")
@@ -81,3 +95,13 @@ class Spec(Sections):
         default_factory=dict,
         description="Named overrides of any section; each is a task of its own.",
     )
+
+
+class Spec(Head, Sections):
+    """A task: one YAML file from which environments, exact models and documentation follow."""
+
+
+class Extension(Head, Variant):  # type: ignore[valid-type, misc]
+    """A spec that says how it differs from that of another file."""
+
+    extends: str = Field(description="The file of another spec, as seen from this one, which this one is laid over.")
