@@ -295,12 +295,7 @@ class SectionBuilder:
             return None
         fixed = self.context.constant_scope("domains are fixed")
         c = self.context.declare.component(("abstraction", "state", name), fixed)
-        if expr is None or c is None:
-            return None
-        if c.domain is None:
-            return self.context.assign(expr, scope, c)
-        value = self.checker.check(expr, scope)
-        return None if value is None else value.node
+        return None if expr is None or c is None else self.context.assign(expr, scope, c)
 
     def _check_episodes(self, path: Path, entry: Any) -> None:
         """Report (E314) a claim that asks for more episodes than are simulated."""

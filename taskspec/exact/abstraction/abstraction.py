@@ -14,13 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.checks.places import SectionScope
+from taskspec.diagnostics import Collector
 from taskspec.exact.model.extract import extract as model_of
 from taskspec.exact.model.model import Model
 from taskspec.exact.simulation.rollout import reads_of
 from taskspec.lang.batch import evaluate
+from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node
 from taskspec.registry import load
+from taskspec.task.assign import assign
 from taskspec.task.build import build_abstract
 from taskspec.task.task import Task, TaskLike
 
@@ -67,7 +69,7 @@ def abstraction(task: Task) -> Abstraction | None:
     stand_in = build_abstract(task) if written else None
     if stand_in is None or not isinstance(written, dict):
         return None
-    section = SectionScope(task, "abstraction")
-    nodes = [section.number(written[c.name]) if c.name in written else None for c in stand_in.state]
+    checker, scope = Checker(task.builder, Collector()), task.surface.scopes["abstraction"]
+    nodes = [assign(checker, written[c.name], scope, c) for c in stand_in.state if c.name in written]
     found = tuple(n for n in nodes if n is not None)
-    return Abstraction(task, stand_in, found) if len(found) == len(nodes) else None
+    return Abstraction(task, stand_in, found) if len(found) == len(stand_in.state) else None
