@@ -10,7 +10,7 @@ from functools import cached_property
 
 from taskspec.diagnostics import SpecError, TaskspecError
 from taskspec.exact import check
-from tests.oracle.compare import claims, exact, lanes, printed, scalar, vectors
+from tests.oracle.compare import claims, exact, lanes, printed, scalar, standins, vectors
 from tests.oracle.compare.cases import Case, Difference
 from tests.oracle.reference.model import Model
 
@@ -107,6 +107,12 @@ def random_claims(subject: Subject) -> int:
     return claims.compare(subject.case, subject.model)
 
 
+def stand_ins(subject: Subject) -> int:
+    if subject.model is None or subject.case.reference.horizon is None:
+        return 0
+    return standins.compare(subject.case, subject.model)
+
+
 def soundness(subject: Subject) -> int:
     """`check` has nothing to say against a spec that is sound by construction."""
     report = check(subject.case.task, claims=False)
@@ -132,6 +138,7 @@ STAGES: dict[str, tuple[float, Stage]] = {
     "check": (0.2, soundness),
     "claims": (0.15, random_claims),
     "text": (0.2, texts),
+    "stand-in": (0.1, stand_ins),
 }
 """By name: for which share of the specs a stage is made, and the stage."""
 
