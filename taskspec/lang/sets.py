@@ -89,24 +89,25 @@ def member(checker: BaseChecker, value: Value, left: s.Expr, right: s.Expr, scop
 
 
 def unroll(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> list[Node]:
-    """Elements of `[e for x in range(n)]`, one node each; the element may depend on the state."""
-    if len(expr.clauses) != 1:
-        checker.fail(
-            "E306",
-            expr,
-            "a vector takes one `for`",
-            "nest them: `[[... for j in ...] for i in ...]`",
-        )
-    clause = expr.clauses[0]
+    """Elements of `[e for x in range(n) for y in range(m)]`, one node each; the element may depend on the state."""
+    found = _unrolled(checker, expr, expr.clauses, scope)
+    _check_few(checker, "unrolled", len(found), expr, "elements to write out")
+    return found
+
+
+def _unrolled(checker: BaseChecker, expr: s.Comprehension, clauses: tuple[s.Clause, ...], scope: Scope) -> list[Node]:
+    """The elements for everything that the clauses go over, the last one fastest."""
+    if not clauses:
+        return [checker.numeric(expr.element, scope)]
+    clause, nodes = clauses[0], []
     points = _candidates(checker, clause, scope)
     _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
     checker.expand(expr, len(points.rows))
-    nodes = []
     with checker.repeated(max(1, len(points.rows))):
         for row in points.rows:
             inner = scope.child(_bind(checker, clause, row, points.domain, expr))
             if all(_holds(checker, c, inner) for c in clause.conditions):
-                nodes.append(checker.numeric(expr.element, inner))
+                nodes += _unrolled(checker, expr, clauses[1:], inner)
     return nodes
 
 

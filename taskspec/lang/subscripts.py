@@ -6,30 +6,30 @@ negative; one that depends on the state, the action, the time or a draw is moved
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker, ClampedIndex
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.late import varies
 from taskspec.lang.scope import Scope
-from taskspec.lang.types import Kind, Refused
+from taskspec.lang.types import Kind, Refused, Shape, Type
 
 
 def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
-    """`x[i]`, `x[i, j]`, `x[a:b]`: constant indices are checked, others are brought into range."""
+    """`x[i]`, `x[i, j]`, `x[a:b]`, `x[:, j]`: constant indices are checked, others are brought into range."""
     node = checker.numeric(expr.value, scope)
     if len(expr.indices) > len(node.type.shape):
         what = "a single value" if node.type.is_scalar else f"a vector of {len(node.type.shape)} axis"
         checker.fail("E307", expr, f"{what} cannot take {len(expr.indices)} indices")
-    if len(expr.indices) == 2 and not any(isinstance(i, s.Slice) for i in expr.indices):
-        return _cell(checker, node, expr, scope)
     if len(expr.indices) == 1:
         return _row(checker, node, expr.indices[0], scope)
-    checker.fail(
-        "E307",
-        expr,
-        "a slice cannot be mixed with other indices",
-        "index twice: `x[a:b]`, then `[i]`",
-    )
+    return _block(checker, node, expr, scope)
 
 
 def _row(checker: BaseChecker, node: Node, index: s.Expr | s.Slice, scope: Scope) -> Node:
@@ -43,12 +43,37 @@ def _row(checker: BaseChecker, node: Node, index: s.Expr | s.Slice, scope: Scope
     return b.structure("index", [node, i])
 
 
-def _cell(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
-    """One element of a matrix, through its rows laid end to end."""
-    b, (rows, columns) = checker.builder, node.type.shape[:2]
-    i, j = (_index(checker, x, n, scope) for x, n in zip(expr.indices, (rows, columns), strict=True))  # type: ignore[arg-type]
-    flat = b.structure("reshape", [node], (rows * columns, *node.type.shape[2:]))
-    return b.structure("index", [flat, b.apply("add", b.apply("mul", i, b.scalar(columns)), j)])
+def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
+    """What several indices leave of a matrix, an axis for each slice: elements of its rows laid end to end."""
+    b, axes = checker.builder, node.type.shape[: len(expr.indices)]
+    jobs = [partial(_places, checker, i, n, scope) for i, n in zip(expr.indices, axes, strict=True)]
+    places = checker.each(jobs)
+    if any(p.type.shape and not isinstance(i, s.Slice) for i, p in zip(expr.indices, places, strict=True)):
+        hint = "pair them in a comprehension: `[m[i, j] for (i, j) in ...]`"
+        checker.fail("E307", expr, "beside another index, an index is an int or a slice", hint)
+    kept = tuple(p.type.size for p in places if p.type.shape)
+    flat = b.structure("reshape", [node], (math.prod(axes), *node.type.shape[len(axes) :]))
+    found = b.structure("index", [flat, _numbers(b, places, axes, kept)])
+    return b.structure("reshape", [found], (*kept, *node.type.shape[len(axes) :]))
+
+
+def _places(checker: BaseChecker, index: s.Expr | s.Slice, length: int, scope: Scope) -> Node:
+    """Where an index points along one axis: a number, or the numbers of a slice."""
+    if not isinstance(index, s.Slice):
+        return _index(checker, index, length, scope)
+    start, count, step = _slice_bounds(checker, index, length, scope)
+    return checker.builder.const(range(start, start + count * step, step), Type(Kind.INT, (count,)))
+
+
+def _numbers(b: Builder, places: Sequence[Node], axes: Shape, kept: Shape) -> Node:
+    """Where elements stand when rows are laid end to end; those of slices are constants, one after the other."""
+    number: Node = b.scalar(0)
+    slices = iter(np.indices(kept).reshape(len(kept), math.prod(kept)))
+    for place, length in zip(places, axes, strict=True):
+        if isinstance(place, Const) and place.type.shape:
+            place = b.const([place.flat[k] for k in next(slices)], Type(Kind.INT, (math.prod(kept),)))
+        number = b.apply("add", b.apply("mul", number, b.scalar(length)), place)
+    return number
 
 
 def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Node:
@@ -70,11 +95,21 @@ def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Nod
 
 
 def argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:
-    """The argument of a function that is an index of x; what cannot be one is left to the function."""
+    """The argument of a function that is an index of x, or one for each axis; what cannot be one is left to the function."""
+    axes = x.type.shape
+    if len(axes) > 1 and index.type.shape == (len(axes),):
+        written = expr.items if isinstance(expr, s.Vector) else [expr] * len(axes)
+        parts = [checker.builder.structure("element", [index], (k,)) for k in range(len(axes))]
+        found = [_argument(checker, *each, scope) for each in zip(parts, axes, written, strict=True)]
+        return checker.builder.structure("vector", found)
+    return index if x.type.is_scalar else _argument(checker, index, axes[0], expr, scope)
+
+
+def _argument(checker: BaseChecker, index: Node, length: int, expr: s.Expr, scope: Scope) -> Node:
     known = isinstance(index, Const) and not varies(expr, scope)
-    if known or x.type.is_scalar or not index.type.is_scalar or index.type.kind is Kind.REAL:
+    if known or not index.type.is_scalar or index.type.kind is Kind.REAL:
         return index
-    return moved(checker, checker.builder.cast(index, Kind.INT), x.type.shape[0], expr)
+    return moved(checker, checker.builder.cast(index, Kind.INT), length, expr)
 
 
 def moved(checker: BaseChecker, index: Node, length: int, expr: s.Expr) -> Node:

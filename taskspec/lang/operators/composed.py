@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators.entry import Function, Infix
 from taskspec.lang.operators.levels import Brackets, Level
 from taskspec.lang.operators.nodes import NodeMaker
-from taskspec.lang.operators.samples import INTS, MIXED
+from taskspec.lang.operators.samples import INTS, MIXED, ROWS
 from taskspec.lang.types import INT, Kind, Refused, Type
 
 
@@ -16,10 +18,25 @@ def _clip(b: NodeMaker, args: list[Node]) -> Node:
 
 
 def _product(b: NodeMaker, args: list[Node]) -> Node:
-    for arg in args:
-        if len(arg.type.shape) != 1:
-            raise Refused(f"`dot` needs two vectors, not {arg.type}")
-    return b.apply("sum", b.apply("mul", *args))
+    """Of vectors a number, of a matrix and a vector a vector, of matrices a matrix."""
+    x, y = args
+    if not all(1 <= len(a.type.shape) <= 2 for a in args):
+        wrong = next(a for a in args if not 1 <= len(a.type.shape) <= 2)
+        raise Refused(f"`dot` needs vectors or matrices, not {wrong.type}")
+    if x.type.shape[-1] != y.type.shape[0]:
+        shapes = " and ".join(str(list(a.type.shape)) for a in args)
+        raise Refused(f"`dot` needs rows as long as columns: the shapes {shapes} do not match", "E307")
+    columns = _columns(b, y) if len(y.type.shape) == 2 else [y]
+    rows = [b.structure("element", [x], (i,)) for i in range(x.type.shape[0])] if len(x.type.shape) == 2 else [x]
+    found = [b.apply("sum", b.apply("mul", row, column)) for row in rows for column in columns]
+    shape = (*x.type.shape[:-1], *y.type.shape[1:])
+    return b.structure("reshape", [b.structure("vector", found)], shape) if shape else found[0]
+
+
+def _columns(b: NodeMaker, x: Node) -> list[Node]:
+    rows, columns = x.type.shape
+    flat = b.structure("reshape", [x], (rows * columns,))
+    return [b.structure("slice", [flat], (j, rows, columns)) for j in range(columns)]
 
 
 def _norm1(b: NodeMaker, args: list[Node]) -> Node:
@@ -61,12 +78,37 @@ def _concat(b: NodeMaker, args: list[Node]) -> Node:
 
 def _put(b: NodeMaker, args: list[Node]) -> Node:
     x, index, value = args
+    axes = x.type.shape
+    if len(axes) > 1 and index.type.shape == (len(axes),):
+        return _put_element(b, x, index, value)
     i = at(b, "put", x, index)
     value = b.stretch(value, x.type.shape[1:])
     if value.type.shape != x.type.shape[1:]:
         raise Refused(f"`put` cannot place {value.type} in {x.type}", "E307")
     kind = max(x.type.kind, value.type.kind)
     return b.structure("put", [b.cast(x, kind), i, b.cast(value, kind)])
+
+
+def _put_element(b: NodeMaker, x: Node, index: Node, value: Node) -> Node:
+    """One element of a matrix replaced, at an index for each axis."""
+    number: Node = b.scalar(0)
+    for k, length in enumerate(x.type.shape):
+        i = b.position(b.cast(_need_index("put", b.structure("element", [index], (k,))), Kind.INT), length)
+        number = b.apply("add", b.apply("mul", number, b.scalar(length)), i)
+    flat = b.structure("reshape", [x], (x.type.size,))
+    return b.structure("reshape", [_put(b, [flat, number, value])], x.type.shape)
+
+
+def _reshape(b: NodeMaker, args: list[Node]) -> Node:
+    x, shape = args
+    assert isinstance(shape, Const)
+    if shape.type.kind is Kind.REAL or len(shape.type.shape) > 1 or min(shape.flat) < 1:
+        raise Refused("the shape of `reshape` is one or several positive ints")
+    _need_vector("reshape", x)
+    lengths = tuple(int(n) for n in shape.flat)
+    if math.prod(lengths) != x.type.size:
+        raise Refused(f"`reshape` cannot arrange {x.type.size} elements as {list(lengths)}", "E307")
+    return b.structure("reshape", [x], lengths)
 
 
 def _swap(b: NodeMaker, args: list[Node]) -> Node:
@@ -91,7 +133,8 @@ def _len(b: NodeMaker, args: list[Node]) -> Node:
 FUNCTIONS = (
     Function("clip", ("x", "low", "high"), r"\operatorname{clip}({0}, {1}, {2})", "x moved into [low, high].",
              ((5, 0, 3), (-1.5, 0, 3), (MIXED, -1, 1)), _clip),
-    Function("dot", ("x", "y"), r"{0} \cdot {1}", "Inner product.", ((INTS, MIXED),), _product,
+    Function("dot", ("x", "y"), r"{0} \cdot {1}", "Inner product of vectors; product of a matrix with a vector, or a matrix.",
+             ((INTS, MIXED), (ROWS, (1, 1)), ((1, 2), ROWS), (ROWS, ROWS)), _product,
              brackets=Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True)),
     Function("norm1", ("x",), r"\lVert {0} \rVert_1", "Sum of absolute values.", ((INTS,), (MIXED,)), _norm1),
     Function("norm2", ("x",), r"\lVert {0} \rVert_2", "Euclidean length.", ((INTS,), (MIXED,)), _norm2),
@@ -100,9 +143,12 @@ FUNCTIONS = (
     Function("reverse", ("x",), r"\operatorname{reverse}({0})", "Elements in the opposite order.", ((INTS,),), _reverse),
     Function("swap", ("x", "i", "j"), r"\operatorname{swap}_{{1},{2}}({0})", "The vector with elements i and j exchanged.",
              ((INTS, 0, 2), (MIXED, 1, 1), (INTS, 1, 9)), _swap, indices=(1, 2)),
-    Function("put", ("x", "i", "value"), r"{0}[{1} \leftarrow {2}]", "The vector with element i replaced.",
-             ((INTS, 1, 9), (MIXED, 0, 9), (INTS, 7, 0.5)), _put, indices=(1,),
+    Function("put", ("x", "i", "value"), r"{0}[{1} \leftarrow {2}]",
+             "The vector with element i replaced; the matrix with row i, or with element (i, j) as `i`.",
+             ((INTS, 1, 9), (MIXED, 0, 9), (INTS, 7, 0.5), (ROWS, 1, INTS[:2]), (ROWS, (1, -1), 0.5)), _put, indices=(1,),
              brackets=Brackets(Level.ATOM, (Level.ATOM, Level.SCOPE))),
+    Function("reshape", ("x", "shape"), r"\operatorname{reshape}_{{1}}({0})", "The same elements in another shape, row by row.",
+             (((1, 2, 3, 4), (2, 2)), (ROWS, 4)), _reshape, static=(1,)),
     Function("onehot", ("i", "n"), r"e_{{0}}", "Zeros of length n with a 1 at i; all zeros when i is outside.",
              ((1, 3), (5, 3)), _onehot, static=(1,)),
     Function("len", ("x",), r"\lvert {0} \rvert", "Number of rows, a constant.", ((INTS,),), _len),

@@ -16,3 +16,5 @@ NAN_VECTORS = (((math.nan, 1.0, 3.0),), ((1.0, math.nan, 3.0, 3.0),), ((math.nan
 MASKS = (((True, False, True),), ((False,),), ((True, True),))
 INTS, MIXED = (3, -1, 2), (0.5, -2.0, 1.5)
 """Vectors as arguments of functions."""
+ROWS = ((1, 2), (3, -1))
+"""A matrix as one."""

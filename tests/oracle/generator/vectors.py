@@ -33,6 +33,7 @@ def vector(c: Context, kind: str, shape: Shape, depth: int) -> Term:
         (1, chosen),
         (0.7, put_together),
         (0.7, ordered if kind == "int" else rearranged),
+        (1, of_matrix),
         (1 if c.may_draw else 0, drawn_vector),
     ]
     maker = c.rng.choices([m for _, m in options], [w for w, _ in options])[0]
@@ -69,6 +70,9 @@ def comprehension(c: Context, kind: str, n: int, depth: int) -> Term:
     inside = c.with_names([index]) if n <= 2 else c.with_names([index]).without_draws()
     inner = scalars.term(inside, kind, (), min(depth, 2))
     fan = min(INFINITE, inner.fan**n) if inner.fan > 1 else 1
+    if n in (2, 4, 6) and c.chance(0.3):
+        text = f"[{inner.text} for k in range(2) for i in range({n // 2})]"
+        return replace(joined(text, kind, (inner,), shape=(n,), size=inner.size), fan=fan)
     return replace(joined(f"[{inner.text} for i in range({n})]", kind, (inner,), shape=(n,), size=inner.size), fan=fan)
 
 
@@ -162,7 +166,32 @@ def drawn_vector(c: Context, kind: str, n: int, depth: int) -> Term:
     return draws.vector(c, kind, n, depth)
 
 
+def of_matrix(c: Context, kind: str, n: int, depth: int) -> Term:
+    """A column, a part, or all elements of a matrix; or what it makes of a vector."""
+    which = c.rng.choice(("column", "block", "row", "product", "all"))
+    if which == "all" and n % 2 == 0:
+        x = matrix(c, kind, (2, n // 2), depth)
+        return call("reshape", [x, number(n)], kind, shape=(n,), size=x.size)
+    if which == "product" and kind != "bool" and n <= 3:
+        x, y = matrix(c, kind, (n, 2), depth), vector(c, kind, (2,), min(depth, 1))
+        args = [x, y] if c.chance(0.6) else [y, matrix(c, kind, (2, n), depth)]
+        return call("dot", args, kind, shape=(n,), size=2 * args[0].size * args[1].size)
+    rows, columns = (n, 2) if which == "column" else (2, n)
+    known = [t for t in c.names if t.kind == kind and t.shape == (rows, columns)]
+    x = c.rng.choice(known) if known else matrix(c, kind, (rows, columns), depth)
+    at = subscript(c, 2)
+    cut = c.rng.choice((":", "::-1", f":{n}"))
+    places = f"{cut}, {at.text}" if which == "column" else f"{at.text}, {cut}"
+    text = f"{x.at(9)}[{places}]"
+    if which == "block":
+        text = f"{x.at(9)}[{c.rng.choice(('::-1', ':1', '1:', ':'))}, {cut}][0]"
+    return joined(text, kind, (x, at), shape=(n,), level=9, size=x.size)
+
+
 def matrix(c: Context, kind: str, shape: Shape, depth: int) -> Term:
+    rows, columns = shape
+    if isinstance(rows, int) and isinstance(columns, int) and c.chance(0.3):
+        return made_of(c, kind, (rows, columns), min(depth, 1))
     known = c.readable((kind,), shape)
     if known and c.chance(0.6):
         x = c.rng.choice(known)
@@ -172,6 +201,18 @@ def matrix(c: Context, kind: str, shape: Shape, depth: int) -> Term:
     rows = [vector(c, kind, shape[1:], min(depth, 1)) for _ in range(int(shape[0]))]
     text = f"({', '.join(r.text for r in rows)}{',' if len(rows) == 1 else ''})"
     return joined(text, kind, rows, shape=shape, size=max(r.size for r in rows))
+
+
+def made_of(c: Context, kind: str, shape: tuple[int, int], depth: int) -> Term:
+    """A vector in another shape, or a matrix with an element replaced."""
+    if c.chance(0.5):
+        x = vector(c, kind, (shape[0] * shape[1],), depth)
+        return joined(f"reshape({x.text}, ({shape[0]}, {shape[1]}))", kind, (x,), shape=shape, size=x.size)
+    rows = [vector(c, kind, shape[1:], depth) for _ in range(shape[0])]
+    new, *places = scalars.term(c, kind, (), depth), place(c, depth), place(c, depth)
+    inside = ", ".join(r.text for r in rows) + "," * (len(rows) == 1)
+    text = f"put(({inside}), ({', '.join(p.text for p in places)}), {new.text})"
+    return joined(text, kind, (*rows, new, *places), shape=shape, size=max(t.size for t in (*rows, new)))
 
 
 # ------------------------------------------------------------------------------ single values from vectors

@@ -95,8 +95,8 @@ def visit(node: ast.expr, scope: Scope, expected: Choice | None = None) -> Value
             return comparison(node, scope)
         case ast.Tuple(elts=parts) | ast.List(elts=parts):
             return vector([visit(p, scope) for p in parts])
-        case ast.ListComp(elt=element, generators=[generator]):
-            return vector([visit(element, inner) for inner in each(generator, scope)])
+        case ast.ListComp(elt=element, generators=generators):
+            return vector([visit(element, inner) for inner in scopes(generators, scope)])
         case ast.Subscript(value=value, slice=index):
             return subscript(visit(value, scope), index, scope)
         case ast.Call():
@@ -225,13 +225,33 @@ def each(generator: ast.comprehension, scope: Scope) -> list[Scope]:
     return [s for s in inner if all(visit(c, s).item for c in generator.ifs)]
 
 
+def scopes(generators: Sequence[ast.comprehension], scope: Scope) -> list[Scope]:
+    """The scopes of all points of several clauses, the last of which goes fastest."""
+    if not generators:
+        return [scope]
+    return [inner for outer in each(generators[0], scope) for inner in scopes(generators[1:], outer)]
+
+
 def subscript(value: Value, index: ast.expr, scope: Scope) -> Value:
-    if isinstance(index, ast.Slice):
-        ends = (index.lower, index.upper, index.step)
-        return operators.section(value, slice(*(None if e is None else visit(e, scope).item for e in ends)))
-    for part in index.elts if isinstance(index, ast.Tuple) else [index]:
-        value = operators.element(value, visit(part, scope))
-    return value
+    return part(value, [place(i, scope) for i in (index.elts if isinstance(index, ast.Tuple) else [index])])
+
+
+def place(index: ast.expr, scope: Scope) -> Value | slice:
+    if not isinstance(index, ast.Slice):
+        return visit(index, scope)
+    ends = (index.lower, index.upper, index.step)
+    return slice(*(None if e is None else visit(e, scope).item for e in ends))
+
+
+def part(value: Value, places: Sequence[Value | slice]) -> Value:
+    """What is left of a value at a place on each of its first axes."""
+    if not places:
+        return value
+    first, *rest = places
+    if isinstance(first, slice):
+        cut = operators.section(value, first)
+        return vector([part(row, rest) for row in cut.rows()]) if rest else cut
+    return part(operators.element(value, first), rest)
 
 
 def call(node: ast.Call, scope: Scope, expected: Choice | None) -> Value:
@@ -239,6 +259,9 @@ def call(node: ast.Call, scope: Scope, expected: Choice | None) -> Value:
     name = node.func.id
     if name in DISTRIBUTIONS:
         return draw(name, node, scope, expected)
+    if name == "put" and isinstance(node.args[1], ast.Tuple | ast.List):  # an index for each axis, each by itself
+        x, i, new = node.args
+        return FUNCTIONS[name](*map(number, (visit(x, scope), *(visit(e, scope) for e in i.elts), visit(new, scope))))
     args = [visit(a, scope) for a in node.args]
     if name in scope.functions:
         f = scope.functions[name]

@@ -192,7 +192,19 @@ def cumsum(x: Value) -> Value:
 
 @function("dot")
 def dot(x: Value, y: Value) -> Value:
+    """Of vectors a number; a matrix is taken row by row, and one on the right column by column."""
+    if len(number(x).shape) == 2:
+        return vector([dot(row, y) for row in number(x).rows()])
+    if len(number(y).shape) == 2:
+        columns = zip(*(row.rows() for row in number(y).rows()), strict=True)
+        return vector([dot(x, vector(list(column))) for column in columns])
     return FUNCTIONS["sum"](elementwise(a.multiply, numeric(x, y), x, y))
+
+
+@function("reshape")
+def reshape(x: Value, shape: Value) -> Value:
+    flat = number(x)
+    return settled(flat.kind, tuple(shape.data), flat.data, fixed=flat.fixed, rough=flat.rough)
 
 
 @function("norm1")
@@ -238,7 +250,14 @@ def swap(x: Value, i: Value, j: Value) -> Value:
 
 
 @function("put")
-def put(x: Value, i: Value, value: Value) -> Value:
+def put(x: Value, i: Value, *rest: Value) -> Value:
+    """The vector with a row replaced; with an index for each axis, in one vector or one by one, an element."""
+    if len(x.shape) > 1 and i.shape == (len(x.shape),):
+        return put(x, *i.rows(), *rest)
+    *deeper, value = rest
+    if deeper:
+        row = number(x).rows()[place(number(i), x.shape[0])]
+        return touched(put(x, i, put(row, *deeper, value)), i)
     rows, new = number(x).rows(), number(value)
     if new.shape != rows[0].shape:
         new = elementwise(lambda _, v: v, new.kind, rows[0], new)
