@@ -84,3 +84,19 @@ def test_the_model_of_an_abstraction_is_extracted() -> None:
     results = exact.Results(task)
     assert results.model is not None and results.model.n_states == model.n_states
     assert np.allclose(model.start, results.model.start)
+
+
+def test_an_expert_is_a_policy_of_stable_baselines3_where_one_is_asked_for() -> None:
+    policies = pytest.importorskip("stable_baselines3.common.policies")
+    from taskspec.envs.sb3 import Sb3Expert
+
+    for name in ("derail/InitShiftLearner-v0", "derail/Parabola-v0"):
+        plain, wrapped = Expert(name), Sb3Expert(name)
+        assert isinstance(wrapped, policies.BasePolicy)
+        assert (wrapped.observation_space, wrapped.action_space) == (plain.observation_space, plain.action_space)
+        seen = np.stack([taskspec.make(name).reset(seed=i)[0] for i in range(3)])
+        (actions, steps), (theirs, _) = (
+            wrapped.predict(seen, deterministic=True),
+            plain.predict(seen, deterministic=True),
+        )
+        assert np.array_equal(actions, theirs) and steps[0].tolist() == [1, 1, 1]

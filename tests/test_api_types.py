@@ -13,24 +13,27 @@ import pytest
 
 from tests.test_docs import PAGES, ROOT, blocks
 
-UNTYPED = ("jax", "stable_baselines3", "imitation")
+UNTYPED = ("jax", "stable_baselines3", "imitation", "torch", "minari")
 """Packages whose own types are incomplete, so that pyright knows nothing of what they give."""
 
 
 def programs(folder: Path, *, without: tuple[str, ...] = ()) -> list[Path]:
-    """The Python of every page as one program, but for what needs some packages."""
-    written = []
+    """The Python of every page as one program, and every script as another, but for what needs some packages."""
+    texts: dict[str, str] = {}
     for page in PAGES:
-        found = [
-            block.body
-            for block in blocks(page.read_text(encoding="utf-8"))
-            if block.language == "python" and block.key != "skip" and block.value not in without
-        ]
-        if found:
-            path = folder / ("_".join(page.relative_to(ROOT).with_suffix("").parts) + ".py")
-            path.write_text("\n".join(found), encoding="utf-8")
-            written.append(path)
-    return written
+        name = "_".join(page.relative_to(ROOT).with_suffix("").parts) + ".py"
+        for block in blocks(page.read_text(encoding="utf-8")):
+            if block.language == "python" and block.key != "skip" and not _imports(block.body, without):
+                own = block.value if block.key == "script" else name
+                texts[own] = texts.get(own, "") + block.body + "\n"
+    texts.pop("docs_extending.py")  # it extends tables whose names types list
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return [folder / name for name in texts]
+
+
+def _imports(program: str, packages: tuple[str, ...]) -> bool:
+    return any(line.startswith((f"import {p}", f"from {p}")) for line in program.splitlines() for p in packages)
 
 
 @pytest.mark.slow

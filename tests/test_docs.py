@@ -7,6 +7,7 @@ On a page, top to bottom and in a folder of its own:
   `<!-- error: E302 -->` says which codes the check must give; none unless given.
 - a `python` block is executed; all blocks of a page share their names. A `text` block directly below is what it prints.
 - in a `console` block, lines after `$ ` are commands. Those of taskspec and python are run; what follows is their output.
+- `<!-- script: train.py -->` stands above the text of a file beside the page, which `test_howto_scripts.py` runs.
 - `<!-- skip: reason -->` leaves a block alone, `<!-- needs: package -->` does so where a package is not installed.
 
 In outputs, a line `...` stands for any lines, and durations are not compared. `pytest --update-golden` writes what comes out.
@@ -44,7 +45,7 @@ PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto"
 PAGES.remove(DOCS / "errors.md")  # its snippets show mistakes; tests/errors has a whole spec for each
 
 BLOCK = re.compile(
-    r"(?:^<!-- (?P<key>file|add|error|skip|needs): (?P<value>.*?) -->\n+)?"
+    r"(?:^<!-- (?P<key>file|add|error|skip|needs|script): (?P<value>.*?) -->\n+)?"
     r"^```(?P<language>\w+)\n(?P<body>.*?)^```$",
     re.MULTILINE | re.DOTALL,
 )
@@ -63,7 +64,7 @@ class Block:
 
     @property
     def skipped(self) -> bool:
-        return self.key == "skip" or (self.key == "needs" and find_spec(self.value) is None)
+        return self.key in ("skip", "script") or (self.key == "needs" and find_spec(self.value) is None)
 
 
 @dataclass
@@ -93,6 +94,18 @@ def test_generated_pages_are_up_to_date(name: str, update_golden: bool) -> None:
     if update_golden:
         path.write_text(text, encoding="utf-8")
     assert path.read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_scripts_on_pages_are_the_files_beside_them(path: Path, update_golden: bool) -> None:
+    text = path.read_text(encoding="utf-8")
+    now = text
+    for block in reversed([block for block in blocks(text) if block.key == "script"]):
+        script = (path.parent / block.value).read_text(encoding="utf-8")
+        now = now[: block.start] + script + now[block.end :]
+    if update_golden:
+        path.write_text(now, encoding="utf-8")
+    assert path.read_text(encoding="utf-8") == now
 
 
 def test_the_readme_has_the_findings_of_the_printed_appendix(update_golden: bool) -> None:

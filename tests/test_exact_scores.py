@@ -128,8 +128,10 @@ def test_a_table_a_function_and_returns_are_scored() -> None:
     found = exact.score(task, returns=[4.0, 4.0, -300.0])
     assert found.value.episodes == 3
     assert found.asked == "returns"
-    with pytest.raises(ValueError, match="probabilities of the actions"):
-        exact.score(task, np.full((2, 4), 0.4))
+    assert exact.score(task, np.ma.masked_array(np.full((2, 4), 0.5, np.float32))).normalised == pytest.approx(0)
+    for wrong in (np.full((2, 4), 0.4), np.full((4, 2), 0.5), np.full(4, 7), np.full(4, -1)):
+        with pytest.raises(SpecError, match="E713"):
+            exact.score(task, wrong)
     with pytest.raises(SpecError, match="E706"):
         exact.score(task, lambda state, t: {"a": state["s"]})
 

@@ -1,4 +1,6 @@
-"""A `VecEnv` for Stable-Baselines3 over a task's vector program; needs no vector interface of Gymnasium's.
+"""Tasks and experts for Stable-Baselines3: a `VecEnv` over a task's vector program, and a policy.
+
+The `VecEnv` needs no vector interface of Gymnasium's.
 
 SB3 resets an environment within the step that ends its episode, and wants in its info the last observation and whether
 the episode was cut short without a terminal state: exactly when both flags are set, the terminal state wins.
@@ -20,13 +22,15 @@ from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
 from taskspec.envs.options import positive, seed_of, uncopied
 from taskspec.envs.spaces import space
+from taskspec.exact.scoring.policies import Expert
 from taskspec.extras import need
 from taskspec.registry import load
 from taskspec.task.options import RenderMode
 from taskspec.task.task import TaskLike
 
 need("stable_baselines3", "sb3")
-from stable_baselines3.common.vec_env import VecEnv  # noqa: E402  # after the message about its absence
+from stable_baselines3.common.policies import BasePolicy  # noqa: E402  # after the message about its absence
+from stable_baselines3.common.vec_env import VecEnv  # noqa: E402
 
 
 class Sb3VecEnv(VecEnv):
@@ -137,6 +141,32 @@ class Sb3VecEnv(VecEnv):
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         return [False] * len(list(self._get_indices(indices)))
+
+
+class Sb3Expert(BasePolicy):
+    """An expert as a policy of Stable-Baselines3, which DAgger of imitation wants; `rollout` takes `Expert` itself as well.
+
+    Args:
+        task, policy, seed: as for `taskspec.exact.Expert`.
+
+    Raises:
+        SpecError: E712, where the spec gives no expert, or it looks at what is not observed; E713 for another policy.
+    """
+
+    def __init__(self, task: TaskLike, policy: str | None = None, *, seed: int = 0) -> None:
+        expert = Expert(task, policy, seed=seed)
+        super().__init__(expert.observation_space, expert.action_space)
+        self.expert = expert
+
+    def predict(
+        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[Any, Any]:
+        """Actions for one observation or a batch of them, and the steps taken so far, as `Expert.predict` gives them."""
+        return self.expert.predict(observation, state, episode_start, deterministic)
+
+    def _predict(self, observation: Any, deterministic: bool = False) -> Any:
+        """Refused: the steps taken so far go through `predict` alone."""
+        raise NotImplementedError("an expert is asked with `predict`")
 
 
 def _of_lane(view: Any, lane: int) -> Any:

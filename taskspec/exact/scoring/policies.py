@@ -44,7 +44,7 @@ def policy_value(task: Task, policy: Any, deterministic: bool | None, episodes: 
     """The expected return of a policy: exact where the task has a model and the policy can be tabulated on it."""
     results = Results(task, episodes, seed)
     model = results.model
-    if isinstance(policy, np.ndarray | list | tuple):
+    if isinstance(policy, list | tuple) or hasattr(policy, "__array__"):
         return _tabulated(policy, results)
     if isinstance(policy, Expert) and not deterministic:
         return _as_expert(policy, results)
@@ -80,15 +80,22 @@ def _as_expert(expert: Expert, results: Results) -> Valued:
 
 
 def plan_of_table(model: Model, table: Array) -> Plan:
-    """Actions (S,) or (T, S), or probabilities (A, S) or (T, A, S)."""
+    """Actions (S,) or (T, S), or probabilities (A, S) or (T, A, S).
+
+    Raises:
+        SpecError: E713 for another table.
+    """
     a, n = model.n_actions, model.n_states
     if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (a, n):
+        if not ((table >= 0) & (table < a)).all():
+            misused(f"an action of the table is none of 0 to {a - 1}")
         hot = np.moveaxis(np.eye(a)[table], -1, -2)
         return stationary(hot) if table.ndim == 1 else timed(list(hot))
     if table.shape[-2:] != (a, n) or table.ndim > 3:
-        raise ValueError(f"a table of probabilities has shape ({a}, {n}) or (T, {a}, {n}), not {table.shape}")
+        misused(f"a table of probabilities has shape ({a}, {n}) or (T, {a}, {n}), not {table.shape}")
+    table = table.astype(np.float64)
     if not np.allclose(table.sum(axis=-2), 1) or (table < 0).any():
-        raise ValueError("the probabilities of the actions in a state sum to 1")
+        misused("the probabilities of the actions in a state are at least 0, and sum to 1")
     return stationary(table) if table.ndim == 2 else timed(list(table))
 
 
