@@ -132,6 +132,8 @@ def test_logarithm_and_exponential_are_close() -> None:
     assert (np.abs(polynomials.exp(y) - reference) <= 1e-7 * reference).all()
     ends = np.array([-np.inf, -88, 0], np.float32)
     assert polynomials.exp(ends).tolist() == [0, 0, 1]
+    beyond = polynomials.exp(np.array([88, 88.5, 89, 1e30, np.inf], np.float32))
+    assert (beyond == beyond[0]).all()
 
 
 def test_exponential_of_words_is_close_and_reaches_its_tail() -> None:

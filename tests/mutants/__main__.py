@@ -61,7 +61,7 @@ def results(path: Path) -> dict[str, dict[str, Any]]:
     return {record["key"]: record for record in map(json.loads, lines)}
 
 
-def run(room: str, wanted: list[Mutant], jobs: int, folder: Path) -> None:
+def run(room: str, wanted: list[Mutant], jobs: int, folder: Path, again: bool) -> None:
     from tests.mutants.choose import chosen, mapped
     from tests.mutants.run import Copy
 
@@ -74,7 +74,7 @@ def run(room: str, wanted: list[Mutant], jobs: int, folder: Path) -> None:
         def ask(mutant: Mutant) -> dict[str, Any]:
             copy, begun = copies.get(), time.monotonic()
             try:
-                became, by = copy.ask(mutant.file, mutant.number, chosen(mutant, ROOMS[room], seen))
+                became, by = copy.ask(mutant.file, mutant.number, chosen(mutant, ROOMS[room], seen, again))
             finally:
                 copies.put(copy)
             return {
@@ -106,7 +106,7 @@ def main() -> int:
         wanted, known = sample(room, asked.sample, asked.seed), results(path)
         if not asked.table:
             done = {key for key, record in known.items() if not (asked.again and record["became"] == "survived")}
-            run(room, [m for m in wanted if m.key not in done], asked.jobs, asked.folder)
+            run(room, [m for m in wanted if m.key not in done], asked.jobs, asked.folder, asked.again)
         lines.append(row(room, changes_of(room), wanted, results(path)))
     print("\n".join(lines if not asked.table else [*lines, "", *reasons()]))
     return 0

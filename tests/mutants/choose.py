@@ -38,12 +38,13 @@ class Seen:
         return sorted((self.tests[n] for n in numbers), key=lambda test: test.seconds)
 
 
-def chosen(mutant: Mutant, room: Room, seen: Sequence[Seen]) -> list[Timed]:
+def chosen(mutant: Mutant, room: Room, seen: Sequence[Seen], again: bool = False) -> list[Timed]:
     """Tests that are asked about a change: those about the room, then all others, files with little to run first.
 
-    A line of a table runs once, when the module is read: what runs anything of its file is asked then, or of the room.
+    A line of a table runs once, when the module is read: what runs anything of its file is asked then, or of the room. So it is
+    for a change that is asked about `again`.
     """
-    ways = [(mutant.line, mutant.line), mutant.span] if mutant.place else []
+    ways = [(mutant.line, mutant.line), mutant.span] if mutant.place and not again else []
     for first, last in (*ways, (1, sys.maxsize)):
         found = [(s, s.of(mutant.file, first, last)) for s in seen]
         if any(tests for _, tests in found):
