@@ -17,7 +17,7 @@ from taskspec.backends.scalar import scalars
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.evaluate import evaluate
-from taskspec.lang.ir import Node, Role
+from taskspec.lang.ir import Node, Role, plain
 from taskspec.lang.types import Kind, Type
 
 Key = tuple[Role, str]
@@ -44,7 +44,8 @@ def _spread(found: Sequence[Any], roots: Sequence[Node], n: int) -> Values:
 
 
 def by_reference(b: Builder, roots: Sequence[Node], types: Mapping[Key, Type], points: Points) -> Values:
-    found = [evaluate(roots, p) for p in points]
+    """Fractions are exact in the compiler only: what a task computes with, and pays, are their floats."""
+    found = [[tuple(map(plain, flat)) for flat in evaluate(roots, p)] for p in points]
     return [np.array([f[i] for f in found], object).T.reshape(r.type.size, len(points)) for i, r in enumerate(roots)]
 
 
