@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from taskspec.exact import Results, Return, Verdict, verdicts, wrong_examples
+from taskspec.exact import Results, Return, Verdict, Yardsticks, verdicts, wrong_examples, yardsticks
+from taskspec.exact.planning.certified.enclosure import Enclosure
 from taskspec.exact.scoring.statuses import CLAIMS
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
@@ -57,6 +58,9 @@ def gather(task: TaskLike) -> Facts:
     found = Results(task)
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
     shown = {f"{name} return": _score(value) for name, value in returns.items() if value is not None}
+    seen = yardsticks(found)
+    if seen is not None:
+        shown = _hidden(shown, seen)
     states = None if found.model is None else int(found.model.entered.sum())
     wrong = frozenset(i for i, _ in wrong_examples(task))
     return Facts(shown, tuple(_by_claim(task, verdicts(task, found))), states, wrong)
@@ -64,6 +68,26 @@ def gather(task: TaskLike) -> Facts:
 
 def _score(found: Return) -> ScoreFact:
     return ScoreFact(found.value, found.half if found.episodes else 0.0, found.episodes, found.tested)
+
+
+def _hidden(shown: dict[str, ScoreFact], seen: Yardsticks) -> dict[str, ScoreFact]:
+    """Scores of a task that hides its state: what the optimum knows is said, and what the best earn who see less follows."""
+    found = {}
+    for name, score in shown.items():
+        found["optimal return, knowing the state" if name == "optimal return" else name] = score
+        if name == "optimal return":
+            found |= _bounds("best return with memory", seen.remembering)
+            found |= _bounds("best return without memory", seen.memoryless)
+    return found
+
+
+def _bounds(name: str, value: Enclosure | None) -> dict[str, ScoreFact]:
+    """A value, or its two bounds where these are apart."""
+    if value is None:
+        return {}
+    if value.error <= 1e-9 * abs(value.value):
+        return {name: ScoreFact(value.value)}
+    return {f"{name}, {which}": ScoreFact(end) for which, end in zip(("at least", "at most"), value.ends, strict=True)}
 
 
 def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterable[VerdictFact]:

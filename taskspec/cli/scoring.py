@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json as json_
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +16,7 @@ from taskspec.cli.options import Json, LimitsGiven, Parameters, TaskArgument, Va
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.exact import Return, Score, Scores
+    from taskspec.exact import Return, Score, Scores, Yardsticks
     from taskspec.task.task import Task
 
 Episodes = Annotated[int, typer.Option("--episodes", "-n", min=2, help="For what has to be simulated.")]
@@ -53,22 +54,24 @@ def solve(
 ) -> None:
     """Work out optimal, expert, random and worst return.
 
-    Exactly where the task has an exact model, else from episodes, with a confidence interval.
+    Exactly where the task has an exact model, else from episodes, with a confidence interval. Where observations hide
+    the state, the best of those who see no more than that are told besides: with memory, and without.
     """
     from taskspec.cli.console import write_json
     from taskspec.cli.progress import progress
     from taskspec.cli.targets import task_of
-    from taskspec.exact import scores
+    from taskspec.exact import Results, scores, yardsticks
 
     found = task_of(task, variant, parameters or [])
     with progress(found.id):
         measured = scores(found, episodes, seed)
+        seen = yardsticks(Results(found))
     if output is not None:
         measured.save(output)
     if json:
-        write_json(measured.record())
+        write_json(measured.record() | {"yardsticks": None if seen is None else _seen_record(seen)})
     else:
-        _print_scores(found, measured)
+        _print_scores(found, measured, seen)
 
 
 def score(
@@ -155,17 +158,24 @@ def _is_number(text: str) -> bool:
 # -- output -------------------------------------------------------------------------------------------------------
 
 
-def _print_scores(task: Task, found: Scores) -> None:
+def _seen_record(seen: Yardsticks) -> dict[str, Any]:
+    """The best returns of those who see observations only, as the bounds that are proved."""
+    values = {"remembering": seen.remembering, "memoryless": seen.memoryless}
+    told = {k: None if v is None else list(v.ends) for k, v in values.items()}
+    return told | {"why_not": seen.why_not}
+
+
+def _print_scores(task: Task, found: Scores, seen: Yardsticks | None) -> None:
     from taskspec.cli.console import console, line
     from taskspec.cli.records import defaults
 
     out = console()
     out.print(line((task.id, "name"), (f"  {defaults(task)}", "value")))
-    out.print(_score_table(found))
+    out.print(_score_table(found, seen))
     out.print(_ground(found), style="quiet")
 
 
-def _score_table(found: Scores) -> Table:
+def _score_table(found: Scores, seen: Yardsticks | None) -> Table:
     from rich.table import Table
 
     from taskspec.cli.terminal import VisibleText
@@ -175,8 +185,26 @@ def _score_table(found: Scores) -> Table:
     table.add_column(justify="right", style="title")
     for name in ("optimal", "expert", "random", "worst"):
         value: Return | None = getattr(found, name)
-        table.add_row(f"  {name}", *_return(value), VisibleText(_remark(found, name), style="quiet"))
+        remark = "knowing the state, which observations hide" if name == "optimal" and seen else _remark(found, name)
+        table.add_row(f"  {name}", *_return(value), VisibleText(remark, style="quiet"))
+        for row in _seen_rows(seen) if name == "optimal" and seen else ():
+            table.add_row(*row[:3], VisibleText(row[3], style="quiet"))
     return table
+
+
+def _seen_rows(seen: Yardsticks) -> Iterator[tuple[str, str, str, str]]:
+    """Rows for the best of those who see observations only: name, return, how sure it is, a remark."""
+    from taskspec.exact import Return
+
+    told = (("remembering", seen.remembering, "all that was seen and done"), ("memoryless", seen.memoryless, ""))
+    for name, value, remark in told:
+        if value is None:
+            yield f"  {name}", "unknown", "", seen.why_not or ""
+        elif value.error <= 1e-9 * abs(value.value):
+            yield f"  {name}", *_return(Return(value.value, bound=value.error)), remark
+        else:
+            low, high = (f"{end:.6g}".replace("-", "−") for end in value.ends)
+            yield f"  {name}", f"{low} to {high}", "proved bounds", remark
 
 
 def _return(value: Return | None) -> tuple[str, str]:

@@ -24,3 +24,5 @@ from taskspec.exact.scoring.policies import Expert as Expert
 from taskspec.exact.scoring.returns import Results as Results
 from taskspec.exact.scoring.returns import Return as Return
 from taskspec.exact.scoring.returns import normalised as normalised
+from taskspec.exact.scoring.yardsticks import Yardsticks as Yardsticks
+from taskspec.exact.scoring.yardsticks import yardsticks as yardsticks

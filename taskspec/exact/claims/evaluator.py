@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.diagnostics import Collector, suggest
+from taskspec.diagnostics import Collector, SpecError, suggest
 from taskspec.exact.claims.conditions import (
     condition_over_actions,
     condition_over_states,
@@ -39,6 +39,7 @@ from taskspec.exact.planning.certified.readings import Inexact, Reader
 from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.certified.solver import Solver
 from taskspec.exact.scoring.returns import Results
+from taskspec.exact.scoring.yardsticks import SEARCHES, best_observing
 from taskspec.lang import syntax as s
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Const
@@ -197,6 +198,8 @@ class Evaluator:
         which = name.removesuffix("_return")
         if which == "expert" and self.results.task.expert is None:
             raise Unfit("the spec gives no expert", expr)
+        if which in SEARCHES:
+            return self._observed(which, name, expr)
         found = self.results.enclosure(which, self.terms.as_written)
         if found is not None:
             self.rests_on = max(self.rests_on, self.results.tested(which))
@@ -208,6 +211,13 @@ class Evaluator:
             raise Undecidable(f"'{name}' {lack}: {why}", expr)
         self.simulated = max(self.simulated, sample.episodes)
         return self.results.interval(sample, self.terms.confidence, self.terms.soundly)
+
+    def _observed(self, which: str, name: str, expr: s.Expr) -> Enclosure:
+        """The best return of those who see observations only."""
+        try:
+            return best_observing(self.results, which, self.terms.as_written)
+        except SpecError as error:
+            raise Undecidable(f"'{name}' cannot be worked out: {error.diagnostics[0].message}", expr) from None
 
     def _model(self, expr: s.Expr) -> Model:
         model = self.results.model

@@ -25,10 +25,27 @@ class Word:
 RESULTS: dict[str, Word] = {
     w.name: w
     for w in (
-        Word("optimal_return", "optimal_return", "Expected return of the best policy.", "optimal return"),
+        Word(
+            "optimal_return",
+            "optimal_return",
+            "Expected return of the best policy, which knows the state.",
+            "optimal return",
+        ),
         Word("random_return", "random_return", "Expected return of uniformly random actions.", "random return"),
         Word("worst_return", "worst_return", "Expected return of the worst policy.", "worst return"),
         Word("expert_return", "expert_return", "Expected return of the expert.", "expert return"),
+        Word(
+            "remembering_return",
+            "remembering_return",
+            "Expected return of the best policy that sees observations only, and remembers all that it saw and did.",
+            "return of the best policy with memory",
+        ),
+        Word(
+            "memoryless_return",
+            "memoryless_return",
+            "Expected return of the best policy that always does the same when it sees the same.",
+            "return of the best memoryless policy",
+        ),
         Word(
             "states",
             "states",

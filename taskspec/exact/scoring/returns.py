@@ -98,6 +98,8 @@ class Results:
         self.given = expert
         self.task, self.episodes, self.seed, self.limit = load(task), episodes, seed, limit
         self.unsettled: str | None = None
+        self.searched: dict[tuple[str, bool], Enclosure] = {}
+        """What `scoring.yardsticks` found of those who see observations only, by name and reading."""
         self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
         self._samples: dict[tuple[str, int], Return | None] = {}
 

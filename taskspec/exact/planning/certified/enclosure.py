@@ -68,6 +68,14 @@ class Enclosure:
         most = max(Fraction(value) - self.low, self.high - Fraction(value))
         return math.nextafter(rounded(most), math.inf) if most else 0.0
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Floats that the number lies between, rounded outwards."""
+        low, high = rounded(self.low), rounded(self.high)
+        return math.nextafter(low, -math.inf) if low > self.low else low, math.nextafter(
+            high, math.inf
+        ) if high < self.high else high
+
     def hull(self, other: Enclosure) -> Enclosure:
         return Enclosure(min(self.low, other.low), max(self.high, other.high))
 

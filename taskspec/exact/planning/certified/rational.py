@@ -7,7 +7,7 @@ read by one `Reader`, and no operation rounds.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -207,6 +207,37 @@ class Rational:
     def at_start(self, value: Scaled) -> Enclosure:
         found = Fraction(int((self.start.parts * value.parts).sum()), self.start.over * value.over)
         return Enclosure.exactly(found)
+
+    # -- outcomes -----------------------------------------------------------------------------------------------------
+
+    @property
+    def work(self) -> int:
+        """Outcomes that are gone through from the last step to the first."""
+        return self.horizon * max(len(step.columns) for step in self._steps)
+
+    def rewards(self, t: int) -> Scaled:
+        """Expected rewards (A*S,) at a time."""
+        return self._at(t).reward
+
+    def unit(self, t: int) -> int:
+        """The common denominator of the probabilities of `goes_on`."""
+        return self._at(t).weights.over
+
+    def goes_on(self, t: int, row: int) -> Iterator[tuple[int, int]]:
+        """States in which the episode goes on after a row, action * S + state, each with its probability times `unit`."""
+        step = self._at(t)
+        last = step.first[row + 1] if row + 1 < len(step.first) else len(step.columns)
+        for k in range(step.first[row], last):
+            if not step.ends[k]:
+                yield int(step.columns[k]), int(step.weights.parts[k])
+
+    def successors(self, t: int, taken: Array) -> Array:
+        """States (S,) in which episodes may go on if they take some actions (A, S) at a time."""
+        step = self._at(t)
+        rows = np.repeat(taken.reshape(-1), np.diff(step.first, append=len(step.columns)))
+        found = np.zeros(self.model.n_states, np.bool_)
+        found[step.columns[rows & ~step.ends.astype(np.bool_) & (step.weights.parts > 0)]] = True
+        return found
 
     # -- policies -----------------------------------------------------------------------------------------------------
 
