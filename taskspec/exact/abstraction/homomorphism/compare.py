@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -88,10 +88,10 @@ class _Comparison:
 
     def _steps(self) -> str | None:
         times = max(_times(m, Steps(m.task).uses_time) for m in (self.whole, self.other))
-        for t in range(times):
+        for t, acting in self._acting(times):
             mine = _Laws.of(self.whole, t, self.chances, self.mapped)
             others = _Laws.of(self.other, t, self.chances, np.arange(self.other.n_states))
-            row = self._differing_row(mine, others)
+            row = self._differing_row(mine, others, acting)
             if row is not None:
                 action, state = divmod(row, self.whole.n_states)
                 where = f"in {self.whole.state_name(state)} with {self.whole.action_name(action)}"
@@ -99,14 +99,18 @@ class _Comparison:
                 return f"{where}{f' at t = {t}' if times > 1 else ''} {words}"
         return None
 
+    def _acting(self, times: int) -> Iterator[tuple[int, Array]]:
+        """Times to look at, and the states (S,) in which episodes act then: all at once where the time does not matter."""
+        return self.whole.levels() if times > 1 else iter([(0, self.whole.acting)])
+
     def _row(self, row: Any) -> Any:
         """The rows of the other model that rows a*S + s of the task are mapped to."""
         action, state = np.divmod(row, self.whole.n_states)
         return action * self.other.n_states + self.mapped[state]
 
-    def _differing_row(self, mine: _Laws, others: _Laws) -> int | None:
-        """The first row a*S + s whose law is another one, among states in which episodes act."""
-        rows = np.flatnonzero(np.tile(self.whole.acting, self.whole.n_actions))
+    def _differing_row(self, mine: _Laws, others: _Laws, acting: Array) -> int | None:
+        """The first row a*S + s whose law is another one, among states (S,) in which episodes act."""
+        rows = np.flatnonzero(np.tile(acting, self.whole.n_actions))
         theirs = self._row(rows)
         counts = np.diff(mine.first)[rows]
         apart = counts != np.diff(others.first)[theirs]
@@ -120,9 +124,9 @@ class _Comparison:
 
     def _experts(self) -> str | None:
         nodes = [node for m in (self.whole, self.other) for node in _expert(m)]
-        for t in range(_times(self.whole, TIME in reads(nodes))):
+        for t, acting in self._acting(_times(self.whole, TIME in reads(nodes))):
             mine, others = (_table(m, t, self.chances) for m in (self.whole, self.other))
-            for state in np.flatnonzero(self.whole.acting).tolist():
+            for state in np.flatnonzero(acting).tolist():
                 if self._differing(mine.get(state, {}), others.get(int(self.mapped[state]), {})) is not None:
                     return f"in {self.whole.state_name(state)} the experts act in different ways"
         return None
