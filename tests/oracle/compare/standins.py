@@ -56,7 +56,7 @@ def compare(case: Case, model: Model) -> int:
     section = real.get("abstraction") or standin(real, rng)
     if section is None:
         return 0
-    wrong = "abstraction" not in real and rng.random() < 0.6 and spoiled(section, rng)
+    wrong = "abstraction" not in real and rng.random() < 0.6 and spoiled(section, real, rng)
     asked = Case(real | {"abstraction": section}, None, case.seed, case.given)
     truth, others = solve.returns(model), decoys(asked, model)
     try:
@@ -189,13 +189,13 @@ def leaves(data: Any, change: Callable[[str], str]) -> Any:
 # ------------------------------------------------------------------------------ and one that is wrong
 
 
-def spoiled(section: Data, rng: random.Random) -> bool:
-    """Make one mistake in a stand-in; whether one could be made."""
-    mistakes = [mistake for mistake in MISTAKES if mistake(copy.deepcopy(section))]
-    return bool(mistakes) and rng.choice(mistakes)(section)
+def spoiled(section: Data, real: Data, rng: random.Random) -> bool:
+    """Make one mistake in the stand-in of a spec; whether one could be made."""
+    mistakes = [mistake for mistake in MISTAKES if mistake(copy.deepcopy(section), real)]
+    return bool(mistakes) and rng.choice(mistakes)(section, real)
 
 
-def other_weights(section: Data) -> bool:
+def other_weights(section: Data, real: Data) -> bool:
     """The first draw of two outcomes has its weights exchanged."""
     for draw in draws([section["initial"], section["dynamics"], section["reward"]]):
         (one, p), (two, q) = draw.items()
@@ -215,40 +215,52 @@ def draws(data: Any) -> list[Data]:
     return [d for part in data.values() for d in draws(part)]
 
 
-def other_reward(section: Data) -> bool:
+def other_reward(section: Data, real: Data) -> bool:
     if not isinstance(section["reward"], str):
         return False
     section["reward"] = f"({section['reward']}) + (t == 1) / 4"
     return True
 
 
-def other_end(section: Data) -> bool:
+def other_end(section: Data, real: Data) -> bool:
     section["terminal"] = f"not ({section['terminal']})" if section.get("terminal") else "t == 1"
     return True
 
 
-def other_start(section: Data) -> bool:
+def other_start(section: Data, real: Data) -> bool:
     section["initial"][OTHER] = section["state"][OTHER]["low"]
     return True
 
 
-def other_step(section: Data) -> bool:
+def other_step(section: Data, real: Data) -> bool:
     section["dynamics"][OTHER + "'"] = section["state"][OTHER]["high"]
     return True
 
 
-def other_map(section: Data) -> bool:
+def other_map(section: Data, real: Data) -> bool:
     section["map"][OTHER] = f"min({section['map'][OTHER]} + 1, {section['state'][OTHER]['high']})"
     return True
 
 
-def other_expert(section: Data) -> bool:
+def other_expert(section: Data, real: Data) -> bool:
+    """The first component of the action is always the same one of its values."""
     expert = section.get("expert")
     if not isinstance(expert, dict):
         return False
-    name = next(iter(expert))
-    expert[name] = f"not ({expert[name]})" if str(expert[name]) in ("True", "False") else None
-    return expert[name] is not None
+    name, now = next(iter(expert.items()))
+    others = [v for v in values(real["action"][name]) if v != str(now)]
+    if others:
+        expert[name] = others[0]
+    return bool(others)
+
+
+def values(c: Data) -> list[str]:
+    """Some values of a component, as expressions."""
+    if c["type"] == "bool":
+        return ["True", "False"]
+    if c["type"] == "choice":
+        return [repr(label) for label in c["values"]]
+    return [f"({c['low']})", f"({c['high']})"] if is_single(c) else []
 
 
 MISTAKES = (other_weights, other_reward, other_end, other_start, other_step, other_map, other_expert)
