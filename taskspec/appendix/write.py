@@ -12,6 +12,7 @@ from typing import Any
 
 from taskspec.appendix import render
 from taskspec.appendix.bibliography import Reference, beside
+from taskspec.appendix.brief import briefly
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.page import Page, page
 from taskspec.appendix.render.suite import Suite, setting_anchor
@@ -41,6 +42,7 @@ def write(
     title: str = "",
     facts: Mapping[str, Facts] | None = None,
     columns: Sequence[Mapping[str, Any]] = (),
+    brief: bool = False,
     references: Mapping[str, Reference] | None = None,
     links: Mapping[str, str] | None = None,
 ) -> list[Path]:
@@ -53,6 +55,7 @@ def write(
         title: of the whole; by default the tasks' suite.
         facts: results by id of the task (see `gather`); left out without.
         columns: parameter values to show beside the symbols.
+        brief: what defines a task, its figure and its scores alone, half a page each; in LaTeX tasks of one spec share a section.
         references: bibliography by key; by default the `references.bib` beside the specs.
         links: names and addresses for the head of every HTML page.
 
@@ -63,7 +66,7 @@ def write(
         SpecError: for another format, without an extra, or when there is no TeX for `pdf`.
     """
     wanted = _known(formats)
-    suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, references)
+    suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, references, brief)
     files: dict[str, str] = {}
     for name in dict.fromkeys("latex" if f == "pdf" else f for f in wanted):
         files |= _WRITERS[name](suite, links or {})
@@ -90,6 +93,7 @@ def gather_pages(
     facts: Mapping[str, Facts] | None = None,
     columns: Sequence[Mapping[str, Any]] = (),
     references: Mapping[str, Reference] | None = None,
+    brief: bool = False,
 ) -> Suite:
     """Pages and figures of tasks, ready to be rendered.
 
@@ -99,12 +103,13 @@ def gather_pages(
     known = {p.name for task in tasks for p in task.parameters}
     for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
         load(tasks[0], **{name: value})  # which says what is wrong
-    pages = _apart(page(task, (facts or {}).get(task.id), columns) for task in tasks)
+    made = (page(task, (facts or {}).get(task.id), columns) for task in tasks)
+    pages = _apart(map(briefly, made) if brief else made)
     drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
     scenes = {name: found for name, task in drawn.items() if (found := scene(task)) is not None}
     cited = beside(task.document.origin.name for task in tasks) if references is None else references
     names = dict.fromkeys(task.suite for task in tasks if task.suite)
-    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited)
+    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited, brief)
 
 
 def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:

@@ -37,6 +37,9 @@ Sweep = Annotated[
     ),
 ]
 Results = Annotated[bool, typer.Option("--results/--no-results", help="Scores, and what became of the claims.")]
+Brief = Annotated[
+    bool, typer.Option("--brief", help="Half a page for each task: what defines it, its figure and its scores.")
+]
 Title = Annotated[str, typer.Option("--title", help="Of the whole; the suite's name by default.", show_default=False)]
 FigureFile = Annotated[
     Path,
@@ -60,6 +63,7 @@ def docs(
     output: Output = Path("build/docs"),
     parameters: Sweep = None,
     results: Results = True,
+    brief: Brief = False,
     title: Title = "",
     json: Json = False,
 ) -> None:
@@ -84,6 +88,7 @@ def docs(
         title=title,
         facts=facts_of(tasks) if results else None,
         columns=columns_of(parameters or []),
+        brief=brief,
     )
     failures.show(each for task in tasks for each in set_aside(task, appendix.undrawn(task))[0])
     if json:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import assert_never
 from urllib.parse import quote
 
+from taskspec.appendix.brief import Family, families
 from taskspec.appendix.page import Page
 from taskspec.appendix.prose import (
     Block,
@@ -34,17 +35,27 @@ BESIDE = frozenset({
     "termination", "initial", "expert",
 })  # fmt: skip
 """Sections that stand beside the figure; the others have the whole width."""
-LINE = 34.0
-"""About how many letters of mathematics fit in a line beside a figure."""
+PARAGRAPHS = (
+    {"state", "observations", "actions", "horizon"}, {"definitions", "dynamics"}, {"rewards", "termination", "initial"},
+)  # fmt: skip
+"""Sections of the short form that share a paragraph."""
+BESIDE_ROOM, BRIEF_ROOM, WHOLE_ROOM = 27.0, 40.0, 60.0
+"""About how many letters of mathematics fit in a line: beside a figure, there in small letters, and in a line of the page."""
 
 
 def document(suite: Suite) -> dict[str, str]:
     """Files by name: the tasks, `appendix.tex`, `document.tex`, `preamble.tex`, `references.bib`."""
     env = text_environment()
     writer = LatexWriter(frozenset(suite.cited))
-    files = {f"{page.anchor}.tex": writer.page(suite, page) for page in suite.pages}
-    names = [page.anchor for page in suite.pages]
-    files["appendix.tex"] = env.get_template("appendix.tex").render(names=names, title=escape(suite.title))
+    if suite.brief:
+        texts = {family.head.anchor: writer.family(suite, family) for family in families(suite.pages)}
+    else:
+        texts = {page.anchor: writer.page(suite, page) for page in suite.pages}
+    files = {f"{anchor}.tex": text for anchor, text in texts.items()}
+    names = list(texts)
+    files["appendix.tex"] = env.get_template("appendix.tex").render(
+        names=names, title=escape(suite.title), results=any(page.section("scores") for page in suite.pages)
+    )
     files["preamble.tex"] = env.get_template("preamble.tex").render(colors=tikz_colors())
     files["document.tex"] = env.get_template("document.tex").render(title=escape(suite.title), cites=bool(suite.cited))
     files["references.bib"] = "\n".join(r.bibtex() for r in suite.cited.values())
@@ -63,19 +74,41 @@ class LatexWriter:
             name=escape(page.name), title=escape(page.title), label=page.anchor, id=escape(page.id),
             summary=self.prose(page.summary), make=escape(page.make), capability=escape(page.capability),
             description=[self.block(b) for b in page.description],
-            beside=[self.section(s, page) for s in page.sections if s.key in BESIDE],
-            below=[self.section(s, page, wide=True) for s in page.sections if s.key not in BESIDE],
+            beside=[self.section(s, page, BESIDE_ROOM) for s in page.sections if s.key in BESIDE],
+            below=[self.section(s, page, WHOLE_ROOM) for s in page.sections if s.key not in BESIDE],
             figure=tikz(scene) if scene else "", caption=self.caption(page, scene.notes if scene else ()),
             others=[(tikz(each.scene), escape(each.title)) for each in suite.others(page)],
         )  # fmt: skip
+
+    def family(self, suite: Suite, family: Family) -> str:
+        """Tasks of one spec in one section: the first, and what differs in the others."""
+        head = family.head
+        scene = suite.scenes.get(head.anchor)
+        return text_environment().get_template("brief.tex").render(
+            name=escape(head.name), title=escape(family.title), id=escape(head.id), summary=self.prose(head.summary),
+            labels=[page.anchor for page in (head, *family.others)], cites=", ".join(map(self.cite, head.sources)),
+            sections=[*self.run_in(head)],
+            others=[{"name": escape(page.name), "summary": self.prose(page.summary),
+                     "sections": [*self.run_in(page)]} for page in family.others],
+            figure=tikz(scene) if scene else "", caption=" ".join(map(escape, scene.notes if scene else ())),
+        )  # fmt: skip
+
+    def run_in(self, page: Page) -> Iterator[dict[str, object]]:
+        """Sections with their titles in the line; those of one paragraph follow each other."""
+        last = None
+        for section in page.sections:
+            text = "; ".join(self.line(line, page, BRIEF_ROOM) for line in section.lines)
+            paragraph = next((i for i, keys in enumerate(PARAGRAPHS) if section.key in keys), section.key)
+            opens, last = paragraph != last, paragraph
+            yield {"title": escape(section.title), "text": text + self.table(section), "opens": opens}
 
     def caption(self, page: Page, notes: Iterable[str]) -> str:
         return " ".join([rf"\texttt{{{escape(page.name)}}}.", *map(escape, notes)])
 
     # -- sections -------------------------------------------------------------------------------------------------
 
-    def section(self, section: Section, page: Page, wide: bool = False) -> dict[str, object]:
-        lines = [self.line(line, page, wide) for line in section.lines]
+    def section(self, section: Section, page: Page, room: float) -> dict[str, object]:
+        lines = [self.line(line, page, room) for line in section.lines]
         if section.run_on:
             lines = ["; ".join(lines)]
         lead, rest = (lines[0], lines[1:]) if section.lead or section.run_on else ("", lines)
@@ -93,33 +126,33 @@ class LatexWriter:
 
     def cell(self, content: Inlines) -> str:
         """Prose in a line of its own, in which formulas are not broken."""
-        return "".join(f"${latex(p.math)}$" if isinstance(p, Formula) else self.inline(p, True) for p in content)
+        return "".join(f"${latex(p.math)}$" if isinstance(p, Formula) else self.inline(p, WHOLE_ROOM) for p in content)
 
-    def line(self, line: SectionLine, page: Page, wide: bool) -> str:
-        text = self.prose(line.content, wide)
+    def line(self, line: SectionLine, page: Page, room: float) -> str:
+        text = self.prose(line.content, room)
         if line.verbatim is not None:
             rows = r"\\".join(escape(row).replace(" ", "~") for row in line.verbatim.splitlines())
             text += rf"\par{{\ttfamily {rows}}}"
         for setting, values in zip(page.settings, line.values, strict=False):
             if values:
-                text += rf" \taskspecvalues{{{escape(setting.title)}}}{{{self.prose(values, wide)}}}"
+                text += rf" \taskspecvalues{{{escape(setting.title)}}}{{{self.prose(values, room)}}}"
         return text
 
-    def prose(self, content: Inlines, wide: bool = True) -> str:
-        return "".join(self.inline(piece, wide) for piece in content)
+    def prose(self, content: Inlines, room: float = WHOLE_ROOM) -> str:
+        return "".join(self.inline(piece, room) for piece in content)
 
-    def inline(self, piece: Inline, wide: bool) -> str:
+    def inline(self, piece: Inline, room: float) -> str:
         match piece:
             case Text(text=text):
                 return escape(text)
             case Formula(math=math, display=display):
-                return formula(math, wide, display)
+                return formula(math, room, display)
             case CodeSpan(text=text):
                 return rf"\texttt{{{escape(text)}}}"
             case Emph(inner=inner, strong=strong):
-                return rf"\{'textbf' if strong else 'emph'}{{{self.prose(inner, wide)}}}"
+                return rf"\{'textbf' if strong else 'emph'}{{{self.prose(inner, room)}}}"
             case Link(address=address, inner=inner):
-                return rf"\taskspeclink{{{_address(address)}}}{{{self.prose(inner, wide)}}}"
+                return rf"\taskspeclink{{{_address(address)}}}{{{self.prose(inner, room)}}}"
             case Cite():
                 return self.cite(piece)
             case Mark(holds=holds, text=text):
@@ -146,9 +179,9 @@ class LatexWriter:
                 return rf"{{\ttfamily {rows}}}"
 
 
-def formula(math: m.Math, wide: bool, display: bool = False) -> str:
+def formula(math: m.Math, room: float, display: bool = False) -> str:
     """Mathematics in a line; what cannot break and may be too wide is put on a line of its own and fitted."""
-    if display or (_is_rigid(math) and m.width(math) > (2.2 * LINE if wide else LINE) * 0.8):
+    if display or (_is_rigid(math) and m.width(math) > room):
         return rf"\taskspecwide{{{latex(math)}}}"
     return f"${latex(math)}$"
 

@@ -33,6 +33,7 @@ class Suite:
     pages: tuple[Page, ...]
     scenes: Mapping[str, Scene]
     references: Mapping[str, Reference]
+    brief: bool = False
 
     @cached_property
     def cited(self) -> dict[str, Reference]:

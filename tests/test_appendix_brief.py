@@ -1,0 +1,55 @@
+"""`docs --brief`: what defines the tasks of the paper, on about as many pages as the paper took."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from taskspec import load
+from taskspec.appendix import Facts, write
+from taskspec.appendix.facts import ScoreFact
+from taskspec.appendix.write import gather_pages
+from tests.shared.commands import Done
+
+PAPER = [
+    "RiskyPath", "EarlyTermPos", "EarlyTermNeg", "Parabola", "LargestSum", "InitShiftExpert", "InitShiftLearner",
+    "ProcGoal", "Sort", "NoisyObs", "Branching",
+]  # fmt: skip
+
+
+def test_tasks_of_one_spec_share_a_section_that_says_what_differs(tmp_path: Path) -> None:
+    facts = {f"derail/{name}-v0": Facts({"optimal return": ScoreFact(i)}) for i, name in enumerate(PAPER)}
+    write([f"derail/{name}" for name in PAPER], ["latex"], tmp_path, brief=True, facts=facts)
+    assert not (tmp_path / "early-term-neg.tex").exists()
+    text = (tmp_path / "early-term-pos.tex").read_text()
+    assert r"\texttt{EarlyTermPos}, \texttt{EarlyTermNeg}: Early termination}" in text
+    assert r"\label{task:early-term-pos}" in text and r"\label{task:early-term-neg}" in text
+    first, second = text.split(r"\par\smallskip\noindent\texttt{EarlyTermNeg}")
+    assert re.findall(r"\\textbf\{(.*?)\}: (.*?)\.$", second, re.MULTILINE) == [
+        ("Rewards", "$R = - 1$"), ("Exact scores", "optimal return $2$"),
+    ]  # fmt: skip
+    assert "Dynamics" in first and "optimal return $1$" in first
+
+
+@pytest.mark.parametrize("name", PAPER)
+def test_what_defines_a_task_is_there_and_nothing_else(name: str) -> None:
+    long, brief = (gather_pages([load(f"derail/{name}")], brief=short).pages[0] for short in (False, True))
+    kept = {section.key: section for section in brief.sections}
+    assert {"state", "actions", "horizon", "dynamics", "rewards", "initial"} <= kept.keys()
+    assert not kept.keys() & {"claims", "examples", "errata", "sources", "expert", "abstraction"}
+    assert all(long.section(key) == section for key, section in kept.items())
+    assert ("observations" in kept) == (name == "NoisyObs")
+    assert long.description and not brief.description
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdfinfo") is None, reason="no TeX")
+def test_the_tasks_of_the_paper_take_four_pages_at_most(tmp_path: Path) -> None:
+    Done("docs", *(f"derail/{name}" for name in PAPER), "--brief", "-f", "pdf", "-o", tmp_path)
+    said = subprocess.run(["pdfinfo", tmp_path / "document.pdf"], capture_output=True, text=True, check=True).stdout
+    assert 0 < int(re.findall(r"Pages:\s+(\d+)", said)[0]) <= 4
+    assert "Overfull" not in (tmp_path / "document.log").read_text(errors="replace")
