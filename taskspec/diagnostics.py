@@ -22,7 +22,21 @@ from taskspec.codes import Code as Code
 from taskspec.codes import Severity as Severity
 from taskspec.visible import visible, visible_json
 
+__all__ = [
+    "CODES",
+    "Code",
+    "Diagnostic",
+    "Format",
+    "Origin",
+    "Severity",
+    "Span",
+    "SpecError",
+    "TaskspecError",
+    "render",
+]
+
 Format = Literal["text", "json", "github"]
+"""How diagnostics are written out."""
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _EXCERPT_WIDTH = 100

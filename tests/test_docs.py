@@ -40,7 +40,11 @@ from tests.conftest import needs_vectors
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
-GENERATED: dict[str, Callable[[], str]] = {"language.md": manual.language, "errors.md": manual.errors}
+GENERATED: dict[str, Callable[[], str]] = {
+    "language.md": manual.language,
+    "errors.md": manual.errors,
+    "names.md": manual.public,
+}
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
 PAGES.remove(DOCS / "errors.md")  # its snippets show mistakes; tests/errors has a whole spec for each
 

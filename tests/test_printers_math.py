@@ -14,7 +14,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import parse
-from taskspec.printers import latex, mathematics, mathml, plain, read_tex
+from taskspec.printers import latex, mathematics, mathml, plain
 from taskspec.printers import tree as m
 from taskspec.printers.expressions import condition
 from taskspec.printers.latex import escape
@@ -22,6 +22,7 @@ from taskspec.printers.names import expression, nowhere
 from taskspec.printers.notation import Notation
 from taskspec.printers.substitute import substitute
 from taskspec.printers.symbols import symbol
+from taskspec.printers.tex import read as read_tex
 from taskspec.printers.text import text
 
 PLACE = s.Place(nowhere(""), 0, 0)

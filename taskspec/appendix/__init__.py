@@ -17,6 +17,5 @@ from taskspec.figures import scene as scene
 from taskspec.figures import undrawn as undrawn
 
 __all__ = [
-    "FORMATS", "OVERLAYS", "Facts", "Overlay", "Page", "figure", "gather", "overlay", "page", "render_frame", "scene",
-    "undrawn", "write",
+    "FORMATS", "OVERLAYS", "Facts", "Overlay", "Page", "figure", "gather", "overlay", "page", "render_frame", "write",
 ]  # fmt: skip

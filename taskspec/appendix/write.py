@@ -29,6 +29,7 @@ _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
     "svg": lambda suite, links: {},
 }
 FORMATS = (*_WRITERS, "pdf")
+"""Names of the formats that pages are written in."""
 
 _TAKEN = ("index", "appendix", "document", "preamble")
 """Names of the files around the pages."""

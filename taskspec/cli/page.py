@@ -84,7 +84,8 @@ def _words(text: Any) -> str:
 
 
 def _plain(tex: str) -> str:
-    from taskspec.printers import plain, read_tex
+    from taskspec.printers import plain
+    from taskspec.printers.tex import read as read_tex
 
     return plain(read_tex(tex))
 

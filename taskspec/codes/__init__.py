@@ -26,6 +26,7 @@ _TABLES = (
 )
 
 CODES: dict[str, Code] = {entry.code: entry for table in _TABLES for entry in table}
+"""Every code of an error or a warning, with its explanation."""
 
 if len(CODES) != sum(map(len, _TABLES)):
     raise AssertionError("a diagnostic code stands twice in the table")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Severity = Literal["error", "warning"]
+"""How bad a diagnostic is."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 else:
     _FuncEnv = FuncEnv  # Gymnasium 0.29 has one type fewer, that of the parameters
 
+__all__ = ["FuncState", "TaskFuncEnv"]
+
 
 class FuncState(NamedTuple):
     """The state of an environment together with what its last step gave."""

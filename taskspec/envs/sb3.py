@@ -32,6 +32,8 @@ need("stable_baselines3", "sb3")
 from stable_baselines3.common.policies import BasePolicy  # noqa: E402  # after the message about its absence
 from stable_baselines3.common.vec_env import VecEnv  # noqa: E402
 
+__all__ = ["Sb3Expert", "Sb3VecEnv"]
+
 
 class Sb3VecEnv(VecEnv):
     """Environments of one task for Stable-Baselines3.

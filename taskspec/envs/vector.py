@@ -56,6 +56,8 @@ if not hasattr(gymnasium.vector, "AutoresetMode"):
 AutoresetMode = gymnasium.vector.AutoresetMode
 _MODES: dict[str, Mode] = {"NextStep": "next_step", "SameStep": "same_step", "Disabled": "disabled"}
 
+__all__ = ["VectorEnvironment"]
+
 
 class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Environments of one task, stepped together.

@@ -26,3 +26,8 @@ from taskspec.exact.scoring.returns import Return as Return
 from taskspec.exact.scoring.returns import normalised as normalised
 from taskspec.exact.scoring.yardsticks import Yardsticks as Yardsticks
 from taskspec.exact.scoring.yardsticks import yardsticks as yardsticks
+
+__all__ = [
+    "Accepted", "Expert", "Model", "Report", "Return", "Score", "Scores", "Soundness", "StaleScores", "Verdict", "Yardsticks",
+    "check", "extract", "score", "scores", "yardsticks",
+]  # fmt: skip

@@ -28,11 +28,6 @@ from taskspec.registry import load
 from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
 
-__all__ = [
-    "KINDS", "OVERLAYS", "Overlay", "Scene", "figure", "overlay", "render_frame", "scene", "svg", "tikz", "tikz_colors",
-    "undrawn",
-]  # fmt: skip
-
 KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
     "graph": graph, "grid": grid, "curve": curve, "bars": bars, "swaps": bars, "vector": bars,
 }  # fmt: skip

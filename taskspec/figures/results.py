@@ -16,6 +16,7 @@ from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
 OVERLAYS = ("values", "policy", "expert", "occupancy")
+"""Names of what can be laid over a figure."""
 
 
 def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:

@@ -10,7 +10,4 @@ from taskspec.printers.latex import latex as latex
 from taskspec.printers.mathml import mathml as mathml
 from taskspec.printers.notation import Notation as Notation
 from taskspec.printers.plain import plain as plain
-from taskspec.printers.tex import read as read_tex
 from taskspec.printers.text import text as text
-
-__all__ = ["Notation", "latex", "mathematics", "mathml", "plain", "read_tex", "text"]

@@ -12,7 +12,7 @@ from taskspec.lang.operators.levels import Level
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.notation import Writer
-from taskspec.printers.pieces import Piece, applied, fill, indicator, operands
+from taskspec.printers.pieces import Piece, applied, fill, operands
 
 _VECTORS = frozenset({"sort", "argsort", "cumsum", "reverse", "concat", "swap", "put"})
 _INDICES = "ijkmlnrqu"
@@ -291,4 +291,3 @@ def _shape(w: Writer, shape: s.Expr) -> m.Math:
 
 
 assert {"==", "!="} <= INFIX.keys()
-__all__ = ["IDIOMS", "comprehension", "distribution", "divisible", "indicator", "interval", "less_one"]

@@ -5,5 +5,3 @@ from __future__ import annotations
 from taskspec.appendix.render.html import site as site
 from taskspec.appendix.render.latex import document as document
 from taskspec.appendix.render.markdown import markdown as markdown
-
-__all__ = ["document", "markdown", "site"]

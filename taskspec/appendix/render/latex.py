@@ -26,7 +26,8 @@ from taskspec.appendix.prose import (
 from taskspec.appendix.render.environment import text_environment
 from taskspec.appendix.render.suite import Suite
 from taskspec.appendix.sections import Section, SectionLine
-from taskspec.figures import tikz, tikz_colors
+from taskspec.figures import tikz
+from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.printers import tree as m
 from taskspec.printers.latex import escape, latex
 

@@ -12,3 +12,5 @@ from taskspec.backends.jax.program import JaxProgram as JaxProgram  # noqa: E402
 from taskspec.backends.jax.program import State as State  # noqa: E402
 from taskspec.backends.jax.program import StepResult as StepResult  # noqa: E402
 from taskspec.backends.jax.program import compile_jax as compile_jax  # noqa: E402
+
+__all__ = ["Functional", "State", "StepResult"]

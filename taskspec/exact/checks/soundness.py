@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
-from taskspec.exact.checks.check import Check
 from taskspec.exact.checks.examine import Examination, Violation
 from taskspec.exact.checks.phases import phases
 from taskspec.exact.checks.wording import parameters, report
@@ -142,6 +141,3 @@ def _real_ends(p: Parameter) -> Iterator[float]:
         yield max(float(p.low), float(p.default) - far)
     if p.high is not None:
         yield min(float(p.high), float(p.default) + far)
-
-
-__all__ = ["Check", "Method", "Ranges", "Soundness", "Violation", "check_ranges", "examine", "soundness"]

@@ -16,7 +16,9 @@ reals become ints by saturating at +-(2**31 - 1), nan becomes 0. An index is mov
 from __future__ import annotations
 
 from taskspec.lang.operators import arithmetic, composed, elementary, logic, reductions, rounding, vectors
-from taskspec.lang.operators.entry import Function, Infix, Operator
+from taskspec.lang.operators.entry import Function as Function
+from taskspec.lang.operators.entry import Infix as Infix
+from taskspec.lang.operators.entry import Operator as Operator
 
 TABLE: tuple[Operator, ...] = (
     *arithmetic.TABLE, *elementary.TABLE, *rounding.TABLE, *logic.TABLE, *reductions.TABLE, *vectors.TABLE,
@@ -29,5 +31,3 @@ FUNCTIONS: dict[str, Function] = {
 """The functions that authors write: each names one operator or composes several."""
 INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.infix is not None), *composed.INFIX)}
 """What authors write between or before operands."""
-
-__all__ = ["FUNCTIONS", "INFIX", "OPERATORS", "TABLE", "Function", "Infix", "Operator"]
