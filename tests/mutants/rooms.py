@@ -19,7 +19,8 @@ class Room:
 
 ROOMS = {
     "lang": Room("taskspec/lang", (
-        "functions", "bounds", "operators", "operands", "indices", "foreign", "diagnostics", "errors", "wrong_values", "limits",
+        "functions", "bounds", "linearity", "operators", "operands", "indices", "foreign", "diagnostics", "errors", "limits",
+        "refused_forms",
     )),
     "draws": Room("taskspec/draws", ("draws*", "dirichlet", "seeding*")),
     "exact": Room("taskspec/exact", ("exact_*", "reach", "lint*", "accept", "examples", "proofs")),

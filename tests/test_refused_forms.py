@@ -1,0 +1,57 @@
+"""What Python reads, or other languages write, and this one refuses: each with what to write instead."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from taskspec.diagnostics import SpecError
+from taskspec.source import read_text
+from taskspec.task.build import build
+from tests.shared.sections import text
+
+FORMS = [
+    ("s.x", "E316", 1, "attributes (`a.b`) are not part", None),
+    ("s.x()", "E316", 1, "methods (`x.f()`) are not part", "`f(x)`"),
+    ("lambda s: s", "E316", 1, "`lambda` is not part", "a definition with arguments"),
+    ("1 + s ^ 2", "E316", 1, "`^` is not an operator", "`x**2`"),
+    ("1 + (s & 1)", "E316", 6, "bit operators are not part", "`and`, `or`, `not`"),
+    ("s | 1", "E316", 1, "bit operators are not part", "`and`, `or`, `not`"),
+    ("~s", "E316", 1, "bit operators are not part", "`and`, `or`, `not`"),
+    ("s @ s", "E316", 1, "`@` is not an operator", "`dot(a, b)`"),
+    ("s is 1", "E316", 1, "`is` is not part", "`==`"),
+    ("(s := 1)", "E316", 2, "this form (NamedExpr)", None),
+    ("{**s}", "E316", 4, "`**` cannot unpack", None),
+    ("s[...]", "E316", 3, "'...' is not a value", None),
+    ("1j", "E316", 1, "'1j' is not a value", None),
+    ("max(*s)", "E316", 5, "this form (Starred)", None),
+    ("s && 1", "E301", 3, "'&&' is not an operator", "`and`"),
+    ("s || 1", "E301", 3, "'||' is not an operator", "`or`"),
+    ("s = 1", "E301", 3, "'=' is not an operator", "`==` compares"),
+    ("!s", "E301", 1, "'!' is not an operator", "`not x`"),
+    ("s ? 1 : 0", "E301", 3, "'?' is not an operator", "`x if condition else y`"),
+    ("1 + 2s", "E301", 5, "'2s' is neither a number nor a name", "`2 * s`"),
+    ("s ≤ 3", "E301", 3, "invalid character '≤'", "`<=`"),
+    ("1 + (s", "E301", 5, "this '(' is never closed", None),
+    ("s == 1 or true", "E302", 11, "'true' is not defined", "write True"),
+    ("1 + false", "E302", 5, "'false' is not defined", "write False"),
+    ("a' + s", "E308", 1, "'a' has no next value", "state components"),
+    ("z' + s", "E302", 1, "'z'' is not defined", None),
+    ("1 + max", "E304", 5, "'max' is a function", None),
+    ("1 + S", "E302", 5, "'S' is not defined", "'s'"),
+    ("s +", "E301", 3, "the expression ends too early", None),
+]
+
+
+@pytest.mark.parametrize(("expression", "code", "column", "message", "hint"), FORMS, ids=[form[0] for form in FORMS])
+def test_each_is_refused_where_it_stands(
+    expression: str, code: str, column: int, message: str, hint: str | None
+) -> None:
+    with pytest.raises(SpecError) as caught:
+        build(read_text(text(reward=json.dumps(expression, ensure_ascii=False))))
+    (found,) = caught.value.diagnostics
+    assert found.span is not None
+    assert (found.code, found.span.column - len('reward: "')) == (code, column)
+    assert message in found.message
+    assert (hint in (found.hint or "")) if hint else found.hint is None
