@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.lang.types import Kind
+from taskspec.task.segments import Segment
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
@@ -24,23 +25,34 @@ Reader = Callable[[Any], tuple[Array, ...]]
 
 def reader(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     """The reader of a task's actions for a number of lanes; it raises `BadActionError`."""
-    return _READERS[layout.form](task, layout, lanes)
+    (part,) = layout.parts
+    return (
+        _reader_of_numbers(task, layout, lanes)
+        if part.is_whole and not part.shape
+        else _reader_of_arrays(task, layout, lanes)
+    )
 
 
-def _array(actions: Any, shape: tuple[int, ...], kinds: str) -> Array:
+def array_of(actions: Any, layout: SpaceLayout, lanes: int) -> Array:
+    """Actions as an array (lanes, *shape); reals are refused where numbers are whole, as `MultiDiscrete.contains` does.
+
+    Raises:
+        BadActionError: it has another shape, or holds something else.
+    """
+    (part,) = layout.parts
     array = np.asarray(actions)
-    if array.shape != shape or array.dtype.kind not in kinds:
+    if array.shape != (lanes, *part.shape) or array.dtype.kind not in ("iub" if part.is_whole else "iubf"):
         raise BadActionError
     return array
 
 
-def _discrete(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
-    (c,) = task.action
-    low, high, is_bool = int(c.low[0]), int(c.high[0]), c.type.kind is Kind.BOOL
+def _reader_of_numbers(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
+    """Of one whole number for each lane, with as few calls of NumPy as possible."""
+    ((low, high),), is_bool = layout.ends, task.action[0].type.kind is Kind.BOOL
     smallest, largest = np.minimum.reduce, np.maximum.reduce
 
     def read(actions: Any) -> tuple[Array, ...]:
-        array = _array(actions, (lanes,), "iub").astype(np.int64, copy=False)
+        array = array_of(actions, layout, lanes).astype(np.int64, copy=False)
         # A negative number is a huge one without a sign, so that one comparison serves both ends.
         outside = largest(array.view(np.uint64)) > high if low == 0 else smallest(array) < low or largest(array) > high
         if outside:
@@ -50,58 +62,29 @@ def _discrete(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
     return read
 
 
-def _multi_discrete(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
-    counts, largest = layout.counts, np.maximum.reduce
-    starts = np.array(layout.starts, np.int64)[:, None]
-    shifted = bool(starts.any())
+def _reader_of_arrays(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
+    low, high = np.array(layout.ends).T[..., None]
+    dtype = np.int64 if layout.parts[0].is_whole else np.float64
+    segments = list(zip(task.action, layout.segments, strict=True))
 
     def read(actions: Any) -> tuple[Array, ...]:
-        array = _array(actions, (lanes, len(counts)), "iub")
-        rows = array.T.astype(np.int64, order="C")
-        if any(largest(row) >= count for row, count in zip(rows.view(np.uint64), counts, strict=True)):
-            raise BadActionError
-        return _components(task, rows + starts if shifted else rows)
-
-    return read
-
-
-def _box(task: Task, layout: SpaceLayout, lanes: int) -> Reader:
-    low, high = np.array(layout.limits).T[..., None]
-    whole = np.array([c.type.kind is not Kind.REAL for c in task.action for _ in range(c.type.size)])
-
-    def read(actions: Any) -> tuple[Array, ...]:
-        array = _array(actions, (lanes, *layout.shape), "iufb")
-        rows = array.reshape(lanes, -1).T.astype(np.float64)
+        rows = array_of(actions, layout, lanes).reshape(lanes, -1).T.astype(dtype, order="C")
         if not (np.greater_equal(rows, low).all() and np.less_equal(rows, high).all()):
             raise BadActionError
-        rows[whole] = np.rint(rows[whole])  # every point of the space is an action
-        return _components(task, rows)
+        return tuple(_component(c, segment, rows) for c, segment in segments)
 
     return read
 
 
-def _components(task: Task, rows: Array) -> tuple[Array, ...]:
-    """Rows of elements as components of their kinds."""
-    parts, offset = [], 0
-    for c in task.action:
-        parts.append(_component(c, rows[offset : offset + c.type.size]))
-        offset += c.type.size
-    return tuple(parts)
-
-
-def _component(c: Component, rows: Array) -> Array:
-    shaped = rows[0] if c.type.is_scalar else rows.reshape(*c.type.shape, rows.shape[-1])
+def _component(c: Component, segment: Segment, rows: Array) -> Array:
+    """The component that numbers of actions stand for; every point of a box is an action."""
+    mine = rows[segment.first : segment.first + segment.size]
+    mine = mine + np.array(segment.starts)[:, None] if segment.starts else mine
+    shaped = mine.reshape(*c.type.shape, rows.shape[-1])
     match c.type.kind:
         case Kind.BOOL:
-            return np.not_equal(shaped, 0)
+            return np.not_equal(np.rint(shaped), 0)
         case Kind.INT:
-            return shaped.astype(np.int64, copy=False)
+            return (np.rint(shaped) if shaped.dtype.kind == "f" else shaped).astype(np.int64, copy=False)
         case Kind.REAL:
-            return shaped.astype(np.float64, copy=False)
-
-
-_READERS: dict[str, Callable[[Task, SpaceLayout, int], Reader]] = {
-    "discrete": _discrete,
-    "multi_discrete": _multi_discrete,
-    "box": _box,
-}
+            return shaped

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 
 from taskspec.lang.types import Kind
+from taskspec.task.segments import Part
 from taskspec.task.spaces import SpaceLayout
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]
 DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
@@ -25,7 +26,7 @@ DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: n
 class Values:
     """Gymnasium values of all lanes.
 
-    `parts` are the raw arrays, (*shape, lanes): one for every key of a dict, otherwise a single one.
+    `parts` are the raw arrays, (*shape, lanes): one for every part of the layout.
     """
 
     layout: SpaceLayout
@@ -34,11 +35,7 @@ class Values:
     @classmethod
     def empty(cls, layout: SpaceLayout, lanes: int, gap: int = 0) -> Values:
         """Zeros of a layout, with so many numbers between the rows of an array."""
-        if layout.form == "dict":
-            return cls(layout, tuple(_entry(c, lanes, gap) for c in layout.components))
-        dtype = np.int64 if layout.form in ("discrete", "multi_discrete") else np.float32
-        shape = () if layout.form == "discrete" else (layout.size,) if layout.shape else ()
-        return cls(layout, (_zeros(shape, lanes, gap, dtype),))
+        return cls(layout, tuple(_raw(part, lanes, gap) for part in layout.parts))
 
     def view(self) -> Any:
         """The values with the lanes first, sharing memory: what Gymnasium's batched space holds."""
@@ -48,21 +45,25 @@ class Values:
         """The same in memory of its own."""
         return self._shown([part.copy() for part in self.parts])
 
-    def _shown(self, parts: Sequence[Array]) -> Any:
-        if self.layout.form == "dict":
-            pairs = zip(self.layout.components, parts, strict=True)
-            return {c.name: _lanes_first(part) for c, part in pairs}
-        (raw,) = parts
-        return _lanes_first(raw if len(self.layout.shape) < 2 else raw.reshape(*self.layout.shape, -1))
+    def _shown(self, raw: Sequence[Array]) -> Any:
+        shown = list(map(_lanes_first, raw))
+        return {p.name: a for p, a in zip(self.layout.parts, shown, strict=True)} if self.layout.is_dict else shown[0]
 
     def part(self, lanes: slice) -> Values:
         """A range of the lanes, sharing memory."""
         return Values(self.layout, tuple(part[..., lanes] for part in self.parts))
 
-    def flat(self) -> Array:
-        """All elements as rows, sharing memory: one row for every element (not for dicts)."""
-        (raw,) = self.parts
-        return raw.reshape(-1, raw.shape[-1])
+    def segments(self) -> list[Array]:
+        """The arrays of the layout's segments, sharing memory: (*shape, lanes) of the component, or a row for each value."""
+        found = []
+        for segment in self.layout.segments:
+            raw = self.parts[segment.part]
+            rows = raw.reshape(-1, raw.shape[-1])[segment.first : segment.first + segment.size]
+            shape = (
+                (segment.size,) if segment.values is not None else self.layout.components[segment.component].type.shape
+            )
+            found.append(rows.reshape(*shape, raw.shape[-1]))
+        return found
 
 
 def _lanes_first(array: Array) -> Array:
@@ -70,9 +71,8 @@ def _lanes_first(array: Array) -> Array:
     return array.T if array.ndim <= 2 else array.transpose(-1, *range(array.ndim - 1))
 
 
-def _entry(c: Component, lanes: int, gap: int) -> Array:
-    whole = c.is_finite and c.type.is_scalar
-    return _zeros(c.type.shape, lanes, gap, np.int64 if whole else np.float32)
+def _raw(part: Part, lanes: int, gap: int) -> Array:
+    return _zeros(part.shape, lanes, gap, np.int64 if part.is_whole else np.float32)
 
 
 def _zeros(shape: tuple[int, ...], lanes: int, gap: int, dtype: Any) -> Array:

@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
 from taskspec.lang.types import INT_MAX, Kind
+from taskspec.task.segments import Part, Segment
 from taskspec.task.task import Component, SpaceKind, Task
 
 FLOAT_MAX = 3.4028234663852886e38
@@ -45,6 +47,44 @@ class SpaceLayout:
         """Least and largest value of each element of a box that is an action: finite, and ints that 32 bits hold."""
         most = [FLOAT_MAX if c.type.kind is Kind.REAL else INT_MAX for c in self.components for _ in range(c.type.size)]
         return tuple((max(a, -m), min(b, m)) for a, b, m in zip(self.low, self.high, most, strict=True))
+
+    @property
+    def ends(self) -> tuple[tuple[float, float], ...]:
+        """Least and largest value of each number of an action."""
+        if self.form == "box":
+            return self.limits
+        starts = self.starts if self.form == "discrete" else (0,) * len(self.counts)
+        return tuple((start, start + count - 1) for start, count in zip(starts, self.counts, strict=True))
+
+    @property
+    def is_dict(self) -> bool:
+        """Whether each part has a key."""
+        return self.form == "dict"
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The arrays of a value: one for every key of a dict, otherwise a single one."""
+        if self.form == "dict":
+            return tuple(Part(c.name, c.type.shape, c.is_finite and c.type.is_scalar) for c in self.components)
+        return (Part(None, self.shape, self.form in ("discrete", "multi_discrete")),)
+
+    @cached_property
+    def segments(self) -> tuple[Segment, ...]:
+        """What the numbers of the parts are made of, in their order."""
+        found: list[Segment] = []
+        first = 0
+        for i, c in enumerate(self.components):
+            starts = tuple(int(v) for v in c.low) if self.form in ("multi_discrete", "one_hot") else ()
+            if self.form == "dict":
+                found.append(Segment(i, 0, i, c.type.size))
+            elif self.form == "one_hot":
+                for k, (start, count) in enumerate(zip(starts, c.counts, strict=True)):
+                    found.append(Segment(0, first, i, count, element=k, values=range(start, start + count)))
+                    first += count
+            else:
+                found.append(Segment(0, first, i, c.type.size, starts if any(starts) else ()))
+                first += c.type.size
+        return tuple(found)
 
     @property
     def counts(self) -> tuple[int, ...]:
@@ -121,46 +161,26 @@ def singles(values: Any, shape: tuple[int, ...]) -> Any:
 
 def pack(layout: SpaceLayout, flats: Sequence[tuple[Any, ...]]) -> Any:
     """Component values, flat row-major, as one Gymnasium value."""
-    items = [value for flat in flats for value in flat]
-    match layout.form:
-        case "discrete":
-            return int(items[0])
-        case "multi_discrete":
-            return np.array(items, np.int64) - np.array(layout.starts, np.int64)
-        case "one_hot":
-            return _one_hot(layout, items)
-        case "dict":
-            return {c.name: _entry(c, flat) for c, flat in zip(layout.components, flats, strict=True)}
-        case "box":
-            return singles(items, layout.shape)
+    numbers: list[list[Any]] = [[] for _ in layout.parts]
+    for segment in layout.segments:
+        numbers[segment.part] += segment.numbers(flats[segment.component])
+    held = [_held(part, items) for part, items in zip(layout.parts, numbers, strict=True)]
+    return {part.name: value for part, value in zip(layout.parts, held, strict=True)} if layout.is_dict else held[0]
 
 
-def _one_hot(layout: SpaceLayout, items: Sequence[Any]) -> Any:
-    row = np.zeros(layout.size, np.float32)
-    offset = 0
-    for item, start, count in zip(items, layout.starts, layout.counts, strict=True):
-        if 0 <= item - start < count:  # as `onehot(i, n)` has it: outside, no place is 1
-            row[offset + int(item) - start] = 1.0
-        offset += count
-    return row
+def _held(part: Part, items: Sequence[Any]) -> Any:
+    if not part.is_whole:
+        return singles(items, part.shape)
+    return np.array(items, np.int64) if part.shape else int(items[0])
 
 
-def _entry(c: Component, flat: tuple[Any, ...]) -> Any:
-    if c.is_finite and c.type.is_scalar:
-        return int(flat[0])
-    return singles(flat, c.type.shape)
-
-
-def unpack(layout: SpaceLayout, action: Any) -> list[tuple[Any, ...]]:
-    """A valid action (or observation) of a layout as flat component values."""
-    if layout.form == "dict":
-        return [tuple(np.asarray(action[c.name]).ravel().tolist()) for c in layout.components]
-    items = np.asarray(action).ravel().tolist()
-    if layout.form == "multi_discrete":
-        items = [item + start for item, start in zip(items, layout.starts, strict=True)]
-    flats, offset = [], 0
-    for c in layout.components:
-        flat = items[offset : offset + c.type.size]
+def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
+    """A valid action (or observation, but for one-hot rows) of a layout as flat component values."""
+    held = [value[part.name] for part in layout.parts] if layout.is_dict else [value]
+    parts = [np.asarray(each).ravel().tolist() for each in held]
+    flats = []
+    for c, segment in zip(layout.components, layout.segments, strict=True):
+        flat = parts[segment.part][segment.first : segment.first + segment.size]
+        flat = [item + start for item, start in zip(flat, segment.starts, strict=True)] if segment.starts else flat
         flats.append(tuple(flat if c.type.kind is Kind.REAL else map(round, flat)))
-        offset += c.type.size
     return flats

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import linecache
 import math
 import re
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 _NAMES = re.compile(r"[A-Za-z_]\w*")
 _ASSIGNED = re.compile(r"(v\d+) = ")
@@ -31,3 +33,9 @@ def literal(value: bool | int | float) -> str:
 
 def tuple_of(items: Sequence[str]) -> str:
     return f"({', '.join(items)}{',' * (len(items) == 1)})"
+
+
+def run(source: str, file: str, namespace: dict[str, Any]) -> None:
+    """Run a generated module, which tracebacks and debuggers then show under the name of a file."""
+    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)

@@ -11,6 +11,7 @@ import numpy as np
 
 from taskspec.backends.actions import reader
 from taskspec.backends.buffers import Array, Buffers
+from taskspec.backends.episodes import Episodes
 from taskspec.backends.jax.pack import observed
 from taskspec.backends.jax.program import JaxProgram, State, compile_jax
 from taskspec.backends.vector import LanesNotRunningError, Mode, Options
@@ -26,10 +27,9 @@ class JaxEngine:
         self.observation, self.action, self.source = program.observation, program.action, program.source
         self.buffers = Buffers.of(task, program.observation, lanes)
         self._read = reader(task, program.action, lanes)
-        self._mode, self._lanes = options.mode, lanes
+        self._episodes, self._lanes = Episodes(self.buffers, options.mode), lanes
         self._reset, self._step = functions(task, options.mode)
         self._state = self._empty(task, lanes)
-        self._begun, self._over = False, 0
 
     @staticmethod
     def _empty(task: Task, lanes: int) -> State:
@@ -40,10 +40,8 @@ class JaxEngine:
         return State(values, zero.astype(jnp.int32), zero, zero, jnp.zeros((2, lanes), jnp.uint32))
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
-        b, chosen = self.buffers, slice(None) if lanes is None else lanes
-        b.seeds[chosen] = seeds
-        b.steps[chosen] = 0
-        b.episodes[chosen] = 0
+        self._episodes.seed(seeds, lanes)
+        b = self.buffers
         key = np.stack([b.seeds >> np.uint64(32), b.seeds & np.uint64(0xFFFFFFFF)]).astype(np.uint32)
         self._state = self._state._replace(key=jnp.array(key), steps=jnp.array(b.steps), episodes=jnp.array(b.episodes))
 
@@ -55,16 +53,12 @@ class JaxEngine:
         self._state, seen = self._reset(self._state, jnp.array(chosen))
         for part, new in zip(b.seen.parts, _parts(self.observation, seen), strict=True):
             np.copyto(part, np.asarray(new).reshape(part.shape), where=chosen, casting="unsafe")
-        for flags in (b.terminated, b.truncated, b.ended):
-            flags[chosen] = False
-        b.running |= chosen
-        self._begun = self._begun or bool(b.running.all())
-        self._over = int(np.count_nonzero(b.ended)) if self._mode != "same_step" else 0
+        self._episodes.reset(chosen)
         self._keep()
 
     def step(self, actions: Any) -> int:
         parts = self._read(actions)
-        if not self._begun or (self._mode == "disabled" and self._over):
+        if not self._episodes.ready:
             raise LanesNotRunningError
         b = self.buffers
         narrow = tuple(jnp.array(p.astype(_NARROW[p.dtype.kind])) for p in parts)
@@ -75,10 +69,8 @@ class JaxEngine:
             np.copyto(part, np.asarray(new).reshape(part.shape), casting="unsafe")
         b.reward[:], b.terminated[:], b.truncated[:] = reward, terminated, truncated
         np.logical_or(b.terminated, b.truncated, b.ended)
-        ended = int(np.count_nonzero(b.ended))
-        self._over = 0 if self._mode == "same_step" else ended
         self._keep()
-        return ended
+        return self._episodes.step(int(np.count_nonzero(b.ended)))
 
     def _keep(self) -> None:
         """State and counters where callers look for them."""
@@ -88,8 +80,7 @@ class JaxEngine:
         b.time[:], b.steps[:], b.episodes[:] = state.time, state.steps, state.episodes
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
-        for held, new in zip(self.buffers.state, values, strict=True):
-            held[..., lanes] = new
+        self._episodes.place(values, lanes)
         old = self._state.values
         made = tuple(jnp.array(h.astype(o.dtype)) for h, o in zip(self.buffers.state, old, strict=True))
         self._state = self._state._replace(values=made)
@@ -100,7 +91,7 @@ _NARROW = {"b": np.bool_, "i": np.int32, "f": np.float32}
 
 def _parts(layout: SpaceLayout, seen: Any) -> list[Any]:
     """The parts of a dict in the order of the layout: JAX gives dicts back in that of their keys."""
-    return [seen[c.name] for c in layout.components] if isinstance(seen, dict) else [seen]
+    return [seen[part.name] for part in layout.parts] if layout.is_dict else [seen]
 
 
 @lru_cache(maxsize=64)

@@ -8,55 +8,41 @@ from typing import Any
 import jax.numpy as jnp
 
 from taskspec.lang.types import Kind
+from taskspec.task.segments import Segment
 from taskspec.task.spaces import SpaceLayout
 
 Array = Any
+DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}
 
 
 def observed(layout: SpaceLayout, seen: Sequence[Array]) -> Any:
     """Components (*shape, N) as one array (*shape, N), float32 or int32; a dict for dict spaces."""
-    match layout.form:
-        case "discrete":
-            return jnp.asarray(seen[0], jnp.int32)
-        case "dict":
-            return {
-                c.name: _entry(c.is_finite and c.type.is_scalar, v)
-                for c, v in zip(layout.components, seen, strict=True)
-            }
-        case "one_hot":
-            places = zip(_rows(seen), layout.starts, layout.counts, strict=True)
-            hot = [(row[None] == jnp.arange(start, start + n)[:, None]).astype(jnp.float32) for row, start, n in places]
-            return jnp.concatenate(hot)
-        case "multi_discrete":
-            starts = jnp.array(layout.starts, jnp.int32)[:, None]
-            return jnp.stack(_rows(seen)).astype(jnp.int32) - starts
-        case "box":
-            rows = [v.reshape(-1, v.shape[-1]).astype(jnp.float32) for v in seen]
-            return jnp.concatenate(rows).reshape(*layout.shape, -1)
+    rows: list[list[Array]] = [[] for _ in layout.parts]
+    for segment in layout.segments:
+        dtype = jnp.int32 if layout.parts[segment.part].is_whole else jnp.float32
+        rows[segment.part].append(_numbers(segment, seen[segment.component]).astype(dtype))
+    lanes = seen[0].shape[-1]
+    made = [jnp.concatenate(r).reshape(*p.shape, lanes) for p, r in zip(layout.parts, rows, strict=True)]
+    return {p.name: a for p, a in zip(layout.parts, made, strict=True)} if layout.is_dict else made[0]
 
 
-def _entry(finite: bool, value: Array) -> Array:
-    return value.astype(jnp.int32 if finite else jnp.float32)
-
-
-def _rows(seen: Sequence[Array]) -> list[Array]:
-    return [row.astype(jnp.int32) for v in seen for row in v.reshape(-1, v.shape[-1])]
+def _numbers(segment: Segment, value: Array) -> Array:
+    """The rows of a segment, (size, N)."""
+    flat = value.reshape(-1, value.shape[-1])
+    if segment.values is not None:
+        return flat[segment.element][None].astype(jnp.int32) == jnp.array(segment.values)[:, None]
+    return flat.astype(jnp.int32) - jnp.array(segment.starts, jnp.int32)[:, None] if segment.starts else flat
 
 
 def acted(layout: SpaceLayout, action: Array) -> tuple[Array, ...]:
     """An action (*shape, N) as Gymnasium gives it, as components (*shape, N)."""
-    if layout.form == "discrete":
-        (c,) = layout.components
-        return (action != 0,) if c.type.kind is Kind.BOOL else (jnp.asarray(action, jnp.int32),)
-    flat = jnp.asarray(action).reshape(-1, action.shape[-1])
-    if layout.form == "multi_discrete":
-        flat = flat.astype(jnp.int32) + jnp.array(layout.starts, jnp.int32)[:, None]
-    parts, offset = [], 0
-    for c in layout.components:
-        rows = flat[offset : offset + c.type.size]
-        if layout.form == "box" and c.type.kind is not Kind.REAL:
+    parts, given = [], jnp.asarray(action)
+    given = given.reshape(-1, given.shape[-1])
+    for c, segment in zip(layout.components, layout.segments, strict=True):
+        rows = given[segment.first : segment.first + segment.size]
+        if segment.starts:
+            rows = rows.astype(jnp.int32) + jnp.array(segment.starts, jnp.int32)[:, None]
+        elif c.type.kind is not Kind.REAL and not layout.parts[segment.part].is_whole:
             rows = jnp.rint(rows)
-        dtype = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}[c.type.kind]
-        parts.append(rows.astype(dtype).reshape(*c.type.shape, rows.shape[-1]))
-        offset += c.type.size
+        parts.append(rows.astype(DTYPES[c.type.kind]).reshape(*c.type.shape, rows.shape[-1]))
     return tuple(parts)

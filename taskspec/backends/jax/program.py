@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import linecache
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -13,8 +12,9 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.backends.emit.arrayform import ArrayForm, arrays
-from taskspec.backends.emit.source import tuple_of
+from taskspec.backends.emit.source import run, tuple_of
 from taskspec.backends.jax import library
+from taskspec.backends.jax.pack import DTYPES
 from taskspec.backends.lowering.hoist import compared, word_names
 from taskspec.backends.lowering.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
@@ -118,9 +118,6 @@ def _full(value: Any, c: Component, lanes: tuple[int, ...]) -> Array:
     return jnp.broadcast_to(jnp.asarray(value, dtype), (*c.type.shape, *lanes))
 
 
-DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}
-
-
 # -- generating ---------------------------------------------------------------------------------------------------
 
 
@@ -146,9 +143,7 @@ def compile_jax(task: Task) -> JaxProgram:
     lines += _indent([f"return {tuple_of(values[:n])}, {tuple_of(values[n:])}"])
     source = "\n".join([repr(f"{task.id}: n environments, array code for JAX. Generated."), "", "", *lines, ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
-    file = f"<taskspec {task.id} {task.content_hash[:12]} jax>"
-    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
-    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    run(source, f"<taskspec {task.id} {task.content_hash[:12]} jax>", namespace)
     return JaxProgram(
         task,
         source,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import linecache
 from typing import Any
 
 import llvmlite.binding as llvm
 import numba
 from numba import types
 
+from taskspec.backends.emit.source import run
 from taskspec.backends.numba.target import target_machine
 
 
@@ -17,10 +17,8 @@ def machine_code(source: str) -> bytes:
 
     The code raises no exceptions: what would report them is not there when it is loaded without Numba.
     """
-    file = "<taskspec kernel>"
     namespace: dict[str, Any] = {"apart": apart}
-    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
-    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
+    run(source, "<taskspec kernel>", namespace)
     compiled = numba.cfunc(types.uint64(types.uint64, types.uint64), error_model="numpy")(namespace["kernel"])
     text = compiled.inspect_llvm()
     if "picklebuf" in text:  # what Numba calls the arguments of an exception

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.actions import BadActionError
+from taskspec.backends.actions import BadActionError, array_of
 from taskspec.backends.buffers import Array, Buffers
+from taskspec.backends.episodes import Episodes
 from taskspec.backends.numba.kernelmemory import BAD, CHECK, CHECKED_STEP, GAP, RESET, STEP, WHAT, Program
 from taskspec.backends.numba.kernelstep import generate
 from taskspec.backends.numba.loading import LoadedKernel, Run, load
@@ -30,14 +31,13 @@ class NumbaEngine:
 
     def __init__(self, task: Task, lanes: int, options: Options) -> None:
         self._task, self._mode = task, options.mode
-        box = action_layout(task).form == "box"
-        self._dtype = np.dtype(np.float32 if box else np.int64)
-        self._kinds = "fiub" if box else "iub"
-        self.source, program, kernel = compile_numba(task, options.mode, "f" if box else "i")
+        whole = action_layout(task).parts[0].is_whole
+        self._dtype = np.dtype(np.int64 if whole else np.float32)
+        self.source, program, kernel = compile_numba(task, options.mode, "i" if whole else "f")
         self._kernels = [kernel]  # their functions do not keep them
         self.observation, self.action = program.observation, program.action
         self.buffers = Buffers.of(task, program.observation, lanes, GAP)
-        self._shape: tuple[int, ...] = (lanes, *self.action.shape) if self.action.form != "discrete" else (lanes,)
+        self._shape = (lanes, *self.action.shape)
         self._program = program
         self._keys = np.zeros((2, lanes), np.uint32)
         self._chosen = np.zeros(lanes, np.bool_)
@@ -47,7 +47,8 @@ class NumbaEngine:
         pairs = zip(self._scratch, ranges, strict=True)
         self._memory = [self._addresses(scratch, *place) for scratch, place in pairs]
         self._runs = [kernel.bound(memory) for memory in self._memory]
-        self._lanes, self._begun, self._over = lanes, False, 0
+        self._lanes = lanes
+        self._episodes, self._waits = Episodes(self.buffers, options.mode), options.mode == "disabled"
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def _new_scratch(self) -> dict[str, Array]:
@@ -73,23 +74,18 @@ class NumbaEngine:
         return np.array([start, stop, len(b.seeds) + GAP, CHECKED_STEP, *places], np.uint64)
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
-        b, chosen = self.buffers, slice(None) if lanes is None else lanes
-        b.seeds[chosen] = seeds
-        b.steps[chosen] = 0
-        b.episodes[chosen] = 0
+        self._episodes.seed(seeds, lanes)
+        b = self.buffers
         self._keys[0] = b.seeds.astype(np.uint32)
         self._keys[1] = (b.seeds >> np.uint64(32)).astype(np.uint32)
 
     def reset(self, lanes: Array | None = None) -> None:
-        b, chosen = self.buffers, self._chosen
+        chosen = self._chosen
         chosen[:] = lanes is None
         if lanes is not None:
             chosen[lanes] = True
         self._each(RESET, self._runs, chosen)
-        b.running |= chosen
-        self._begun = self._begun or bool(b.running.all())
-        if self._mode == "disabled":
-            self._over = int(np.count_nonzero(b.ended))
+        self._episodes.reset(chosen)
 
     def _each(self, what: int, runs: list[Run], data: Array) -> int:
         """Something in every range, one after the other; gives what they give, added up."""
@@ -101,7 +97,7 @@ class NumbaEngine:
         return total
 
     def step(self, actions: Any) -> int:
-        if not self._begun or self._over:
+        if not self._episodes.ready:
             raise LanesNotRunningError
         if (
             actions.__class__ is not np.ndarray
@@ -114,15 +110,13 @@ class NumbaEngine:
         ended = runs[0](actions) if self._pool is None else self._step_threads(runs, actions)
         if ended == BAD:
             raise BadActionError
-        if self._mode == "disabled":
-            self._over = ended
+        if self._waits:
+            self._episodes.step(ended)
         return ended
 
     def _read(self, actions: Any) -> Array:
         """Actions as an array of the kernel's type: int64, or float32 (float64 where they come so)."""
-        array = np.asarray(actions)
-        if array.shape != self._shape or array.dtype.kind not in self._kinds:
-            raise BadActionError
+        array = array_of(actions, self.action, self._lanes)
         if self._dtype.kind == "i":
             return np.ascontiguousarray(array, np.int64)
         return np.ascontiguousarray(array, np.float32 if array.dtype == np.float32 else np.float64)
@@ -147,8 +141,7 @@ class NumbaEngine:
         return total
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
-        for held, new in zip(self.buffers.state, values, strict=True):
-            held[..., lanes] = new
+        self._episodes.place(values, lanes)
 
 
 def _ranges(lanes: int, threads: int, block: int) -> list[tuple[int, int]]:

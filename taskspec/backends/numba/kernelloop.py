@@ -17,6 +17,7 @@ from taskspec.lang.types import INT_MAX, Kind, Type
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.layout import WordLayout as WordLayout
 from taskspec.lang.variates.layout import words_of
+from taskspec.task.segments import Segment
 
 SHOWN = 8
 """Draws of this many elements or more that are observed as they are go to the observations in one piece."""
@@ -59,47 +60,39 @@ _NOTHING: Node = Const(0, Type(Kind.INT))
 
 def _shown(p: Program, roots: Sequence[Node], words: WordLayout) -> dict[int, tuple[int, tuple[int, int]]]:
     """Observed components that are long draws as they come: number of the component -> row, (first word, size)."""
-    if p.observation.form != "box":
-        return {}
-    found, row = {}, 0
+    found = {}
     components = p.observation.components
-    for i, (c, node) in enumerate(zip(components, roots[len(roots) - len(components) :], strict=True)):
-        if isinstance(node, Draw) and VARIATES[node.base].loop and c.type.size >= SHOWN:
-            found[i] = (row, (words.first[node.site], c.type.size))
-        row += c.type.size
+    for segment in p.observation.segments if len(p.observation.parts) == 1 else ():
+        node = roots[len(roots) - len(components) + segment.component]
+        plain = not segment.starts and segment.values is None and not p.observation.parts[0].is_whole
+        if plain and isinstance(node, Draw) and VARIATES[node.base].loop and segment.size >= SHOWN:
+            found[segment.component] = (segment.first, (words.first[node.site], segment.size))
     return found
 
 
 def _observed(loop: Loop) -> dict[str, str]:
     """What is stored in each row of the observations, by name without its prefix."""
-    p, layout = loop.program, loop.program.observation
+    layout = loop.program.observation
     values = loop.values[len(loop.values) - len(layout.components) :]
-    if layout.form == "one_hot":
-        return _one_hot(loop, values)
-    out, row = {}, 0
-    for i, (c, value) in enumerate(zip(layout.components, values, strict=True)):
-        if layout.form == "box" and row in loop.shown:
-            row += c.type.size
-            continue
-        for k, atom in enumerate(value.atoms or ()):
-            name = f"{i}_{k}" if layout.form == "dict" else f"0_{row + k}"
-            low = int(c.low[k]) if layout.form == "multi_discrete" else 0
-            real = p.seen[0].kind == "f32s" if layout.form != "dict" else not (c.is_finite and c.type.is_scalar)
-            shifted = f"({atom} - {low})" if low else atom
-            out[name] = loop.lane.assign(f"f32({shifted})" if real else f"i64({shifted})")
-        row += c.type.size
+    out: dict[str, str] = {}
+    for segment in layout.segments:
+        if segment.first not in loop.shown:
+            cast = "i64" if layout.parts[segment.part].is_whole else "f32"
+            atoms = _numbers(loop, segment, values[segment.component].atoms or [])
+            for row, atom in enumerate(atoms, segment.first):
+                out[f"{segment.part}_{row}"] = loop.lane.assign(f"{cast}({atom})")
     return out
 
 
-def _one_hot(loop: Loop, values: Sequence[LaneValue]) -> dict[str, str]:
-    out, row = {}, 0
-    for c, value in zip(loop.program.observation.components, values, strict=True):
-        for atom, count, low in zip(value.atoms or (), c.counts, c.low, strict=True):
-            held = loop.lane.assign(f"i64({atom})")
-            for k in range(count):
-                out[f"0_{row + k}"] = loop.lane.assign(f"f32({held} == {int(low) + k})")
-            row += count
-    return out
+def _numbers(loop: Loop, segment: Segment, atoms: Sequence[str]) -> list[str]:
+    """The numbers of a segment, from the elements of its component."""
+    if segment.values is None:
+        return [
+            f"({a} - {start})" if start else a
+            for a, start in zip(atoms, segment.starts or (0,) * len(atoms), strict=True)
+        ]
+    held = loop.lane.assign(f"i32({atoms[segment.element]})")
+    return [f"({held} == {value})" for value in segment.values]
 
 
 def _stores(p: Program, loop: Loop) -> dict[MemoryRow, str]:
@@ -130,26 +123,21 @@ def check(p: Program) -> list[str]:
     """The number of actions that are not in the action space."""
     lines = ["bad = 0", "for j in range(n):"]
     places = action_rows(p)
-    if p.action.form == "box":
-        limits = [(literal(a), literal(b)) for a, b in p.action.limits]
-    else:
-        low = [0] * len(places) if p.action.form == "multi_discrete" else list(p.action.starts)
-        limits = [(str(a), str(a + c - 1)) for a, c in zip(low, p.action.counts, strict=True)]
-    for (name, place), (a, b) in zip(places, limits, strict=True):
+    for (name, place), (a, b) in zip(places, p.action.ends, strict=True):
         lines.append(f"    {name} = actions[{place}]")
-        good = f"({name} >= {a}) & ({name} <= {b})"
+        good = f"({name} >= {literal(a)}) & ({name} <= {literal(b)})"
         lines.append(f"    bad += i64(({good}) == False)")
     return ["@inner", "def check(n, actions):", *indent([*lines, "return bad"])]
 
 
 def _read_actions(p: Program) -> list[str]:
     lines, places = [], iter(action_rows(p))
-    for c in p.task.action:
-        for k in range(c.type.size):
+    for c, segment in zip(p.task.action, p.action.segments, strict=True):
+        rounded = c.type.kind is not Kind.REAL and not p.action.parts[segment.part].is_whole
+        for start in segment.starts or (0,) * segment.size:
             name, place = next(places)
-            start = int(c.low[k]) if p.action.form == "multi_discrete" else 0
             raw = f"actions[{place}] + {start}" if start else f"actions[{place}]"
-            raw = f"np.rint({raw})" if p.action.form == "box" and c.type.kind is not Kind.REAL else raw
+            raw = f"np.rint({raw})" if rounded else raw
             cast = {Kind.BOOL: "({} != 0)", Kind.INT: "i32({})", Kind.REAL: "f64({})"}[c.type.kind]
             lines.append(f"{name} = {cast.format(raw)}")
     return lines

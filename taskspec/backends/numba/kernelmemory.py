@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -84,8 +85,7 @@ class Program:
         self.seen, self.final = _seen_rows("seen", self.observation), _seen_rows("final", self.observation)
         for i in range(len(self.task.state)):
             self.memory.at(f"s{i}")
-        parts = len(self.observation.components) if self.observation.form == "dict" else 1
-        for i in range(parts):
+        for i in range(len(self.observation.parts)):
             self.memory.at(f"seen{i}")
             self.memory.at(f"final{i}")
 
@@ -104,11 +104,8 @@ class Program:
 
 def _seen_rows(prefix: str, layout: SpaceLayout) -> list[MemoryRow]:
     """The rows of the arrays that hold observations."""
-    if layout.form == "dict":
-        rows = []
-        for i, c in enumerate(layout.components):
-            kind = "i64s" if c.is_finite and c.type.is_scalar else "f32s"
-            rows += [MemoryRow(f"{prefix}{i}_{k}", f"{prefix}{i}", k, kind) for k in range(c.type.size)]
-        return rows
-    kind = "i64s" if layout.form in ("discrete", "multi_discrete") else "f32s"
-    return [MemoryRow(f"{prefix}0_{k}", f"{prefix}0", k, kind) for k in range(max(1, layout.size))]
+    return [
+        MemoryRow(f"{prefix}{i}_{k}", f"{prefix}{i}", k, "i64s" if part.is_whole else "f32s")
+        for i, part in enumerate(layout.parts)
+        for k in range(math.prod(part.shape))
+    ]

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.buffers import Array, Values
-from taskspec.backends.emit.arrayform import ArrayForm, Scratch, Sink, scalar
+from taskspec.backends.buffers import Array
+from taskspec.backends.emit.arrayform import ArrayForm, Scratch, Sink
 from taskspec.backends.emit.source import tuple_of
 from taskspec.backends.lowering.hoist import Hoisted
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
@@ -27,25 +27,12 @@ class Again:
     seen: tuple[Array, ...]
 
 
-def observed(seen: Values) -> list[Array]:
-    """The arrays that the generated code writes observations into, in order: rows, or parts of a dict."""
-    layout = seen.layout
-    if layout.form in ("dict", "discrete", "one_hot"):
-        return list(seen.parts)
-    rows, out, offset = seen.flat(), [], 0
-    for c in layout.components:
-        span = rows[offset : offset + c.type.size]
-        out.append(span[0] if c.type.is_scalar else span.reshape(*c.type.shape, -1))
-        offset += c.type.size
-    return out
-
-
 def generate(
     task: Task, roots: Sequence[Node], hoisted: Hoisted, observation: SpaceLayout, again: Again | None
 ) -> tuple[str, dict[str, Any]]:
     """Source of the module, and the constants it refers to, as nodes; with `again`, lanes that end begin anew."""
     states, actions = _names("s", task.state), _names("a", task.action)
-    outputs = [f"o{i}" for i in range(1 if observation.form == "one_hot" else len(observation.components))]
+    outputs = [f"o{i}" for i in range(len(observation.segments))]
     form = _form(task, states, actions, hoisted)
     form.sinks = _sinks(task, observation, roots, states, outputs)
     values = form.emit(roots)
@@ -63,7 +50,7 @@ def generate(
         "return count",
     ]
     arguments = ["n", *states, "t", *outputs, "reward", "terminated", "truncated", "ended"]
-    arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(Values.empty(observation, 1).parts))]
+    arguments += [f"{name}{i}" for name in ("seen", "final") for i in range(len(observation.parts))]
     taken = [*actions, *hoisted.names, *hoisted.word_numbers]
     assert form.scratch is not None
     quiet = ['@np.errstate(all="ignore")'] if _may_warn(roots, observation) else []
@@ -127,28 +114,18 @@ def _copy(target: str, value: str) -> list[str]:
 
 
 def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], values: Sequence[str]) -> list[str]:
-    if layout.form == "one_hot":
-        return _one_hot(form, layout, values)
-    lines = []
-    for c, out, value in zip(layout.components, outputs, values, strict=True):
-        low = [int(v) for v in c.low] if layout.form == "multi_discrete" else [0]
-        if not any(low):
-            lines += _copy(out, value)
-        elif c.type.is_scalar:
-            lines.append(f"subtract({value}, {scalar(low[0])}, {out})")
+    """Statements that write each segment of the observation where it belongs."""
+    lines: list[str] = []
+    for segment, out in zip(layout.segments, outputs, strict=True):
+        value, scalar = values[segment.component], layout.components[segment.component].type.is_scalar
+        if segment.values is not None:
+            element = value if scalar else f"rt.rows({value})[{segment.element}]"
+            lines.append(f"equal({element}, {form.constant(np.array(segment.values)[:, None])}, {out})")
+        elif segment.starts:
+            shape = (*layout.components[segment.component].type.shape, 1)
+            lines.append(f"subtract({value}, {form.constant(np.array(segment.starts).reshape(shape))}, {out})")
         else:
-            lines.append(f"subtract({value}, np.array({low}).reshape({(*c.type.shape, 1)}), {out})")
-    return lines
-
-
-def _one_hot(form: ArrayForm, layout: SpaceLayout, values: Sequence[str]) -> list[str]:
-    lines, offset = [], 0
-    for c, value in zip(layout.components, values, strict=True):
-        elements = [value] if c.type.is_scalar else [f"rt.rows({value})[{k}]" for k in range(c.type.size)]
-        for element, count, low in zip(elements, c.counts, c.low, strict=True):
-            places = form.constant(np.arange(int(low), int(low) + count)[:, None])
-            lines.append(f"equal({element}, {places}, o0[{offset}:{offset + count}])")
-            offset += count
+            lines += _copy(out, value)
     return lines
 
 

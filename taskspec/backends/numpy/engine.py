@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import linecache
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,9 +16,11 @@ from taskspec.backends.actions import reader
 from taskspec.backends.ahead import Ahead, Ready, evaluated
 from taskspec.backends.buffers import Array, Buffers, Values
 from taskspec.backends.emit.arrayform import UFUNCS, arrays
+from taskspec.backends.emit.source import run
+from taskspec.backends.episodes import Episodes
 from taskspec.backends.lowering.hoist import Hoisted, hoist
 from taskspec.backends.lowering.tabulate import tabulate
-from taskspec.backends.numpy.arraystep import Again, generate, never, observed
+from taskspec.backends.numpy.arraystep import Again, generate, never
 from taskspec.backends.numpy.runtimes import RUNTIME
 from taskspec.backends.vector import LanesNotRunningError, Mode, Options
 from taskspec.lang import batch
@@ -66,9 +67,7 @@ def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     namespace = {**_NAMESPACE, "HORIZON": np.array(task.horizon or 0), **arrays(constants, batch.array)}
     if again is not None:
         namespace["FIRST"] = (*again.state, *again.seen)
-    file = f"<taskspec {task.id} {task.content_hash[:12]} numpy {mode}>"
-    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
-    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    run(source, f"<taskspec {task.id} {task.content_hash[:12]} numpy {mode}>", namespace)
     bind, begins, never_terminates = namespace["lanes"], again is not None, never(table[len(task.state) + 1])
     return Module(task, source, bind, observation, action_layout(task), hoisted, start, begins, never_terminates)
 
@@ -79,7 +78,7 @@ def _again(start: tuple[Node, ...], states: int, observation: SpaceLayout) -> Ag
         return None
     values = evaluated(start, WordLayout.dealt(()), np.zeros((0, 1), np.uint32))
     seen = Values.empty(observation, 1)
-    write(seen, values[states:], np.arange(1))
+    write(observation, seen.segments(), values[states:], np.arange(1))
     return Again(tuple(values[:states]), seen.parts)
 
 
@@ -105,18 +104,15 @@ class NumpyEngine:
         if module.never_terminates:
             self.buffers.ended = self.buffers.truncated
         self._read = reader(task, module.action, lanes)
-        self._mode = options.mode
+        self._episodes = Episodes(self.buffers, options.mode)
         size = max(1, -(-lanes // -(-lanes // BLOCK))) if lanes else 1
         places = [slice(i, min(i + size, lanes)) for i in range(0, lanes, size)]
         self._blocks = [_Block(module, self.buffers.part(p), p, options) for p in places]
 
     def seed(self, seeds: Array, lanes: Array | None = None) -> None:
-        buffers, chosen = self.buffers, slice(None) if lanes is None else lanes
         for block in self._blocks:
             block.settle()
-        buffers.seeds[chosen] = seeds
-        buffers.steps[chosen] = 0
-        buffers.episodes[chosen] = 0
+        self._episodes.seed(seeds, lanes)
         for block, mine in self._parts(lanes):
             block.forget(mine)
 
@@ -128,16 +124,15 @@ class NumpyEngine:
         parts = self._read(actions)
         if len(self._blocks) == 1:
             (block,) = self._blocks
-            if not block.ready:
+            if not block.episodes.ready:
                 raise LanesNotRunningError
             return block.step(parts)
-        if not all(block.ready for block in self._blocks):
+        if not all(block.episodes.ready for block in self._blocks):
             raise LanesNotRunningError
         return sum(block.step([p[..., block.place] for p in parts]) for block in self._blocks)
 
     def place(self, values: tuple[Array, ...], lanes: Array) -> None:
-        for held, new in zip(self.buffers.state, values, strict=True):
-            held[..., lanes] = new
+        self._episodes.place(values, lanes)
 
     def _parts(self, lanes: Array | None) -> list[tuple[_Block, Array | None]]:
         """The blocks concerned, each with indices of its own (None: all of them)."""
@@ -154,13 +149,12 @@ class _Block:
         self.lanes, self.place = buffers.lanes, place
         self._buffers, self._module = buffers, module
         self._ahead, self._start = Ahead(module.hoisted, buffers), Ready(module.start, module.task.reset_words, buffers)
-        self._state_size = len(module.task.state)
-        rows = observed(buffers.seen)
+        self._state_size, self._seen = len(module.task.state), buffers.seen.segments()
         self._step = module.bind(
             self.lanes,
             *buffers.state,
             buffers.time,
-            *rows,
+            *self._seen,
             buffers.reward,
             buffers.terminated,
             buffers.truncated,
@@ -168,14 +162,7 @@ class _Block:
             *buffers.seen.parts,
             *buffers.final.parts,
         )
-        self._mode = options.mode
-        self._begun = False
-        self._over = 0  # lanes whose episodes have ended and that were not reset since
-
-    @property
-    def ready(self) -> bool:
-        """Whether a step may be taken."""
-        return self._begun and (self._mode != "disabled" or not self._over)
+        self.episodes = Episodes(buffers, options.mode)
 
     def settle(self) -> None:
         """Bring the counts of steps up to date."""
@@ -188,34 +175,27 @@ class _Block:
 
     def reset(self, lanes: Array) -> None:
         """Begin an episode in some lanes."""
-        b = self._buffers
         self._begin(lanes)
-        b.running[lanes] = True
-        b.terminated[lanes] = b.truncated[lanes] = b.ended[lanes] = False
-        self._over = 0 if self._mode == "same_step" else int(np.count_nonzero(b.ended))
-        self._begun = self._begun or bool(b.running.all())
+        self.episodes.reset(lanes)
 
     def _begin(self, lanes: Array) -> None:
         b = self._buffers
         values = self._start.take(lanes)
         for held, new in zip(b.state, values, strict=False):
             held[..., lanes] = new
-        write(b.seen, values[self._state_size :], lanes)
+        write(b.seen.layout, self._seen, values[self._state_size :], lanes)
         b.time[lanes] = 0
         b.episodes[lanes] += _ONE
 
     def step(self, actions: Sequence[Array]) -> int:
-        b, over = self._buffers, self._over
-        late = b.ended.nonzero()[0] if over else None
+        b, episodes = self._buffers, self.episodes
+        late = b.ended.nonzero()[0] if episodes.over else None
         if late is not None:
             self._ahead.part_ways()
             b.time[late] = 0  # what the step makes of these lanes is dropped; but it may look things up by the time
-        ended = self._over = self._step(*actions, *self._ahead.take())
-        if self._mode == "same_step":
-            if ended and not self._module.begins:
-                self._finish()
-            self._over = 0
-            return ended
+        ended = episodes.step(self._step(*actions, *self._ahead.take()))
+        if ended and episodes.mode == "same_step" and not self._module.begins:
+            self._finish()
         return ended if late is None else self._skip(late)
 
     def _finish(self) -> None:
@@ -232,38 +212,23 @@ class _Block:
         b.steps[late] -= _ONE
         b.reward[late] = 0.0
         self.reset(late)
-        return self._over
+        return self.episodes.over
 
 
 _ONE = np.array(1, np.uint32)
 
 
-def write(values: Values, flats: Sequence[Array], lanes: Array) -> None:
-    """Write components of observations, (*shape, k) each, as the values of some lanes; in float32 large ones are infinite."""
+def write(layout: SpaceLayout, seen: Sequence[Array], flats: Sequence[Array], lanes: Array) -> None:
+    """Write components of observations, (*shape, k) each, into the arrays of the segments, for some lanes.
+
+    In float32 large numbers are infinite.
+    """
     with np.errstate(over="ignore"):
-        _write(values, flats, lanes)
-
-
-def _write(values: Values, flats: Sequence[Array], lanes: Array) -> None:
-    layout = values.layout
-    if layout.form == "dict":
-        for part, flat in zip(values.parts, flats, strict=True):
-            part[..., lanes] = flat
-        return
-    if layout.form == "discrete":
-        values.parts[0][lanes] = flats[0]
-        return
-    rows, offset = values.flat(), 0
-    for c, flat in zip(layout.components, flats, strict=True):
-        elements = flat.reshape(c.type.size, -1)
-        if layout.form == "box":
-            rows[offset : offset + c.type.size, lanes] = elements
-            offset += c.type.size
-            continue
-        for element, count, low in zip(elements, c.counts, c.low, strict=True):
-            if layout.form == "one_hot":
-                rows[offset : offset + count, lanes] = element == np.arange(int(low), int(low) + count)[:, None]
-                offset += count
+        for segment, held in zip(layout.segments, seen, strict=True):
+            flat = flats[segment.component]
+            if segment.values is not None:
+                held[:, lanes] = flat.reshape(-1, flat.shape[-1])[segment.element] == np.array(segment.values)[:, None]
+            elif segment.starts:
+                held[..., lanes] = flat - np.array(segment.starts).reshape(*flat.shape[:-1], 1)
             else:
-                rows[offset, lanes] = element - int(low)
-                offset += 1
+                held[..., lanes] = flat

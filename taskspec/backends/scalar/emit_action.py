@@ -17,18 +17,14 @@ def names_of(prefix: str, components: Sequence[Component]) -> list[str]:
 
 def read_action(task: Task, layout: SpaceLayout) -> tuple[list[str], list[LaneValue]]:
     """Statements that read and check an action, and the values of its components."""
-    names = names_of("a", task.action)
-    match layout.form:
-        case "discrete":
-            return _read_discrete(names[0], task.action[0]), [LaneValue([names[0]])]
-        case "multi_discrete":
-            return _read_multi(task, names)
-        case _:
-            return _read_box(task, layout, names)
+    names, (part,) = names_of("a", task.action), layout.parts
+    if part.is_whole and not part.shape:
+        return _read_number(names[0], task.action[0], layout), [LaneValue([names[0]])]
+    return _read_array(task, layout, names)
 
 
-def _read_discrete(name: str, c: Component) -> list[str]:
-    low, high = int(c.low[0]), int(c.high[0])
+def _read_number(name: str, c: Component, layout: SpaceLayout) -> list[str]:
+    ((low, high),) = layout.ends
     value = f"{name} != 0" if c.type.kind is Kind.BOOL else name
     lines = [
         "try:",
@@ -66,33 +62,20 @@ def _listed(shape: tuple[int, ...], names: Sequence[str], convert: str, usual: s
     ]
 
 
-def _read_multi(task: Task, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
+def _read_array(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
     flat, values = _elements(task, names)
-    lines = _listed((len(flat),), flat, "as_ints", "action.dtype is int64")
-    k = 0
-    for c in task.action:
-        for count, start in zip(c.counts, c.low, strict=True):
-            name = flat[k]
-            lines += [
-                f"if not 0 <= {name} < {count}:",
-                "    raise bad_action(action)",
-            ]
-            shifted = f"{name} + {int(start)}" if start else name
-            shifted = f"{name} != 0" if c.type.kind is Kind.BOOL else shifted
-            lines += [f"{name} = {shifted}"] if shifted != name else []
-            k += 1
-    return lines, values
-
-
-def _read_box(task: Task, layout: SpaceLayout, names: Sequence[str]) -> tuple[list[str], list[LaneValue]]:
-    flat, values = _elements(task, names)
-    lines = _listed(layout.shape, flat, "as_floats", "action.dtype is float32 or action.dtype is float64")
-    kinds = [c.type.kind for c in task.action for _ in range(c.type.size)]
-    for name, (low, high), kind in zip(flat, layout.limits, kinds, strict=True):
-        lines += [
-            f"if not {literal(low)} <= {name} <= {literal(high)}:",
-            "    raise bad_action(action)",
-        ]
-        if kind is not Kind.REAL:  # every point of the space is an action
-            lines.append(f"{name} = round({name})")
+    whole = layout.parts[0].is_whole
+    usual = "action.dtype is int64" if whole else "action.dtype is float32 or action.dtype is float64"
+    lines = _listed(layout.shape, flat, "as_ints" if whole else "as_floats", usual)
+    numbers = zip(flat, layout.ends, strict=True)
+    for c, segment in zip(task.action, layout.segments, strict=True):
+        for start in segment.starts or (0,) * segment.size:
+            name, (low, high) = next(numbers)
+            lines += [f"if not {literal(low)} <= {name} <= {literal(high)}:", "    raise bad_action(action)"]
+            value = f"{name} + {start}" if start else name
+            if whole:
+                value = f"{name} != 0" if c.type.kind is Kind.BOOL else value
+            elif c.type.kind is not Kind.REAL:  # every point of the space is an action
+                value = f"round({name})"
+            lines += [f"{name} = {value}"] if value != name else []
     return lines, values

@@ -6,7 +6,6 @@ what is left for a step is straight-line Python on numbers. `compile_scalar` giv
 
 from __future__ import annotations
 
-import linecache
 import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taskspec import draws
+from taskspec.backends.emit.source import run
 from taskspec.backends.lowering.invariant import Invariants, changing, cold_components
 from taskspec.backends.lowering.phase import Phase
 from taskspec.backends.scalar import scalars
@@ -109,7 +109,6 @@ def compile_scalar(task: Task) -> ScalarProgram:
     reset = Phase.of(task, (*initial, *invariants.at_reset), task.first_observation, observation, task.reset_words)
     step = Phase.of(task, roots, seen, observation, task.step_words)
     source, constants = generate(Parts(task, invariants, cold, reset, step, observation, action))
-    file = f"<taskspec {task.id} {task.content_hash[:12]}>"
     namespace = {
         **scalars.namespace(),
         **constants,
@@ -118,8 +117,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
         "singles": singles,
         **_ACTIONS,
     }
-    exec(compile(source, file, "exec"), namespace)  # noqa: S102  # generated from checked nodes, never from a spec's text
-    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    run(source, f"<taskspec {task.id} {task.content_hash[:12]}>", namespace)
     return ScalarProgram(task, source, observation, action, reset, step, namespace)
 
 
