@@ -8,6 +8,7 @@ import pytest
 
 from taskspec import source
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exact.checks import places
 from taskspec.exact.checks.soundness import cases, check_ranges, examine, soundness
 from taskspec.task.build import build
 from taskspec.task.merge import variant_names
@@ -101,6 +102,21 @@ def test_labels_appear_by_name() -> None:
 def test_a_table_row_is_the_place() -> None:
     table = "{by: [m, a], rows: {near: {0: s, 1: s + 1}, far: s}}"
     assert excerpt(only(written(DYNAMICS=table))) == "s + 1"
+
+
+def test_what_parts_mean_is_known_from_the_build(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Branches, rows and distributions are found without checking anything again."""
+
+    def again(*args: object) -> None:
+        raise AssertionError("a part is checked once more")
+
+    monkeypatch.setattr(places, "Checker", again)
+    table = "{by: [m, a], rows: {near: {0: s, 1: s + 1}, far: s}}"
+    assert excerpt(only(written(DYNAMICS=table))) == "s + 1"
+    assert excerpt(only(written(DYNAMICS="s + a if a == 1 else s"))) == "s + a"
+    assert excerpt(only(written(REWARD="False if s <= 3 else Bernoulli(s / 3)"))) == "s / 3"
+    drawn = "{by: m, rows: {near: {1: s / 4, 0: 1/2}, far: 0}}"
+    assert only(written(REWARD=drawn)).code == "E401"
 
 
 def test_probabilities_in_a_branch_that_is_not_taken_do_not_matter() -> None:

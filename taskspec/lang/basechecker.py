@@ -40,6 +40,9 @@ class BaseChecker(ABC):
         self.builder = builder
         self.collector = collector
         self.moved: dict[int, ClampedIndex] = {}  # by id of the node
+        self.found: dict[tuple[int, int], tuple[s.Expr, Value]] = {}
+        """What each part of an expression came to in the scope of a section, by their ids; in comprehensions and calls it has
+        no meaning of its own."""
         self._expanded = 0
         self._times = 1  # how often the present expression is written out by comprehensions around it
 

@@ -39,7 +39,10 @@ class Checker(BaseChecker):
             hint = how_to_raise("expressions", 2 * self._most)
             raise SpecError([Diagnostic("E314", expr.place.span, message, hint)])
         try:
-            return self._value(expr, scope, want)
+            value = self._value(expr, scope, want)
+            if scope.parent is None:
+                self.found[id(expr), id(scope)] = expr, value
+            return value
         except Refused as refused:
             self.fail(refused.code, expr, refused.message, refused.hint)
         except RecursionError:

@@ -28,7 +28,7 @@ from taskspec.task.names import Names, signature
 from taskspec.task.schema import Spec, check_shape, validated
 from taskspec.task.sections import SectionBuilder
 from taskspec.task.taken import check_names
-from taskspec.task.task import Component, Surface, Task
+from taskspec.task.task import Component, Task
 
 OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "num_envs", "vectorization_mode",
                      "vector_kwargs", "wrappers", "backend", "max_episode_steps", "disable_env_checker"})  # fmt: skip
@@ -170,7 +170,7 @@ class _Build:
             raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
             claims=claims, examples=examples, figure=drawn, builder=context.builder, reset_draws=tuple((first | seen).values()),
             step_draws=tuple((later | seen).values()), spec=self.spec, document=self.merged.document, content_hash=self._hash(),
-            surface=Surface(context.exprs, context.named_scopes, tuple(context.checker.moved.values())),
+            surface=context.surface(),
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:

@@ -18,7 +18,7 @@ from taskspec.task.assign import assign
 from taskspec.task.declare import Declarations
 from taskspec.task.forms import Forms
 from taskspec.task.merge import Merged
-from taskspec.task.task import Component, Parameter
+from taskspec.task.task import Component, Parameter, Surface
 
 
 class Context:
@@ -46,6 +46,12 @@ class Context:
         scope = Scope(self.constants, draws=why_no_draws)
         self.scopes.append(scope)
         return scope
+
+    def surface(self) -> Surface:
+        """What the author wrote, and what each part of it came to."""
+        checker, sections = self.checker, {id(scope): name for name, scope in self.named_scopes.items()}
+        meanings = {(sections[at], part): found for (part, at), found in checker.found.items() if at in sections}
+        return Surface(self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings)
 
     def place(self, *path: str) -> s.Place:
         """A whole section as a place."""

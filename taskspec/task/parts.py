@@ -9,7 +9,7 @@ from typing import Any, Literal
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.ir import Node, Role
-from taskspec.lang.scope import Scope
+from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import Domain, Kind, Type
 
 FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
@@ -151,3 +151,9 @@ class Surface:
     sections: Mapping[str, Any]  # section -> expression, or name -> expression
     scopes: Mapping[str, Scope] = field(default_factory=dict, repr=False)  # names visible per section
     moved: tuple[ClampedIndex, ...] = ()  # indices that may lie outside their vectors
+    meanings: Mapping[tuple[str, int], tuple[s.Expr, Value]] = field(default_factory=dict, repr=False)
+
+    def meaning(self, section: str, part: s.Expr) -> Value | None:
+        """What a part of a section came to when the task was built; None for one in a comprehension or a definition."""
+        found = self.meanings.get((section, id(part)))
+        return None if found is None else found[1]

@@ -1,7 +1,8 @@
 """From a counterexample back to what the author wrote: the smallest part of a section that is to blame.
 
-Sections are kept as surface syntax with the scope in which they were checked; parts of them are
-checked again here, so that conditions and rows of tables can be decided at the counterexample.
+The build records what each part of a section came to (`Surface.meanings`), so that conditions and rows of tables can be
+decided at the counterexample. Parts of comprehensions and of definitions have no meaning of their own there: those that do
+not depend on what surrounds them are checked here.
 """
 
 from __future__ import annotations
@@ -32,10 +33,13 @@ class SectionScope:
 
     @property
     def scope(self) -> Scope | None:
-        return self.task.surface.scopes.get("expert" if self.name == "expert" else self.name)
+        return self.task.surface.scopes.get(self.name)
 
     def value(self, expr: s.Expr, want: Domain | None = None) -> Value | None:
         """The meaning of a part, or None where it has none on its own."""
+        known = self.task.surface.meaning(self.name, expr)
+        if known is not None:
+            return known
         scope = self.scope
         if scope is None:
             return None
@@ -48,7 +52,9 @@ class SectionScope:
     def number(self, expr: s.Expr) -> Node | None:
         """The meaning of a part as a number; a choice gives what its label stands for."""
         value = self.value(expr)
-        return None if value is None else Checker(self.task.builder, Collector()).number_of(value)
+        if value is None or value.domain is None:
+            return None if value is None else value.node
+        return Checker(self.task.builder, Collector()).number_of(value)
 
     def row(self, by: s.Expr, key: s.Expr) -> Node | None:
         """Whether the present value of a column is that of a row, as a condition."""
