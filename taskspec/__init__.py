@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from taskspec.diagnostics import SpecError as SpecError
     from taskspec.diagnostics import TaskspecError as TaskspecError
     from taskspec.envs import Environment as Environment
+    from taskspec.figures import drawing as drawing
     from taskspec.making import make as make
     from taskspec.making import make_vec as make_vec
     from taskspec.making import register as register
@@ -24,6 +25,7 @@ _PUBLIC = {
     "SpecError": "taskspec.diagnostics",
     "TaskspecError": "taskspec.diagnostics",
     "Task": "taskspec.task.task",
+    "drawing": "taskspec.figures",
     "load": "taskspec.registry",
     "make": "taskspec.making",
     "make_vec": "taskspec.making",
@@ -36,6 +38,7 @@ __all__ = [
     "SpecError",
     "Task",
     "TaskspecError",
+    "drawing",
     "load",
     "make",
     "make_vec",

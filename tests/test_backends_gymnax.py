@@ -172,3 +172,10 @@ def test_a_learner_for_gymnax_learns() -> None:
     of_theirs, _ = train(wrapped(gymnax.make("CartPole-v1")[0]), lanes=4, updates=2)
     of_ours, _ = train(wrapped(Functional(taskspec.load("derail/NoisyObs-v0")).gymnax()), lanes=4, updates=2)
     assert np.isfinite([*of_theirs, *of_ours]).all()
+
+
+def test_parameters_that_would_have_no_effect_are_refused() -> None:
+    params = Functional("RiskyPath").gymnax().default_params
+    assert params.replace() == params.replace(max_steps_in_episode=5) == params
+    with pytest.raises(taskspec.SpecError, match="E713"):
+        params.replace(max_steps_in_episode=3)

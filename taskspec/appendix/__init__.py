@@ -10,6 +10,7 @@ from taskspec.appendix.write import FORMATS as FORMATS
 from taskspec.appendix.write import write as write
 from taskspec.figures import OVERLAYS as OVERLAYS
 from taskspec.figures import Overlay as Overlay
+from taskspec.figures import ShownFigure as ShownFigure
 from taskspec.figures import figure as figure
 from taskspec.figures import overlay as overlay
 from taskspec.figures import render_frame as render_frame
@@ -17,5 +18,6 @@ from taskspec.figures import scene as scene
 from taskspec.figures import undrawn as undrawn
 
 __all__ = [
-    "FORMATS", "OVERLAYS", "Facts", "Overlay", "Page", "figure", "gather", "overlay", "page", "render_frame", "write",
+    "FORMATS", "OVERLAYS", "Facts", "Overlay", "Page", "ShownFigure", "figure", "gather", "overlay", "page",
+    "render_frame", "write",
 ]  # fmt: skip

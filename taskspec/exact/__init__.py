@@ -29,5 +29,5 @@ from taskspec.exact.scoring.yardsticks import yardsticks as yardsticks
 
 __all__ = [
     "Accepted", "Expert", "Model", "Report", "Return", "Score", "Scores", "Soundness", "StaleScores", "Verdict", "Yardsticks",
-    "check", "extract", "score", "scores", "yardsticks",
+    "check", "extract", "score", "scores",
 ]  # fmt: skip

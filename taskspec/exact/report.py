@@ -23,6 +23,7 @@ from taskspec.exact.scoring.saved import read
 from taskspec.exact.simulation.points import Method
 from taskspec.extras import install, is_installed
 from taskspec.files import write_text
+from taskspec.notebook import html_table
 from taskspec.progress import tell
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
@@ -61,6 +62,13 @@ class Report:
     @property
     def warnings(self) -> tuple[Diagnostic, ...]:
         return tuple(d for d in self.diagnostics if d.severity == "warning")
+
+    def _repr_html_(self) -> str:
+        """What was found, and what became of the claims, for notebooks."""
+        found = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]
+        said = [(v.status, "", v.claim.text, v.detail) for v in self.verdicts]
+        caption = f"{self.task.id}: {len(self.errors)} errors, {len(self.warnings)} warnings"
+        return html_table(caption, ("", "where", "what", ""), [*found, *said])
 
 
 _SENSELESS = {"E404", "E406"}
@@ -173,6 +181,11 @@ class Scores:
             {**self.parameters, "id": self.id, "return": name, "value": r.value, "error": r.error, "status": r.status}
             for name, r in known
         ]
+
+    def _repr_html_(self) -> str:
+        """The returns, for notebooks."""
+        rows = [(row["return"], row["value"], row["error"], row["status"]) for row in self.rows()]
+        return html_table(self.id, ("return", "value", "error", "status"), rows)
 
     def save(self, path: str | Path) -> None:
         """Keep the scores in a JSON file, under the task's content hash."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,27 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     task, over = load(task), over or Overlay()
     found = KINDS["graph" if task.figure is None else task.figure.kind](task, over)
     return found if found is None else with_legend(found, over.legend)
+
+
+@dataclass(frozen=True)
+class ShownFigure:
+    """A task's figure in memory, as notebooks show it; `svg` is its text, None where none can be drawn."""
+
+    svg: str | None
+
+    def _repr_svg_(self) -> str | None:
+        return self.svg
+
+
+def drawing(task: TaskLike, overlays: Iterable[str] = ()) -> ShownFigure:
+    """A task's figure in memory; `figure` writes it to a file. `overlays` are names of `OVERLAYS`.
+
+    Raises:
+        SpecError: E713 for another overlay, or one that needs an exact model.
+    """
+    task = load(task)
+    found = scene(task, overlay(task, overlays))
+    return ShownFigure(None if found is None else svg(found))
 
 
 def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Path:

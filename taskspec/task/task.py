@@ -16,6 +16,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, rewrite
 from taskspec.lang.types import BOOL, Kind, Type
 from taskspec.lang.variates.layout import WordLayout
+from taskspec.notebook import html_table
 from taskspec.source import Document
 from taskspec.task.options import Ending, RenderMode
 from taskspec.task.parts import COUNTABLE as COUNTABLE
@@ -150,6 +151,18 @@ class Task:
     def __repr__(self) -> str:
         arguments = "".join(f", {p.name}={p.value!r}" for p in self.parameters)
         return f"<Task {self.id}{arguments}>"
+
+    def _repr_html_(self) -> str:
+        """What it is called, and what it has, for notebooks."""
+        rows: list[tuple[object, ...]] = [("parameter", p.name, p.value, p.doc or "") for p in self.parameters]
+        rows += [("state", c.name, c.type, c.doc or "") for c in self.state]
+        rows += [("action", c.name, c.type, c.doc or "") for c in self.action]
+        rows += [("horizon", "", self.horizon, ""), ("observations", "", self.observation_space, "")]
+        return html_table(f"{self.id}: {self.summary}", (), rows)
+
+    def _repr_svg_(self) -> str | None:
+        """Its figure, for notebooks; None where none can be drawn."""
+        return taskspec.drawing(self)._repr_svg_()
 
     def __copy__(self) -> Task:
         return self  # immutable

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from taskspec.backends.jax.program import JaxProgram, State
+from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.extras import need
 from taskspec.lang.types import INT_MAX
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
@@ -20,6 +21,19 @@ class Params(NamedTuple):
     """What a caller may want to know. A task's parameters, its horizon among them, are bound when it is loaded."""
 
     max_steps_in_episode: int
+
+    def replace(self, **changes: Any) -> Params:
+        """The same with other values, as gymnax's learners ask for it.
+
+        Raises:
+            SpecError: E713 for another value, which would have no effect.
+        """
+        other = self._replace(**changes)
+        if other != self:
+            hint = "`Functional(load(task, L=5))` is the task with other parameters"
+            message = "the parameters of a task are bound when it is loaded, its horizon among them"
+            raise SpecError([Diagnostic("E713", None, message, hint)])
+        return other
 
 
 class Functions(Protocol):
