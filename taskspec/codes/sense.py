@@ -219,4 +219,13 @@ The spec asks for a figure, and none can be drawn: a graph with too many states 
 below 0, bars of what is no vector. Pages have no figure then. Ask for another `kind`, or leave the section out.
 """,
     ),
+    Code(
+        "W524",
+        "printed-alike",
+        "two things with one symbol",
+        """
+On pages two names look the same, or a name and a label: a parameter `D` and a move whose symbol is `D`. Give one of them another
+`symbol`. Labels of different components may share theirs.
+""",
+    ),
 )

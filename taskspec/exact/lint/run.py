@@ -18,6 +18,7 @@ from taskspec.exact.lint.reals import whole
 from taskspec.exact.lint.rewards import indifferent, rewards
 from taskspec.exact.lint.slices import past_the_end, uneven
 from taskspec.exact.lint.states import unreachable
+from taskspec.exact.lint.symbols import printed_alike
 from taskspec.exact.lint.twins import twins
 from taskspec.exact.lint.unread import unread
 from taskspec.exact.scoring.returns import Results
@@ -30,7 +31,7 @@ Lint = Callable[[Case, Collector], None]
 
 LINTS: tuple[Lint, ...] = (
     unreachable, rewards, indifferent, inert, unused_names, expert, leak, hidden_goal, moved, constant, duplicate, hidden, unread,
-    twins, idle_errata, endless,
+    twins, idle_errata, endless, printed_alike,
 )  # fmt: skip
 """What is looked at for the parameters at hand."""
 
