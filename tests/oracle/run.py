@@ -27,6 +27,8 @@ class Tally:
     heaviest: int | None = None
     """The spec after which memory was at its peak."""
     slowest: float = 0.0
+    longest: int | None = None
+    """The spec that took longest."""
 
     def add(self, record: dict[str, Any]) -> None:
         if record.get("peak", 0) > self.peak:
@@ -34,7 +36,8 @@ class Tally:
         if "spec" not in record:
             return
         self.specs += 1
-        self.slowest = max(self.slowest, record["seconds"])
+        if record["seconds"] > self.slowest:
+            self.slowest, self.longest = record["seconds"], record["spec"]
         self.made.update(record["made"].keys())
         self.compared.update(record["made"])
         self.found += [{"spec": record["spec"], **f} for f in record["found"]]
@@ -80,8 +83,11 @@ def endings(tally: Tally) -> str:
     """How many differences, crashes and hangs there were, and what the run took."""
     kinds = Counter(f["what"].split()[0] for f in tally.found)
     crashes, hangs = kinds["crash"] + kinds["died"], kinds["hang"]
-    where = "" if tally.heaviest is None else f" (spec {tally.heaviest})"
     return (
         f"{len(tally.found) - crashes - hangs} differences, {crashes} crashes, {hangs} hangs, "
-        f"slowest {tally.slowest:.1f} s, peak memory {tally.peak / 2**20:.0f} MB{where}"
+        f"slowest {tally.slowest:.1f} s{_at(tally.longest)}, peak memory {tally.peak / 2**20:.0f} MB{_at(tally.heaviest)}"
     )
+
+
+def _at(spec: int | None) -> str:
+    return "" if spec is None else f" (spec {spec})"
