@@ -53,6 +53,7 @@ class Limits:
     one_hot: int = _limit(1_000_000, "elements of a one-hot observation")
     poisson: int = _fixed(100_000, "rate of `Poisson`")
     trials: int = _fixed(1_000, "trials of `Binomial`")
+    waiting: int = _fixed(10_000, "trials of `Geometric` with a constant probability; otherwise as of `Binomial`")
     horizon: int = _fixed(2**31 - 2, "steps of an episode")
     points: int = _limit(2_000_000, "state-action pairs that `check` tries one by one")
     outcomes: int = _limit(1_000_000, "outcomes of one step")

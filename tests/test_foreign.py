@@ -24,8 +24,10 @@ NAMES: dict[str, Any] = {
 DRAWN: dict[str, Any] = {
     "beta": stats.beta(2, 3),
     "binomial": stats.binom(6, 0.3),
-    "Gamma": stats.gamma(3, scale=1 / 2.5),
-    "Geometric": stats.geom(0.3),
+    "gamma": stats.gamma(2, scale=1 / 2.5),
+    "erlang": stats.gamma(3, scale=1 / 2.5),
+    "geometric": stats.geom(0.3),
+    "truncnorm": stats.truncnorm(-2.4 / 0.8, 4.6 / 0.8, 0.4, 0.8),
     "LogNormal": stats.lognorm(0.8, scale=np.exp(0.4)),
     "Laplace": stats.laplace(0.4, 0.7),
     "choice": stats.randint(2, 4),

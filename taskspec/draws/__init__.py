@@ -43,6 +43,9 @@ from taskspec.draws.variates import dirichlet_words as dirichlet_words
 from taskspec.draws.variates import dirichlets as dirichlets
 from taskspec.draws.variates import exponential as exponential
 from taskspec.draws.variates import exponentials as exponentials
+from taskspec.draws.variates import gamma as gamma
+from taskspec.draws.variates import gamma_words as gamma_words
+from taskspec.draws.variates import gammas as gammas
 from taskspec.draws.variates import normal as normal
 from taskspec.draws.variates import normal_words as normal_words
 from taskspec.draws.variates import normals as normals

@@ -105,13 +105,7 @@ def dirichlets(words: Words, alphas: ArrayLike) -> Reals:
     still give a share of 1 to somebody. The largest gamma is taken out first, so that those of large alphas, which differ in
     their last digits only, keep these. Shares up to LEAST are 0.
     """
-    with np.errstate(over="ignore"):
-        shape = np.asarray(alphas, np.float32)
-    rest = words.shape[1:]
-    n = len(words) // GAMMA_WORDS
-    shape = shape.reshape(n, *(1,) * len(rest)) if shape.ndim == 1 else shape
-    grouped = np.moveaxis(words.reshape(n, GAMMA_WORDS, *rest), 1, 0)
-    value, shrink = _gamma_parts(grouped, shape)
+    value, shrink = _gamma_parts(words, alphas)
     logs = polynomials.log(np.maximum(value / value.max(axis=0), LEAST)) - shrink
     parts = polynomials.exp(logs - logs.max(axis=0))
     total = parts[0]
@@ -121,13 +115,36 @@ def dirichlets(words: Words, alphas: ArrayLike) -> Reals:
     return np.where(shares > LEAST, shares, F(0))
 
 
-def _gamma_parts(words: Words, alpha: Reals) -> tuple[Reals, Reals]:
-    """``(g, s)``: the gamma variate of shape alpha and scale 1 is g exp(-s), and s is 0 unless alpha < 1.
+def gamma_words(n: int) -> int:
+    """How many words n gamma variates take."""
+    return GAMMA_WORDS * n
+
+
+def gamma(words: Sequence[int], alphas: Sequence[float]) -> tuple[float, ...]:
+    """Gamma variates of given shapes and scale 1, from ``gamma_words(len(alphas))`` words; see `gammas`."""
+    return tuple(gammas(np.array(words, np.uint32)[:, None], np.asarray(alphas)[:, None])[:, 0].tolist())
+
+
+def gammas(words: Words, alphas: ArrayLike) -> Reals:
+    """Gamma variates: float32 (n, ...) from words (9 n, ...) and alphas (n,) or (n, ...); those up to LEAST are 0."""
+    value, shrink = _gamma_parts(words, alphas)
+    found = value * polynomials.exp(-shrink)
+    return np.where(found > LEAST, found, F(0))
+
+
+def _gamma_parts(words: Words, alphas: ArrayLike) -> tuple[Reals, Reals]:
+    """``(g, s)``, (n, ...) each: the gamma variate of shape alpha and scale 1 is g exp(-s), and s is 0 unless alpha < 1.
 
     Marsaglia and Tsang, "A simple method for generating gamma variables", 2000, with alpha raised by one and the result
     multiplied by U^(1/alpha) where alpha < 1. A try fails with probability under 0.05, and after GAMMA_TRIES failures the mode
     stands in: less than 7e-6 of all draws.
     """
+    with np.errstate(over="ignore"):
+        alpha = np.asarray(alphas, np.float32)
+    rest = words.shape[1:]
+    n = len(words) // GAMMA_WORDS
+    alpha = alpha.reshape(n, *(1,) * len(rest)) if alpha.ndim == 1 else alpha
+    words = np.moveaxis(words.reshape(n, GAMMA_WORDS, *rest), 1, 0)
     shape: Reals = np.where(alpha > SMALLEST_ALPHA, alpha, SMALLEST_ALPHA)
     shape = np.where(shape < LARGEST_ALPHA, shape, LARGEST_ALPHA)
     small = shape < F(1)

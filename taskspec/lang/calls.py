@@ -13,7 +13,7 @@ from taskspec.lang.foreign import advice
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
-from taskspec.lang.types import Domain, Kind, Shape
+from taskspec.lang.types import Domain, Kind, Shape, Type
 
 NO_DRAWS = "a definition draws nothing, so name the draw under `noise`"
 SET_FUNCTIONS = ("box", "range")
@@ -240,9 +240,10 @@ def _check_parameters(checker: BaseChecker, dist: dists.Dist, nodes: dict[str, N
         node = nodes[argument.name]
         if isinstance(node, Const):
             _check_argument(checker, dist, argument, node, expr)
-    if dist.name.startswith("Uniform") and all(isinstance(n, Const) and n.type.is_scalar for n in nodes.values()):
-        bottom, top = nodes["low"].value, nodes["high"].value  # type: ignore[union-attr]
-        if bottom > top:
+    match nodes:
+        case {"low": Const(value=bottom, type=Type(shape=())), "high": Const(value=top, type=Type(shape=()))} if (
+            bottom > top
+        ):
             checker.fail(
                 "E408",
                 expr,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators.levels import ENCLOSED, Brackets, Level
+from taskspec.lang.truncated import truncated
 from taskspec.lang.types import INT, INT_MAX, Kind, Refused, Shape, Type
 from taskspec.limits import Limits
 
@@ -82,12 +83,60 @@ def _normal(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     return _moved(b, a["mean"], b.apply("mul", a["std"], standard))
 
 
+def _truncated_normal(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    """By its inverse, and not by trials, which would not end."""
+    mean, std, low, high = (b.cast(a[name], Kind.REAL) for name in ("mean", "std", "low", "high"))
+    unit = b.draw("uniform", (), Type(Kind.REAL, shape))
+    ends = (b.apply("div", b.apply("sub", end, mean), std) for end in (low, high))
+    value = b.apply("add", mean, b.apply("mul", std, truncated(b, unit, *ends)))
+    return b.apply("min2", b.apply("max2", value, low), high)
+
+
 def _bernoulli(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     return b.draw("bernoulli", (b.cast(a["p"], Kind.REAL),), Type(Kind.BOOL, shape))
 
 
 def _exponential(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     return b.apply("div", b.draw("exponential", (), Type(Kind.REAL, shape)), a["rate"])
+
+
+def _gamma(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    return b.apply("div", b.draw("gamma", (b.cast(a["a"], Kind.REAL),), Type(Kind.REAL, shape)), a["rate"])
+
+
+def _geometric(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
+    """One more than an index with the probabilities of so many failures; the last one stands for all that are rarer than RARE."""
+    p = b.cast(a["p"], Kind.REAL)
+    least = min(map(float, p.flat)) if isinstance(p, Const) else b.bounds(p)[0]
+    most = Limits.waiting if isinstance(p, Const) else Limits.trials
+    counts = 1 if least >= 1 else math.inf if least <= 0 else 2 + math.floor(math.log(RARE) / math.log1p(-least))
+    if counts > most:
+        raise Refused(f"Geometric waits for up to {most:,} trials, and with this 'p' for more", "E408",
+                      None if isinstance(p, Const) else "give it a bound: `Geometric(clip(p, 0.1, 1))`")  # fmt: skip
+    count = int(counts)
+    if p.type.is_scalar:
+        found = b.draw("categorical", (_failures(b, count, p),), Type(Kind.INT, shape))
+    else:
+        drawn = [b.draw("categorical", (_failures(b, count, q),), INT) for q in _elements(b, p, shape)]
+        found = b.structure("reshape", [b.structure("vector", drawn)], shape)
+    return b.apply("add", b.scalar(1), found)
+
+
+RARE = 2.0**-60
+"""Waiting times of a smaller probability, all together, are one."""
+
+
+def _failures(b: Builder, count: int, p: Node) -> Node:
+    """The probabilities of 0, 1, ... failures before the first success, and of `count` - 1 or more; exact like `_counts`."""
+    type_ = Type(Kind.REAL, (count,))
+    if isinstance(p, Const):
+        q = Fraction(p.value)
+        exact = [q * (1 - q) ** k for k in range(count - 1)] + [(1 - q) ** (count - 1)]
+        short = all(v.denominator.bit_length() <= Limits.bits for v in exact) and not isinstance(p.value, float)
+        return b.const(exact if short else list(map(float, exact)), type_)
+    fails = b.apply("pow", b.apply("sub", b.scalar(1), p), b.const(list(range(count)), type_))
+    stops = b.structure("concat", [b.structure("fill", [p], (count - 1,)), b.const([1], Type(Kind.REAL, (1,)))])
+    return b.apply("mul", stops, fails)
 
 
 def _poisson(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
@@ -204,6 +253,11 @@ DISTS: dict[str, Dist] = {
         Dist("Normal", (Argument("mean", 0), Argument("std", 1, low=0)), _normal, "Normal (Gaussian) real.",
              r"\mathcal{N}({mean}, {std}^2)", _is_all(0, "std"), samples=({"mean": 1, "std": 2}, {"mean": 0.5, "std": 0}),
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM))),
+        Dist("TruncatedNormal", (Argument("mean"), Argument("std", low=0, open=True), Argument("low"), Argument("high")),
+             _truncated_normal, "Normal real between `low` and `high`; `mean` and `std` are those before the rest is cut off.",
+             r"\mathcal{N}_{[{low}, {high}]}({mean}, {std}^2)", _has_no_width,
+             samples=({"mean": 1, "std": 2, "low": 0, "high": 2}, {"mean": 0, "std": 1, "low": 3, "high": 5}),
+             brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
         Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
              r"\operatorname{Bernoulli}({p})", _is_sure, samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
         Dist("Binomial", (Argument("n", static=True, low=1), _P), _binomial,
@@ -212,6 +266,12 @@ DISTS: dict[str, Dist] = {
              samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),
         Dist("Exponential", (Argument("rate", 1, low=0, open=True),), _exponential, "Exponential real with mean 1/`rate`.",
              r"\operatorname{Exp}({rate})", samples=({"rate": 2},)),
+        Dist("Gamma", (Argument("a", low=0, open=True), Argument("rate", 1, low=0, open=True)), _gamma,
+             "A positive real with mean `a / rate` and variance `a / rate**2`.", r"\operatorname{Gamma}({a}, {rate})",
+             samples=({"a": 2.5, "rate": 2}, {"a": 0.25, "rate": 1})),
+        Dist("Geometric", (Argument("p", low=0, high=1, open=True),), _geometric,
+             "Number of trials up to the first success, where each succeeds with probability `p`: 1 or more.",
+             r"\operatorname{Geometric}({p})", _is_all(1, "p"), samples=({"p": 0.5}, {"p": 0.2}, {"p": 1})),
         Dist("Poisson", (Argument("rate", low=0),), _poisson, "Number of events at a mean of `rate`.",
              r"\operatorname{Poisson}({rate})", _is_all(0, "rate"), samples=({"rate": 4}, {"rate": 0}, {"rate": 0.25})),
         Dist("Dirichlet", (Argument("alpha", vector=True, low=0, open=True),), _dirichlet,

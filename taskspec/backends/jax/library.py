@@ -211,7 +211,26 @@ def permutations(words: Array) -> Array:
 
 
 def dirichlets(words: Array, alphas: Array) -> Array:
-    """Gamma variates by Marsaglia and Tsang over their sum, in logarithms."""
+    """Gamma variates over their sum, in logarithms."""
+    value, shrink, rounded = _gamma_parts(words, alphas)
+    ratio = jnp.maximum(value / value.max(axis=0), LEAST)
+    logs = log(ratio, rounded) - shrink
+    parts = rounded(exp(logs - logs.max(axis=0), rounded))
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    shares = parts / total
+    return jnp.where(shares > LEAST, shares, 0)
+
+
+def gammas(words: Array, alphas: Array) -> Array:
+    value, shrink, rounded = _gamma_parts(words, alphas)
+    found = rounded(value * rounded(exp(-shrink, rounded)))
+    return jnp.where(found > LEAST, found, 0)
+
+
+def _gamma_parts(words: Array, alphas: Array) -> tuple[Array, Array, Rounding]:
+    """g and s of gamma variates g exp(-s) by Marsaglia and Tsang, and what rounds for them."""
     words = words.reshape(-1, GAMMA_WORDS, words.shape[-1])
     alpha = jnp.where(alphas > SMALLEST_ALPHA, alphas, SMALLEST_ALPHA)
     alpha = jnp.where(alpha < LARGEST_ALPHA, alpha, LARGEST_ALPHA)
@@ -224,15 +243,7 @@ def dirichlets(words: Array, alphas: Array) -> Array:
     for i in (3, 2, 1, 0):
         candidate, accepted = _attempt(x[i], words[:, 4 + i], d, scale, rounded)
         value = jnp.where(accepted, candidate, value)
-    shrink = jnp.where(small, exponentials(words[:, 8]) / rounded(alpha), 0)
-    ratio = jnp.maximum(value / value.max(axis=0), LEAST)
-    logs = log(ratio, rounded) - shrink
-    parts = rounded(exp(logs - logs.max(axis=0), rounded))
-    total = parts[0]
-    for part in parts[1:]:
-        total = total + part
-    shares = parts / total
-    return jnp.where(shares > LEAST, shares, 0)
+    return value, jnp.where(small, exponentials(words[:, 8]) / rounded(alpha), 0), rounded
 
 
 def _attempt(x: Array, word: Array, d: Array, scale: Array, rounded: Rounding) -> tuple[Array, Array]:

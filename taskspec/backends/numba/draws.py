@@ -223,6 +223,13 @@ def gamma_parts(w: Any, alpha: Any) -> Any:
 
 
 @inner
+def gamma(w: Any, alpha: Any) -> Any:
+    value, shrink = gamma_parts(w, alpha)
+    found = value * exp32(-shrink)
+    return f64(select(found > f32(LEAST), found, f32(0)))
+
+
+@inner
 def log_share(value: Any, largest: Any, shrink: Any) -> Any:
     """The logarithm of a gamma variate, but for a summand that those of a draw have in common."""
     ratio = value / largest

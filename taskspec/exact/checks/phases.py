@@ -194,7 +194,7 @@ def _of_call(call: s.Call, written: Written, where: SectionScope, entry: str | N
         ends = (argument.low + argument.open * _LEAST,) * node.type.size, (argument.high,) * node.type.size
         code = "E402" if argument.is_probability else "E408"
         yield _check(code, node, *ends, written, where, entry, f"'{name}' of {call.function}", expr)
-    if call.function in ("Uniform", "UniformInt") and {"low", "high"} <= given.keys():
+    if {"low", "high"} <= given.keys():
         yield from _ordered(given["low"], given["high"], call, written, where, entry)
 
 

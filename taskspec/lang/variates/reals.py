@@ -10,7 +10,7 @@ from taskspec.lang.ir import Draw, Node
 from taskspec.lang.operators.nodes import NodeMaker
 from taskspec.lang.ranges import INF
 from taskspec.lang.types import REAL, Kind
-from taskspec.lang.variates.entry import Flat, KernelWriter, Variate, Words, groups, rows
+from taskspec.lang.variates.entry import Flat, KernelWriter, Variate, Words, groups, rows, stretched
 
 NORMAL_REACH = 6.67
 """No standard normal that is drawn lies further out: its radius comes from 31 bits."""
@@ -23,6 +23,11 @@ def _normal(draw: Draw, args: list[Flat], words: Words) -> Flat:
 
 def _dirichlet(draw: Draw, args: list[Flat], words: Words) -> Flat:
     return draws.dirichlet(words[: draws.dirichlet_words(draw.type.size)], [float(a) for a in args[0]])
+
+
+def _gamma(draw: Draw, args: list[Flat], words: Words) -> Flat:
+    n = draw.type.size
+    return draws.gamma(words[: draws.gamma_words(n)], [float(a) for a in stretched(args[0], n)])
 
 
 def _mean_share(b: NodeMaker, draw: Draw) -> Node:
@@ -76,5 +81,13 @@ TABLE = (
         name="dirichlet", kind=Kind.REAL, bounds=lambda draw, args: (0, 1), mean=_mean_share,
         words=lambda draw: draws.dirichlet_words(draw.type.size), one=_dirichlet,
         many=lambda x, draw, args, words: x.dirichlets(words, rows(x, draw, args[0])), kernel=_shares,
+    ),
+    Variate(  # of a given shape and scale 1, by the same method
+        name="gamma", kind=Kind.REAL, bounds=lambda draw, args: (0, INF), mean=lambda b, draw: draw.args[0],
+        words=lambda draw: draws.gamma_words(draw.type.size), one=_gamma,
+        many=lambda x, draw, args, words: x.gammas(words, rows(x, draw, args[0])),
+        kernel=lambda k, draw, words: [
+            f"gamma({group}, {alpha})" for group, alpha in zip(groups(draw, words), k.argument(draw), strict=True)
+        ],
     ),
 )  # fmt: skip

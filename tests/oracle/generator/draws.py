@@ -26,7 +26,18 @@ def flag(c: Context, depth: int) -> Term:
 
 
 def integer(c: Context, depth: int) -> Term:
-    kinds = ("UniformInt", "UniformInt", "Categorical", "weights", "set", "Permutation", "Binomial", "Poisson", "tally")
+    kinds = (
+        "UniformInt",
+        "UniformInt",
+        "Categorical",
+        "weights",
+        "set",
+        "Permutation",
+        "Binomial",
+        "Poisson",
+        "tally",
+        "Geometric",
+    )
     which = c.rng.choice(kinds)
     if which == "Poisson" and not c.bounded:
         rate = Term(c.rng.choice(("1", "0.5", "3", "7/2")), "real", level=6)
@@ -36,6 +47,11 @@ def integer(c: Context, depth: int) -> Term:
         return drawn(call("Poisson", [rate], "int", size=2**31), INFINITE)  # as far as 32 bits go
     if which == "Permutation":
         return drawn(Term(f"Permutation({c.rng.randint(2, 3)})[{c.rng.randint(0, 1)}]", "int", level=9, size=3), 6)
+    if which == "Geometric" and not c.bounded:
+        p = Term(c.rng.choice(("1/2", "0.7", "9/10", "1/3")), "real", level=6)
+        if c.chance(0.3):
+            p = call("clip", [scalars.real(c.without_draws(), 1), number(0.3), number(1)], "real", size=1)
+        return drawn(call("Geometric", [p], "int", size=200), INFINITE)
     if which == "tally":
         return tally(c)
     if which == "Binomial":
@@ -96,7 +112,9 @@ def listed(c: Context, kind: str, depth: int) -> Term:
 
 
 def real(c: Context, depth: int) -> Term:
-    which = c.rng.choice(("Uniform", "Normal", "Exponential", "Dirichlet", "Beta", "listed"))
+    which = c.rng.choice(
+        ("Uniform", "Normal", "Exponential", "Dirichlet", "Beta", "Gamma", "TruncatedNormal", "listed")
+    )
     match which:
         case "Uniform":
             low = scalars.real(c.without_draws(), min(depth, 1))
@@ -116,6 +134,16 @@ def real(c: Context, depth: int) -> Term:
             )
         case "Dirichlet":
             return drawn(Term("Dirichlet((1, 0.5, 2))[1]", "real", level=9), INFINITE)
+        case "Gamma":
+            return drawn(
+                Term(c.rng.choice(("Gamma(2.5, 2)", "Gamma(1/3)", "Gamma(1, rate=0.5)")), "real", size=100), INFINITE
+            )
+        case "TruncatedNormal":
+            mean = scalars.real(c.without_draws(), min(depth, 1))
+            mean = mean if mean.finite else number(0.5)
+            ends = c.rng.choice((("-1", "1.5"), ("0", "9"), ("0.25", "0.5")))
+            text = f"TruncatedNormal({mean.text}, 2, {', '.join(ends)})"
+            return drawn(joined(text, "real", (mean,), size=9), INFINITE)
         case "Beta":
             return drawn(Term(c.rng.choice(("Beta(2, 0.5)", "Beta(1/3, 4)")), "real"), INFINITE)
     return listed(c, "real", depth)

@@ -39,6 +39,8 @@ class Chance(Protocol):
 
     def dirichlet(self, key: Key, alphas: Sequence[Number]) -> list[float]: ...
 
+    def gamma(self, key: Key, alphas: Sequence[Number]) -> list[float]: ...
+
 
 @dataclass
 class Census:
@@ -92,6 +94,9 @@ class Census:
         self.take(key, random.GAMMA_WORDS * len(alphas))
         return [1.0] * len(alphas)
 
+    def gamma(self, key: Key, alphas: Sequence[Number]) -> list[float]:
+        return self.dirichlet(key, alphas)
+
 
 @dataclass(frozen=True)
 class Seeded:
@@ -135,6 +140,10 @@ class Seeded:
 
     def dirichlet(self, key: Key, alphas: Sequence[Number]) -> list[float]:
         return random.dirichlet(self.of(key, random.GAMMA_WORDS * len(alphas)), alphas)
+
+    def gamma(self, key: Key, alphas: Sequence[Number]) -> list[float]:
+        words, n = self.of(key, random.GAMMA_WORDS * len(alphas)), random.GAMMA_WORDS
+        return [random.gamma_value(words[n * i : n * i + n], alpha) for i, alpha in enumerate(alphas)]
 
 
 class Endless(Wrong):
@@ -180,7 +189,7 @@ class Script:
     def endless(self, *_: Any, **__: Any) -> Any:
         raise Endless("a draw with infinitely many outcomes")
 
-    uniform = exponential = normal = poisson = dirichlet = endless
+    uniform = exponential = normal = poisson = dirichlet = gamma = endless
 
 
 def outcomes(run: Callable[[Script], Any], limit: int) -> Iterator[tuple[Fraction, Any]]:

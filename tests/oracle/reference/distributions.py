@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import comb
 
+from tests.oracle.reference import random
 from tests.oracle.reference.chance import Chance, Key
 from tests.oracle.reference.values import (
     Choice,
@@ -189,3 +190,39 @@ def subset(call: Call, chance: Chance, key: Key) -> Value:
     n, k = call.argument(0, "n").item, call.argument(1, "k").item
     shape, count = call.size()
     return drawn("bool", (*shape, n), [i < k for i in chance.permutation(key, n, count)])
+
+
+@distribution("Gamma")
+def gamma(call: Call, chance: Chance, key: Key) -> Value:
+    a, rate = call.argument(0, "a"), call.argument(1, "rate", 1)
+    shape, _ = call.size(a, rate)
+    drawn_ = chance.gamma(key, spread(a, shape))
+    return settled(
+        "real", shape, [x / r for x, r in zip(drawn_, floats(rate, shape), strict=True)], fixed=False, rough=True
+    )
+
+
+@distribution("Geometric")
+def geometric(call: Call, chance: Chance, key: Key) -> Value:
+    """How many trials it takes; what is rarer than anything that words show counts as one."""
+    p = call.argument(0, "p")
+    shape, count = call.size()
+    shares: list[Number] = []
+    rest: Number = 1
+    while rest >= 2.0**-60:
+        shares.append(rest * p.item)
+        rest = rest * (1 - p.item)
+    picked = chance.category(key, [*shares, rest], count, fixed=p.fixed)
+    return drawn("int", shape, [1 + k for k in picked])
+
+
+@distribution("TruncatedNormal")
+def truncated_normal(call: Call, chance: Chance, key: Key) -> Value:
+    arguments = [call.argument(i, name) for i, name in enumerate(("mean", "std", "low", "high"))]
+    shape, count = call.size(*arguments)
+    rows = zip(*(floats(a, shape) for a in arguments), chance.uniform(key, count), strict=True)
+    data = [
+        min(max(mean + std * random.truncated(u, (low - mean) / std, (high - mean) / std), low), high)
+        for mean, std, low, high, u in rows
+    ]
+    return settled("real", shape, data, fixed=False, rough=True)

@@ -190,6 +190,12 @@ def gamma(block: Sequence[int], alpha: Number) -> tuple[np.float32, np.float32]:
     return value, standard_exponential(block[8]) / shape if small else F(0)
 
 
+def gamma_value(block: Sequence[int], alpha: Number) -> float:
+    value, shrink = gamma(block, alpha)
+    found = value * exp(-shrink)
+    return float(found) if found > F(2.0**-126) else 0.0
+
+
 def gamma_try(x: np.float32, word: int, d: np.float32, scale: np.float32) -> tuple[bool, np.float32]:
     root = x * scale + F(1)
     if root <= F(0):
@@ -209,3 +215,59 @@ def dirichlet(block: Sequence[int], alphas: Sequence[Number]) -> list[float]:
     for part in parts[1:]:
         total = total + part
     return [float(part / total) if part / total > F(2.0**-126) else 0.0 for part in parts]
+
+
+# ------------------------------------------------------------------------------ normals between bounds
+
+
+def truncated(u: float, low: float, high: float) -> float:
+    """A standard normal between two bounds, by its inverse distribution function, where there is less mass above 0 than below."""
+    if low + high > 0:
+        return -truncated(u, -high, -low)
+    bottom, top = below(low), below(high)
+    p = bottom + u * (top - bottom)
+    return inverse(p) if p > 0 else high
+
+
+def powers(x: float, coefficients: Sequence[float]) -> float:
+    value = 0.0
+    for c in coefficients:
+        value = value * x + c
+    return value
+
+
+def below(x: float) -> float:
+    z = abs(x) * math.sqrt(0.5)
+    t = 1 / (1 + 0.5 * z)
+    tail = 0.5 * t * math.exp(powers(t, ERFC) - z * z)
+    return tail if x < 0 else 1 - tail
+
+
+def inverse(p: float) -> float:
+    rest = p if p < 0.5 else 1 - p
+    if rest >= 0.02425:
+        q = p - 0.5
+        return powers(q * q, CENTRE[0]) * q / powers(q * q, CENTRE[1])
+    s = math.sqrt(-2 * math.log(rest)) if rest > 0 else math.inf
+    found = powers(s, OUTSIDE[0]) / powers(s, OUTSIDE[1]) if rest > 0 else -math.inf
+    return found if p < 0.5 else -found
+
+
+ERFC = (0.17087277, -0.82215223, 1.48851587, -1.13520398, 0.27886807, -0.18628806, 0.09678418, 0.37409196, 1.00002368,
+        -1.26551223)  # fmt: skip
+CENTRE = (
+    (
+        -39.69683028665376,
+        220.9460984245205,
+        -275.9285104469687,
+        138.357751867269,
+        -30.66479806614716,
+        2.506628277459239,
+    ),
+    (-54.47609879822406, 161.5858368580409, -155.6989798598866, 66.80131188771972, -13.28068155288572, 1),
+)
+OUTSIDE = (
+    (-0.007784894002430293, -0.3223964580411365, -2.400758277161838, -2.549732539343734, 4.374664141464968,
+     2.938163982698783),
+    (0.007784695709041462, 0.3224671290700398, 2.445134137142996, 3.754408661907416, 1),
+)  # fmt: skip
