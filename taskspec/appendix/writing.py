@@ -123,6 +123,8 @@ class Writing:
         """Names that an expression depends on, through definitions and noise, as written (with primes)."""
         defined = {signature(w)[0]: (e, signature(w)[1] or ()) for w, e in (self.parsed("definitions") or {}).items()}
         defined |= {name: (e, ()) for name, e in (self.parsed("noise") or {}).items()}
+        if isinstance(end := self.parsed("terminal"), s.Expr):
+            defined["terminal"] = (end, ())
         found: set[str] = set()
         expanded: set[str] = set()
         waiting: list[tuple[Any, tuple[str, ...]]] = [(expr, ())]

@@ -6,7 +6,7 @@ import math
 from typing import NoReturn
 
 from taskspec.diagnostics import Collector, suggest
-from taskspec.lang import dists, late, sets, subscripts, tables
+from taskspec.lang import dists, folds, late, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.foreign import advice
@@ -21,7 +21,7 @@ SET_FUNCTIONS = ("box", "range")
 
 def is_function(name: str) -> bool:
     """Whether the language itself has a function or distribution of this name."""
-    return name in FUNCTIONS or dists.is_distribution(name) or name in SET_FUNCTIONS
+    return name in FUNCTIONS or dists.is_distribution(name) or name in SET_FUNCTIONS or name in folds.NAMES
 
 
 def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
@@ -40,6 +40,8 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
         return Value(_built_in(checker, expr, scope))
     if dists.is_distribution(expr.function):
         return _distribution(checker, expr, scope, want)
+    if expr.function in folds.NAMES:
+        return folds.folded(checker, expr, scope, _applied)
     if expr.function in SET_FUNCTIONS:
         checker.fail("E306", expr, f"`{expr.function}(...)` is a set, not a value",
                      f"use it in a comprehension: `{{x for x in {expr.function}(...)}}`")  # fmt: skip
@@ -104,9 +106,16 @@ def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope
     values = checker.each([(lambda e=e: checker.value(e, scope)) for e in expr.args])  # type: ignore[misc]
     if len(values) != len(function.arguments):
         checker.fail("E304", expr, f"{function.signature} was given {count_of(len(values))}")
+    given = [late.named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
+    return _applied(checker, function, expr, given, want)
+
+
+def _applied(
+    checker: BaseChecker, function: FunctionDef, expr: s.Call, given: list[Value], want: Domain | None = None
+) -> Value:
+    """A definition with these values for its arguments."""
     leave = function.enter(expr)
     try:
-        given = [late.named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
         inner = function.scope.child(dict(zip(function.arguments, given, strict=True)))
         inner.draws = NO_DRAWS
         return checker.value(function.body, inner, want)

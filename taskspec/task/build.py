@@ -143,7 +143,7 @@ class _Build:
             changed = sections.dynamics()
             following = sections.saturate(initial, changed)
             reward = sections.single("reward", REAL, scope("reward"))
-            terminal = sections.single("terminal", BOOL, scope("terminal"), default=False)
+            terminal = sections.terminal()
         absorbing = sections.single("absorbing_reward", REAL, scope("absorbing"), default=0)
         with context.builder.written() as seen:
             observation = sections.observation(initial, following)

@@ -46,6 +46,7 @@ class Names:
         self.context = context
         self._noise: dict[str, tuple[Value, tuple[Draw, ...]]] = {}
         self._next: dict[str, Value] = {}
+        self._end: Value | Poisoned | None = None
         self.raw_next: dict[str, Node] = {}
         """Next values as the dynamics have them, in and out of range."""
 
@@ -58,6 +59,7 @@ class Names:
         self._bind_components(bindings, section)
         self._bind_time(bindings, section)
         self._bind_noise(bindings, section)
+        self._bind_end(bindings, section)
         return self._finished(section, bindings)
 
     def initial_scope(self) -> Scope:
@@ -106,6 +108,31 @@ class Names:
             last = horizon if section in ("observation", "claims") else horizon - 1
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0, last))
             bindings["T"] = Value(b.scalar(horizon))
+
+    # -- the end --------------------------------------------------------------------------------------------------
+
+    def _bind_end(self, bindings: dict[str, Binding], section: str) -> None:
+        """`terminal` is the condition of that name, in `reward` alone."""
+        if section == "reward" and "terminal" in self.context.data:
+            bindings["terminal"] = Lazy(self.end)
+        elif section == "reward":
+            bindings["terminal"] = Unavailable("E302", "no step ends an episode here: there is no section `terminal`")
+        else:
+            bindings["terminal"] = Unavailable("E302", "'terminal' is known in `reward` alone")
+
+    def end(self, at: s.Expr) -> Value:
+        """Whether a step ends the episode, worked out on first use.
+
+        Raises:
+            Poisoned: when the condition is broken; its mistakes are reported once.
+        """
+        if self._end is None:
+            expr, self._end = self.context.exprs["terminal"], Poisoned()
+            if expr is not None:
+                self._end = Value(self.context.checker.condition(expr, self.scope("terminal")), late=True)
+        if isinstance(self._end, Poisoned):
+            raise Poisoned
+        return self._end
 
     # -- noise ----------------------------------------------------------------------------------------------------
 

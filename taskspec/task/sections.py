@@ -11,7 +11,7 @@ from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Scope, Value
-from taskspec.lang.types import BOOL, Kind, Type
+from taskspec.lang.types import Kind, Type
 from taskspec.limits import count, how_to_raise, limits
 from taskspec.source import Path
 from taskspec.task import grids
@@ -134,15 +134,24 @@ class SectionBuilder:
 
     # -- single values --------------------------------------------------------------------------------------------
 
+    def terminal(self) -> Node | None:
+        """The condition that ends an episode, which `reward` may have named before; never, where there is none."""
+        if "terminal" not in self.context.data:
+            return self.builder.scalar(False)
+        try:
+            return self.names.end(s.Name("terminal", False, self.context.place("terminal"))).node
+        except Poisoned:
+            return None
+
     def single(self, section: str, type_: Type, scope: Scope, default: Any = None) -> Node | None:
-        """A section that is one value: the reward, the terminal condition."""
+        """A section that is one number: the reward, the absorbing reward."""
         if section not in self.context.data:
             return self.builder.const(default, type_)
         expr = self.context.exprs[section]
         try:
             if expr is None:
                 return None
-            return self.checker.condition(expr, scope) if type_ == BOOL else self._number(expr, scope, section, type_)
+            return self._number(expr, scope, section, type_)
         except Poisoned:
             return None
 

@@ -19,7 +19,12 @@ _SECTIONS = {
     "state": "state component",
     "action": "action component",
 }
-_RESERVED = {"t": "the number of steps taken", "T": "the horizon", **dict.fromkeys(CONSTANTS, "a constant")}
+_RESERVED = {
+    "t": "the number of steps taken",
+    "T": "the horizon",
+    "terminal": "the end of the episode",
+    **dict.fromkeys(CONSTANTS, "a constant"),
+}
 
 
 def check_names(merged: Merged, collector: Collector) -> None:

@@ -16,7 +16,7 @@ EVERYTHING = {"state", "action", "prime", "t", "noise"}
 
 
 def add(d: Draft) -> None:
-    if d.chance(0.6):
+    if d.asks_end or d.chance(0.6):
         d.data["terminal"] = terminal(d)
     if d.chance(0.2):
         made = scalars.term(d.context({"state", "t"}), "int", (), 1)
@@ -126,6 +126,7 @@ def change(d: Draft, *, removes: bool = True) -> dict[str, Any]:
         found["parameters"] = {"L": {"default": 3}}
     if removes and d.chance(0.3):
         removed = [k for k in ("terminal", "observation", "expert", "discount", "absorbing_reward") if k in d.data]
+        removed = [k for k in removed if k != "terminal" or not d.asks_end]
         if removed:
             found[d.rng.choice(removed)] = None
     if removes and d.chance(0.2) and d.data["dynamics"]:

@@ -57,6 +57,15 @@ def mixed(c: Context, kind: str, depth: int) -> Term:
     return term(c, c.rng.choice(below), (), depth)
 
 
+def fold(c: Context, depth: int) -> Term:
+    if not c.folds:
+        return integer(c, depth)
+    start, x = integer(c, min(depth, 1)), vectors.any_vector(c, "int", min(depth, 1))
+    if len(x.shape) != 1 or start.size > 1e6 or x.size > 1e6:
+        return start
+    return joined(f"fold(mix, {start.text}, {x.text})", "int", (start, x), size=max(10, start.size, x.size))
+
+
 def quotient(c: Context, depth: int) -> Term:
     left, right = integer(c, depth), integer(c, depth)
     op = c.rng.choice(("//", "%"))
@@ -130,6 +139,7 @@ def int_draw(c: Context, depth: int) -> Term:
 INTEGERS: list[tuple[float, Maker]] = [
     (5, arithmetic("int")),
     (2, quotient),
+    (1, fold),
     (0.7, int_power),
     (1, sign_or_size("int")),
     (1.2, extremum("int")),

@@ -39,6 +39,10 @@ class Draft:
     shared: list[tuple[Term, frozenset[str]]] = field(default_factory=list)
     """Definitions and noises, with what they read."""
     functions: list[Function] = field(default_factory=list)
+    asks_end: bool = False
+    """Whether the reward names the end, so that there must be one."""
+    folds: bool = False
+    """Whether there is a definition `mix`, of two small ints."""
     data: Data = field(default_factory=dict)
     horizon: bool = True
 
@@ -62,7 +66,9 @@ class Draft:
             time = Term("t", "int", size=50, reads=frozenset({"t"}))
             names += [time, Term("T", "int", size=50, reads=time.reads)] if self.horizon else [far(time)]
         names += [t for t, needs in self.shared if needs <= allowed]
-        return Context(self.rng, names, list(self.functions) if "state" in allowed else [], draws, not self.endless)
+        return Context(
+            self.rng, names, list(self.functions) if "state" in allowed else [], draws, not self.endless, self.folds
+        )
 
 
 def spec(rng: random.Random) -> Data:
@@ -122,6 +128,13 @@ def shared(d: Draft) -> None:
             definition(d, name)
         if d.chance(0.5):
             function(d)
+        if d.chance(0.4):
+            d.data["definitions"]["mix(p, q)"] = d.rng.choice(MIXES)
+            d.folds = True
+
+
+MIXES = ("(2 * p + q) % 7", "max(p - 1, min(q, 3))", "p if q < p else min(q, 4)", "(p - q) % 5 if p > q else 1")
+"""Functions of two ints that give small ones."""
 
 
 def noise(d: Draft, name: str) -> None:
@@ -211,6 +224,9 @@ def reward(d: Draft) -> Any:
     made = scalars.term(c, d.rng.choice(("bool", "int", "int", "real")), (), d.depth())
     if not made.finite:
         made = scalars.integer(c, 1)
+    if d.chance(0.3):
+        d.asks_end = True
+        return f"{d.rng.choice((5, -2, 'T' if d.horizon else 9))} if terminal else {made.at(1)}"
     return bare(d, made)
 
 

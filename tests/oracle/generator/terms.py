@@ -80,6 +80,8 @@ class Context:
     may_draw: bool = False
     bounded: bool = True
     """Whether draws must have finitely many outcomes."""
+    folds: bool = False
+    """Whether a definition `mix` can be taken through vectors of ints."""
 
     def with_names(self, extra: Sequence[Term]) -> Context:
         return replace(self, names=[*self.names, *extra])

@@ -157,8 +157,11 @@ def put_together(c: Context, kind: str, n: int, depth: int) -> Term:
 
 
 def ordered(c: Context, kind: str, n: int, depth: int) -> Term:
-    which = c.rng.choice(("argsort", "cumsum", "sign", "abs"))
+    which = c.rng.choice(("argsort", "cumsum", "sign", "abs", "scan"))
     x = vector(c, "int", (n,), depth)
+    if which == "scan" and c.folds and x.size < 1e6:
+        return joined(f"scan(mix, {c.rng.randint(-1, 3)}, {x.text})", "int", (x,), shape=(n,), size=max(10, x.size))
+    which = "abs" if which == "scan" else which
     return call(which, [x], "int", shape=(n,), size=max(n * x.size, n))
 
 

@@ -259,6 +259,8 @@ def call(node: ast.Call, scope: Scope, expected: Choice | None) -> Value:
     name = node.func.id
     if name in DISTRIBUTIONS:
         return draw(name, node, scope, expected)
+    if name in ("fold", "scan"):
+        return folded(node, scope)
     if name == "put" and isinstance(node.args[1], ast.Tuple | ast.List):  # an index for each axis, each by itself
         x, i, new = node.args
         return FUNCTIONS[name](*map(number, (visit(x, scope), *(visit(e, scope) for e in i.elts), visit(new, scope))))
@@ -267,6 +269,18 @@ def call(node: ast.Call, scope: Scope, expected: Choice | None) -> Value:
         f = scope.functions[name]
         return scope_forms()(f.body, scope.body(dict(zip(f.arguments, args, strict=True))), expected)
     return FUNCTIONS[name](*map(number, args))
+
+
+def folded(node: ast.Call, scope: Scope) -> Value:
+    """A definition of two arguments, taken through a vector."""
+    step, start, x = node.args
+    assert isinstance(step, ast.Name) and isinstance(node.func, ast.Name)
+    f, value = scope.functions[step.id], visit(start, scope)
+    found = []
+    for element in number(visit(x, scope)).rows():
+        value = scope_forms()(f.body, scope.body(dict(zip(f.arguments, (value, element), strict=True))), None)
+        found.append(value)
+    return value if node.func.id == "fold" else vector(found)
 
 
 def scope_forms() -> Callable[[Any, Scope, Choice | None], Value]:

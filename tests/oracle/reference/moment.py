@@ -26,6 +26,7 @@ class Moment:
     """Only the words of draws are counted: a next value may be any."""
     noise: dict[str, Value] = field(default_factory=dict)
     following: State = field(default_factory=dict)
+    ended: bool | None = None
     busy: set[str] = field(default_factory=set)
 
     # -------------------------------------------------------------------------- names
@@ -48,6 +49,8 @@ class Moment:
             return self.action[name]
         if name in (self.task.sections.get("noise") or {}):
             return self.noise_value(name)
+        if name == "terminal" and scope.place.root == "reward":
+            return settled("bool", (), (self.terminal(),), fixed=False)
         if name in self.task.definitions:
             return form(self.task.definitions[name], scope.outer or scope)
         return self.task._fixed_name(name)
@@ -91,8 +94,11 @@ class Moment:
         return number(form(self.task.sections.get("absorbing_reward", 0), self.scope("absorbing", primes=False)))
 
     def terminal(self) -> bool:
-        data = self.task.sections.get("terminal")
-        return False if data is None else bool(form(data, self.scope("terminal")).item)
+        """Whether the step ends the episode; worked out once, as the reward may ask as well."""
+        if self.ended is None:
+            data = self.task.sections.get("terminal")
+            self.ended = False if data is None else bool(form(data, self.scope("terminal")).item)
+        return self.ended
 
     def observation(self) -> list[tuple[str, Value]]:
         """The observed values by name, after the step (or after the beginning)."""
