@@ -14,7 +14,10 @@ from taskspec.exact.model.model import Model
 from taskspec.exact.planning import maxent, solve
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Draw, Role
+from taskspec.source import read_text
+from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.sections import text
 from tests.shared.tasks import Small, shipped, spec
 
 
@@ -104,6 +107,15 @@ def test_reachable_and_whole_models_agree(task: Task) -> None:
         mass = np.asarray(step.going.sum(axis=1)).reshape(-1)
         mass += 0 if step.ending is None else np.asarray(step.ending.sum(axis=1)).reshape(-1)
         np.testing.assert_allclose(mass, 1, atol=1e-12)
+
+
+def test_a_cell_of_one_value_is_certain_beside_cells_that_are_drawn() -> None:
+    table = "{by: s, rows: {0: {0: 1/4, 9: 3/4}, 9: 9, else: 0}}"
+    step = extract(build(read_text(text(dynamics=f'{{"s\'": {table}}}'))), reachable=False).step(0)
+    mass = step.going.toarray()[:10]
+    assert mass.sum(axis=1).tolist() == [1.0] * 10
+    assert mass[0, [0, 9]].tolist() == [0.25, 0.75]
+    assert mass[1:9, 0].tolist() == [1.0] * 8
 
 
 def test_names_both_ways() -> None:

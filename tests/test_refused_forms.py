@@ -40,6 +40,7 @@ FORMS = [
     ("z' + s", "E302", 1, "'z'' is not defined", None),
     ("1 + max", "E304", 5, "'max' is a function", None),
     ("1 + S", "E302", 5, "'S' is not defined", "'s'"),
+    ("1 + UniformInt(3, 1)", "E408", 5, "'low' of UniformInt is 3, above 'high' 1", None),
     ("s +", "E301", 3, "the expression ends too early", None),
 ]
 
