@@ -192,7 +192,9 @@ def smooth(c: Context, depth: int) -> Term:
     x = mixed(c, "real", depth)
     if which == "norm2":
         v = vectors.any_vector(c, "real", depth)
-        return call("norm2", [v], "real", size=v.size * 8)
+        if v.size < 2**28:  # squares fit into 64 bits
+            return call("norm2", [v], "real", size=v.size * 8)
+        which = "asinh"
     if which == "atan2":
         return call("atan2", [x, mixed(c, "real", depth)], "real", size=4)
     if which == "**":
