@@ -8,7 +8,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from taskspec import SpecError
 from taskspec.cli.app import app
+from taskspec.source import read_text
+from taskspec.task.build import build
 from tests.shared.sections import text
 
 CHAIN = ", ".join(f"x{i}: {{base: x{i - 1}, horizon: {i + 1}}}" if i else "x0: {}" for i in range(400))
@@ -57,3 +60,29 @@ def test_each_gets_its_code(case: str, tmp_path: Path) -> None:
         if command[0] == "check":
             assert (f"error[{code}" in done.output) if code else done.exit_code == 0, done.output
     assert time.process_time() - start < 10
+
+
+@pytest.mark.parametrize(
+    ("expression", "code", "note"),
+    [
+        ("(1, 2, 3)[N - K + M]", "E315", ("with N = 99, K = 0, M = 0",)),
+        ("norm1((1, 2) - [i / 2 for i in range(K + 1)])", "E307", ("with K = 0",)),
+        ("s in {norm1(p) for p in box(0, N, 9)}", "E314", ("with N = 99",)),
+        ("sum((1, 2) + (1, 2, 3))", "E307", ()),
+    ],
+)
+def test_what_hangs_on_parameters_names_their_values(expression: str, code: str, note: tuple[str, ...]) -> None:
+    text = f"""
+taskspec: 1
+name: Walk
+parameters: {{K: {{type: int, default: 0}}, M: {{type: int, default: 0}}, N: {{type: int, default: 99}}}}
+state: {{s: {{type: int, low: 0, high: 9}}}}
+action: {{a: {{type: int, low: 0, high: 1}}}}
+horizon: 9
+initial: {{s: 0}}
+dynamics: {{s': s}}
+reward: "{expression}"
+"""
+    with pytest.raises(SpecError) as failure:
+        build(read_text(text))
+    assert [(d.code, d.notes) for d in failure.value.diagnostics] == [(code, note)]

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from taskspec.diagnostics import Collector
 from taskspec.lang import syntax as s
@@ -21,6 +21,10 @@ T = TypeVar("T")
 
 class Poisoned(Exception):
     """A part is broken and has been reported; what depends on it is given up."""
+
+
+_OF_VALUES = ("E307", "E314", "E315", "E408")
+"""Mistakes that may hang on the values of parameters: shapes, sizes, ranges."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,8 @@ class BaseChecker(ABC):
         self.found: dict[tuple[int, int], tuple[s.Expr, Value]] = {}
         """What each part of an expression came to in the scope of a section, by their ids; in comprehensions and calls it has
         no meaning of its own."""
+        self.parameters: dict[str, Any] = {}
+        """The values of the parameters, for messages."""
         self._expanded = 0
         self._times = 1  # how often the present expression is written out by comprehensions around it
 
@@ -120,8 +126,13 @@ class BaseChecker(ABC):
         return int(node.value)
 
     def fail(self, code: str, expr: s.Expr | s.Slice, message: str, hint: str | None = None) -> NoReturn:
-        self.collector.add(code, expr.place, message, hint)
+        self.collector.add(code, expr.place, message, hint, self._values(expr) if code in _OF_VALUES else ())
         raise Poisoned
+
+    def _values(self, expr: s.Expr | s.Slice) -> list[str]:
+        """The values of the parameters that an expression names, as a note: at others it may be right."""
+        named = dict.fromkeys(x.id for x in s.names(expr) if isinstance(x, s.Name) and x.id in self.parameters)
+        return [f"with {', '.join(f'{name} = {self.parameters[name]}' for name in named)}"] if named else []
 
     def expand(self, expr: s.Expr, count: int = 1) -> None:
         """Count what is written out on the author's behalf: calls of definitions, elements of comprehensions."""

@@ -185,6 +185,7 @@ class _Build:
             if found is not None:
                 context.parameters.append(found[0])
                 context.constants[name] = found[1]
+                context.checker.parameters[name] = found[0].value
         self.collector.raise_if_errors()
         for i, _ in enumerate(entries.get("require") or ()):
             self._require(("parameters", "require", i), scope)
