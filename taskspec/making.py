@@ -6,6 +6,7 @@ Gymnasium is imported inside functions only: its plugin hook may load this modul
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from taskspec.registry import entries, load, shipped
 if TYPE_CHECKING:
     from taskspec.backends.table import BackendName
     from taskspec.envs import Environment
+    from taskspec.envs.instances import InstanceLanes
     from taskspec.envs.options import Autoreset
     from taskspec.envs.vector import AutoresetMode, VectorEnvironment
     from taskspec.task.options import Ending, RenderMode
@@ -87,7 +89,7 @@ def make_vec(
     variant: str | None = None,
     /,
     *,
-    num_envs: int = 1,
+    num_envs: int | None = None,
     backend: BackendName = "auto",
     autoreset_mode: AutoresetMode | Autoreset = "NextStep",
     reuse: bool = False,
@@ -95,26 +97,46 @@ def make_vec(
     ending: Ending = "terminate",
     observe_time: bool = False,
     render_mode: RenderMode | None = None,
+    instance_seed: int | Sequence[int] | None = None,
     **parameters: Any,
 ) -> VectorEnvironment:
     """Many environments of a task, stepped together: `load` and `taskspec.envs.vector.VectorEnvironment` in one call.
+
+    With a list as `instance_seed`, lane i has the constants of the seed at i; the list is taken from its beginning again where
+    `num_envs` says that there are more lanes.
 
     Raises:
         SpecError: E705 when Gymnasium is older than 1.1 or the backend's package is not installed.
     """
     from taskspec.envs.vector import VectorEnvironment
 
-    return VectorEnvironment(
-        load(source, variant, **parameters),
-        num_envs,
-        backend=backend,
-        autoreset_mode=autoreset_mode,
-        reuse=reuse,
-        num_threads=num_threads,
-        ending=ending,
-        observe_time=observe_time,
-        render_mode=render_mode,
-    )
+    options: dict[str, Any] = {
+        "backend": backend, "autoreset_mode": autoreset_mode, "reuse": reuse, "num_threads": num_threads,
+        "ending": ending, "observe_time": observe_time, "render_mode": render_mode,
+    }  # fmt: skip
+    if isinstance(instance_seed, Sequence):
+        return _of_instances(source, variant, instance_seed, num_envs, parameters, options)
+    given = parameters if instance_seed is None else {**parameters, "instance_seed": instance_seed}
+    return VectorEnvironment(load(source, variant, **given), 1 if num_envs is None else num_envs, **options)
+
+
+def _of_instances(
+    source: TaskLike,
+    variant: str | None,
+    seeds: Sequence[int],
+    num_envs: int | None,
+    parameters: dict[str, Any],
+    options: dict[str, Any],
+) -> InstanceLanes:
+    """Lanes of several instances, those with one seed of one task."""
+    from taskspec.envs.instances import InstanceLanes
+    from taskspec.envs.options import invalid, positive
+
+    count = len(seeds) if num_envs is None else positive("num_envs", num_envs)
+    if not 0 < len(seeds) <= count:
+        raise invalid(f"{len(seeds)} instances for {count} lanes")
+    tasks = [load(source, variant, **parameters, instance_seed=seed) for seed in seeds]
+    return InstanceLanes([tasks[i % len(tasks)] for i in range(count)], **options)
 
 
 def make_registered(

@@ -279,7 +279,7 @@ HINTS: list[tuple[str, str, str, str, str | None]] = [
     ("at: p", "at: p, map: walls", "E302", "walls", None),
     (
         "figure: {kind: grid",
-        "constants: {m: [[0, 1]]}\nfigure: {map: m, kind: grid",
+        "constants: {m: [[0, 10]]}\nfigure: {map: m, kind: grid",
         "E204",
         "m",
         "m: {grid: [...], legend: {...}}",

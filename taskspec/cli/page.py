@@ -17,6 +17,7 @@ from taskspec.cli.equations import body, colored
 from taskspec.cli.records import domain_words, show_value, space_words
 from taskspec.cli.targets import near
 from taskspec.cli.terminal import VisibleText
+from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.printers import text as written
 from taskspec.task.schema import Erratum, Source
 from taskspec.task.spaces import action_layout, observation_layout
@@ -168,7 +169,10 @@ def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
     """Sections in the order of a paper's appendix, with their lines."""
     constants, sections = task.spec.constants, task.surface.sections
     if constants:
-        yield "constants", [_Shown(visible(name), _constant(value)) for name, value in constants.items()]
+        yield (
+            "constants",
+            [_Shown(visible(name), _constant(value, _drawn(task, name))) for name, value in constants.items()],
+        )
     for key in _KEYS:
         if sections.get(key):
             yield key, _named(sections[key])
@@ -203,13 +207,22 @@ def _expert(task: Task) -> list[_Shown]:
     return _named(found) if isinstance(found, Mapping) else [_Shown(task.action[0].name, body(found))]
 
 
-def _constant(value: Any) -> RenderableType:
+def _drawn(task: Task, name: str) -> str:
+    """What a constant that draws is in this instance, after an equals sign; nothing for any other."""
+    written = str(task.spec.constants[name])
+    if name not in task.constants or not any(f"{dist}(" in written for dist in (*DISTS, CATEGORICAL.name)):
+        return ""
+    value = task.constants[name]
+    return f" = {value.tolist() if hasattr(value, 'tolist') else value}"
+
+
+def _constant(value: Any, drawn: str = "") -> RenderableType:
     if isinstance(value, Mapping) and "grid" in value:
         grid = value["grid"]
         rows = grid.splitlines() if isinstance(grid, str) else grid
         legend = "  ".join(f"{letter} {visible(str(meaning))}" for letter, meaning in value.get("legend", {}).items())
         return VisibleText("\n".join([*(visible(str(row)) for row in rows), legend]))
-    text = visible(str(value))
+    text = visible(str(value)) + drawn
     return colored(text if len(text) <= 300 else text[:300] + " …")
 
 

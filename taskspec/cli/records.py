@@ -42,6 +42,14 @@ def record(task: Task) -> dict[str, Any]:
     }
 
 
+def constants(task: Task) -> dict[str, Any]:
+    """The constants of a task, those that are drawn as its instance has them."""
+    return {
+        name: value if isinstance(value, bool | int | float) else value.tolist()
+        for name, value in task.constants.items()
+    }
+
+
 def parameter(p: Parameter) -> dict[str, Any]:
     named = ("name", "kind", "value", "default", "low", "high", "values", "symbol", "doc", "alias")
     return {name: getattr(p, name) for name in named if getattr(p, name) is not None}

@@ -52,6 +52,6 @@ def _print_source(task: Task, json: bool) -> None:
 
 def _print_json(task: Task) -> None:
     from taskspec.cli.console import write_json
-    from taskspec.cli.records import record
+    from taskspec.cli.records import constants, record
 
-    write_json({**record(task), "spec": task.written})
+    write_json({**record(task), "constants": constants(task), "spec": task.written})

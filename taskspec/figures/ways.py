@@ -49,6 +49,8 @@ def _said(task: Task, action: int) -> Way | None:
 
 def _led(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) -> Iterator[tuple[Cell, Way]]:
     """Where actions lead in more than half of all cases."""
+    if not pairs:
+        return  # no overlay asks for a policy
     codes, actions = np.array(pairs, np.int64).reshape(-1, 2).T
     weights: dict[tuple[int, Cell], float] = {}
     for o in Steps(task).outcomes(codes, actions, 0):

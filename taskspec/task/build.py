@@ -170,7 +170,7 @@ class _Build:
             raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
             claims=claims, examples=examples, figure=drawn, builder=context.builder, reset_draws=tuple((first | seen).values()),
             step_draws=tuple((later | seen).values()), spec=self.spec, document=self.merged.document, content_hash=self._hash(),
-            surface=context.surface(),
+            surface=context.surface(), fixed=self._fixed(),
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:
@@ -243,6 +243,11 @@ class _Build:
             context.constants[name] = context.lazy(name, make)
         for name in names:
             context.resolve(context.constants[name], context.place("constants", name))
+
+    def _fixed(self) -> dict[str, Const]:
+        """The values of the constants."""
+        found = {name: self.context.constant(name) for name in self.data.get("constants") or {}}
+        return {name: value.node for name, value in found.items() if value and isinstance(value.node, Const)}
 
     def _components(self, section: str) -> tuple[Component, ...]:
         if not self.data[section]:

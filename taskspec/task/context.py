@@ -94,15 +94,20 @@ class Context:
 
         return Lazy(resolve)
 
-    def resolve(self, binding: Binding, place: s.Place) -> None:
-        """Work a lazy binding out for its mistakes."""
+    def constant(self, name: str) -> Value | None:
+        """What a constant or a parameter is; None for one that is broken."""
+        return self.resolve(self.constants[name], self.place("constants", name))
+
+    def resolve(self, binding: Binding, place: s.Place) -> Value | None:
+        """The value of a binding, worked out now; None for one that is broken (and reported), or has no single value."""
         try:
             if isinstance(binding, Lazy):
-                binding.resolve(s.Name("", False, place))
+                return binding.resolve(s.Name("", False, place))
         except Poisoned:
             pass
         except Refused as refused:
             self.collector.add(refused.code, place, refused.message, refused.hint)
+        return binding if isinstance(binding, Value) else None
 
     # -- values of components -------------------------------------------------------------------------------------
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from taskspec.diagnostics import suggest
-from taskspec.lang.ir import Node
-from taskspec.lang.scope import Scope
+from taskspec.lang.ir import Const, Node
+from taskspec.lang.scope import Scope, Value
+from taskspec.lang.types import Kind
 from taskspec.source import Path
 from taskspec.task.context import Context
 from taskspec.task.task import Figure
@@ -71,6 +72,25 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
         span = context.merged.span(("figure", "map"))
         context.collector.add("E302", span, f"there is no constant '{name}'", suggest(name, constants))
     elif grid is None:
-        message, hint = f"the constant '{name}' is no grid of letters", f"{name}: {{grid: [...], legend: {{...}}}}"
-        context.collector.add("E204", context.merged.span(("figure", "map")), message, hint)
+        rows = _digits(context.constant(name))
+        if rows is None:
+            message = f"the constant '{name}' is no grid of letters, and no matrix of conditions or digits"
+            hint = f"{name}: {{grid: [...], legend: {{...}}}}"
+            context.collector.add("E204", context.merged.span(("figure", "map")), message, hint)
+        return rows or ()
     return tuple(grid.splitlines() if isinstance(grid, str) else grid or ())
+
+
+def _digits(value: Value | None) -> tuple[str, ...] | None:
+    """A matrix as rows of characters, `#` for a condition that holds; None where it has other numbers, or is no matrix."""
+    node = None if value is None else value.node
+    if not isinstance(node, Const) or len(node.type.shape) != 2:
+        return None
+    if node.type.kind is Kind.BOOL:
+        letters = ["#" if v else " " for v in node.flat]
+    elif node.type.kind is Kind.INT and all(0 <= v <= 9 for v in node.flat):
+        letters = [str(v) for v in node.flat]
+    else:
+        return None
+    width = node.type.shape[1]
+    return tuple("".join(letters[i : i + width]) for i in range(0, len(letters), width))

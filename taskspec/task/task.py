@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import taskspec
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Const, Draw, Node, Read, Role, rewrite
+from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
 from taskspec.lang.types import BOOL, Kind, Type
 from taskspec.lang.variates.layout import WordLayout
 from taskspec.notebook import html_table
@@ -78,6 +78,8 @@ class Task:
     surface: Surface
     document: Document
     content_hash: str
+    fixed: Mapping[str, Const] = field(default_factory=dict, repr=False)
+    """The values of the constants, those that are drawn as they are for this instance."""
     figure: Figure | None = None
     ending: Ending = "terminate"
     observe_time: bool = False
@@ -127,6 +129,11 @@ class Task:
     def written(self) -> dict[str, Any]:
         """The spec, its variant laid over it, as plain data; what it does not say is left out."""
         return self.spec.model_dump(by_alias=True, exclude_unset=True)
+
+    @cached_property
+    def constants(self) -> dict[str, Any]:
+        """The constants by name, as this instance has them: numbers, and arrays of int64, float64 or bool."""
+        return {name: _value(node) for name, node in self.fixed.items()}
 
     @property
     def values(self) -> dict[str, Any]:
@@ -296,3 +303,16 @@ def constant_value(node: Node) -> Any:
     """The value of a constant node as Python data."""
     assert isinstance(node, Const)
     return node.value
+
+
+def _value(node: Const) -> Any:
+    import numpy as np
+
+    if node.type.is_scalar:
+        return plain(node.value)
+    found = np.array([plain(v) for v in node.flat], _DTYPES[node.type.kind]).reshape(node.type.shape)
+    found.flags.writeable = False
+    return found
+
+
+_DTYPES = {Kind.BOOL: "bool", Kind.INT: "int64", Kind.REAL: "float64"}
