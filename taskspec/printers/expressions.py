@@ -190,10 +190,10 @@ class ExpressionWriter(Writer):
     def _index(self, index: s.Expr | s.Slice) -> m.Math:
         if not isinstance(index, s.Slice):
             return self.number(index).tree
-        start = m.Num("0") if index.start is None else self.number(index.start).tree
-        stop: tuple[m.Math, ...] = () if index.stop is None else (self.number(index.stop).tree,)
-        step: tuple[m.Math, ...] = () if index.step is None else (m.Sym(":"), self.number(index.step).tree)
-        return m.Row((start, m.Sym(":"), *stop, *step))
+        start, stop, step = (() if x is None else (self.number(x).tree,) for x in (index.start, index.stop, index.step))
+        if not start and stop and not step:
+            start = (m.Num("0"),)  # where it begins is told with where it ends
+        return m.Row((*start, m.Sym(":"), *stop, *((m.Sym(":"), *step) if step else ())))
 
     def _vector(self, expr: s.Vector) -> Piece:
         if len(expr.items) == 1 and not isinstance(expr.items[0], s.Vector):

@@ -90,7 +90,9 @@ class Meaning:
         if not isinstance(expr, s.Slice):
             return self.of(expr)
         start, stop, step = (None if x is None else self.of(x) for x in (expr.start, expr.stop, expr.step))
-        return (start or 0, stop) if step is None else (start or 0, stop, step)
+        if start is None and stop is not None and step is None:
+            start = self.of(s.Number(0, "0", expr.place))
+        return (start, stop) if step is None else (start, stop, step)
 
     # -- functions ------------------------------------------------------------------------------------------------
 
