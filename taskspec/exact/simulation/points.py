@@ -133,7 +133,7 @@ def sampled(c: Component, lanes: int, rng: np.random.Generator) -> Array:
 
 def _element(low: float, high: float, kind: Kind, lanes: int, rng: np.random.Generator) -> Array:
     bottom = low if math.isfinite(low) else min(-FAR, high - 2 * FAR) if math.isfinite(high) else -FAR
-    top = high if math.isfinite(high) else max(FAR, bottom + 2 * FAR)
+    top = high + 0.0 if math.isfinite(high) else max(FAR, bottom + 2 * FAR)  # -0.0 is 0.0, and not below it
     if kind is Kind.REAL:
         values = rng.uniform(bottom, top, lanes)
     else:

@@ -153,8 +153,8 @@ def vector(parts: Sequence[Value]) -> Value:
 
 
 def same(left: Value, right: Value) -> bool:
-    """Whether two values are equal as a whole."""
-    if left.kind == "choice" and right.kind == "choice":
+    """Whether two values are equal as a whole: those of one choice by their labels, others by what they stand for."""
+    if left.kind == right.kind == "choice" and left.choice == right.choice:
         return left.data == right.data
     a, b = number(left), number(right)
     return common_shape([a, b]) == a.shape == b.shape and all(
