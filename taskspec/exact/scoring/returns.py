@@ -35,7 +35,7 @@ Given: TypeAlias = Literal["optimal"] | Soft | None
 EPISODES = 1000
 LONGEST = 20_000
 UNENDING = 2_000
-"""Steps after which not one episode of many has ended: then none is expected to."""
+"""Steps after which hardly any episode of many has ended: then not all are expected to."""
 WORDS = 4_000_000
 CONFIDENCE = 0.95
 
@@ -292,9 +292,14 @@ def _simulate(task: Task, choose: Choose, lanes: int, seed: int, spend: Callable
         factor, t = factor * task.discount, t + 1
         if factor < CUT:
             break
-        if running.any() and t >= (UNENDING if unending and running.all() else LONGEST):
+        if running.any() and (t >= LONGEST or (unending and t == UNENDING and _lasts(running))):
             _refuse_endless(task, t)
     return total
+
+
+def _lasts(running: Array) -> bool:
+    """Whether some episodes would still be running after `LONGEST` steps if they go on to end as seldom as until `UNENDING`."""
+    return bool(running.mean() ** (LONGEST / UNENDING) * len(running) >= 1)
 
 
 def _refuse_endless(task: Task, steps: int) -> NoReturn:
