@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -258,3 +260,16 @@ def test_parameters_given_at_build_reach_the_claims() -> None:
     text = PATH.replace("CLAIM", "states == 8")
     (found,) = verdicts(build(source.read_text(text, "path.yaml"), None, values))
     assert found.status == "proved"
+
+
+@pytest.mark.parametrize("discount", ["1/2", "0.999999999", "1"])
+@pytest.mark.parametrize("horizon", [1, 6, 40])
+def test_returns_of_episodes_that_never_terminate_are_known_to_the_last_step(discount: str, horizon: int) -> None:
+    """What all episodes are paid is no more, and no less, than the rewards of their steps."""
+    text = SIMULATED.replace("reward:", "discount: {d}\nreward: 1  #").replace("{d}", discount)
+    text = re.sub(r"(?m)^horizon: .*$", f"horizon: {horizon}", re.sub(r"(?m)^terminal:.*\n", "", text))
+    total = sum(Fraction(float(Fraction(discount))) ** i for i in range(horizon))
+    assert verdict(f"random_return == {float(total)!r}", text).status == "tested"
+    assert verdict(f"random_return == {float(total) * (1 + 1e-6)!r}", text).status == "contradicted"
+    assert verdict(f"random_return > {float(total + 1)!r}", text).status == "contradicted"
+    assert verdict(f"random_return < {float(total - 1)!r}", text).status == "contradicted"

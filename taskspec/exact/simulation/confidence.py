@@ -55,8 +55,8 @@ def _outward(end: float, sign: int) -> float:
 
 
 def _weight(task: Task) -> float:
-    """The discounts of all steps of the longest episode together."""
-    if task.discount == 1:
-        return math.inf if task.horizon is None else float(task.horizon)
-    endless = 1 / (1 - task.discount)
-    return endless if task.horizon is None else min(endless, float(task.horizon))
+    """The discounts of all steps of the longest episode together: of every episode, where none terminates."""
+    steps, gap = math.inf if task.horizon is None else float(task.horizon), 1 - task.discount
+    if gap in (0, 1):
+        return steps if gap == 0 else 1.0
+    return -math.expm1(steps * math.log1p(-gap)) / gap  # 1 - discount**steps would cancel for discounts near 1
