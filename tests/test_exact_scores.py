@@ -17,9 +17,8 @@ from taskspec.exact.abstraction.faith import unfaithful
 from taskspec.exact.model import rows
 from taskspec.exact.planning import benchmark, solve
 from taskspec.exact.planning.certified.bounded import Bounded
-from taskspec.exact.scoring.returns import Results, Return, simulate
+from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exact.simulation.rollout import at_random
-from taskspec.registry import load as load_path
 from taskspec.task.build import build
 from taskspec.task.task import Task
 
@@ -345,14 +344,3 @@ def test_the_benchmark_agrees_with_plain_loops() -> None:
     assert other is None or other.value == pytest.approx(found[0].value, abs=1e-9)
     assert benchmark.memory(exact.extract(benchmark.grid(45))) < 2**20
     assert benchmark.record(found)[0]["total"] == found[0].total
-
-
-def test_episodes_that_seldom_end_are_given_up_early(tmp_path: Path) -> None:
-    """A few of many end within 2,000 steps, so that some would still be running after 20,000."""
-    path = tmp_path / "seldom.yaml"
-    path.write_text(
-        "taskspec: 1\nname: Seldom\nstate: {s: {type: real}}\naction: {a: {type: bool}}\nhorizon: none\n"
-        "initial: {s: 0}\ndynamics: {s': s}\nreward: 1\nterminal: Bernoulli(1/10000)\n"
-    )
-    with pytest.raises(SpecError, match="after 2,000 steps"):
-        simulate(load_path(path), at_random(load_path(path)), 50)

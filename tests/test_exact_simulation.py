@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from taskspec.diagnostics import SpecError
 from taskspec.exact import extract
 from taskspec.exact.planning import solve
 from taskspec.exact.scoring.returns import Results, simulate
 from taskspec.exact.simulation.rollout import at_random
+from taskspec.registry import load
 from tests.shared.tasks import model_of, shipped, spec
 
 EVERY = [
@@ -44,3 +48,14 @@ def test_other_specs_by_simulation(name: str) -> None:
     returns = simulate(task, at_random(task), episodes=3000, seed=1)
     error = returns.std(ddof=1) / np.sqrt(len(returns))
     assert abs(returns.mean() - solve.random_return(extract(task))) <= 5 * error + 1e-9
+
+
+def test_episodes_that_seldom_end_are_given_up_early(tmp_path: Path) -> None:
+    """A few of many end within 2,000 steps, so that some would still be running after 20,000."""
+    path = tmp_path / "seldom.yaml"
+    path.write_text(
+        "taskspec: 1\nname: Seldom\nstate: {s: {type: real}}\naction: {a: {type: bool}}\nhorizon: none\n"
+        "initial: {s: 0}\ndynamics: {s': s}\nreward: 1\nterminal: Bernoulli(1/10000)\n"
+    )
+    with pytest.raises(SpecError, match="after 2,000 steps"):
+        simulate(load(path), at_random(load(path)), 50)

@@ -180,7 +180,7 @@ def test_what_is_no_name_is_refused(name: str, place: int) -> None:
 
 # -- what generated code uses at all ---------------------------------------------------------------------------------
 
-USED = {"abs", "float", "int", "list", "max", "min", "range", "round", "zip", "TypeError", "ValueError"}
+USED = {"abs", "float", "int", "list", "max", "min", "range", "round", "sorted", "zip", "TypeError", "ValueError"}
 
 
 def test_generated_code_uses_few_builtins_and_nothing_hidden() -> None:

@@ -224,6 +224,12 @@ class Builder:
             case _:
                 return node
 
+    def remake_late(self, node: Node, args: tuple[Node, ...]) -> Node:
+        """As `remake`, where values take the place of what is known late: fractions beside these stay floats, as in a step."""
+        if isinstance(node, Apply) and not all(isinstance(a, Const) for a in node.args):
+            args = tuple(self.held(a) if isinstance(a, Const) else a for a in args)
+        return self.remake(node, args)
+
     # -- how ------------------------------------------------------------------------------------------------------
 
     def _kept(self, key: Any, args: Sequence[Node], result: Node) -> Node:

@@ -267,7 +267,7 @@ class Task:
                 case _:
                     return None
 
-        return rewrite(self.observation.nodes, leaf, b.remake)
+        return rewrite(self.observation.nodes, leaf, b.remake_late)
 
     @cached_property
     def first_observation(self) -> tuple[Node, ...]:
@@ -284,7 +284,7 @@ class Task:
                 case _:
                     return None
 
-        return rewrite(self.observation.nodes, leaf, b.remake)
+        return rewrite(self.observation.nodes, leaf, b.remake_late)
 
 
 TaskLike: TypeAlias = Task | str | PathLike[str]

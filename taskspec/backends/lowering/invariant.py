@@ -56,7 +56,7 @@ def _at_reset(task: Task, nodes: Sequence[Node]) -> tuple[Node, ...]:
     def leaf(node: Node) -> Node | None:
         return first[node.name] if isinstance(node, Read) and node.role is Role.STATE else None
 
-    return rewrite(nodes, leaf, task.builder.remake)
+    return rewrite(nodes, leaf, task.builder.remake_late)
 
 
 WIDE = 32
