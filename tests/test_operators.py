@@ -143,8 +143,10 @@ def check(b: Builder, node: Node, rows: Sequence[Sequence[Argument]], make: Any)
         assert agree(array, expected, node, not inexact(node)), ("array", array, shown)
         folded = make(b, constants(b, arguments))
         assert isinstance(folded, Const)
-        fractions = any(isinstance(v, Fraction) for v in folded.flat)
-        unsigned = tuple(v + 0.0 for v in expected) if fractions else expected  # a fraction that is 0 has no sign
+        pairs = zip(folded.flat, expected, strict=True)
+        unsigned = tuple(
+            v + 0.0 if isinstance(f, Fraction) else v for f, v in pairs
+        )  # a fraction that is 0 has no sign
         assert agree(tuple(batch.array(folded)[..., 0].ravel().tolist()), unsigned, node), ("folded", folded, shown)
         low, high = b.bounds(make(b, bounded(b, arguments)))
         assert all(low <= v <= high or v != v for v in expected), ("bounds", (low, high), shown)

@@ -42,12 +42,12 @@ FEATURES: dict[str, dict[str, Any]] = {
         "title": "A walk", "summary": "Walk to the end.", "description": "Text with $x$.", "capability": "walking",
         "sources": ["paper", {"key": "other", "where": "page 3"}],
         "errata": [{"source": "it said so", "here": "it does not", "because": "it is wrong", "about": ["reward"]}],
-        "version": 1, "accept": {"W506": "meant to be"},
+        "version": 1, "info": ["old_state", "new_state"], "accept": {"W506": "meant to be"},
         "roles": {"expert": "Walk", "learner": "WalkOther"}, "variants": {"other": {"title": "x"}},
     },
     "numbers": {
         "parameters": {
-            "L": {"type": "int", "default": 3, "low": 1, "high": 9, "symbol": "L", "doc": "length"},
+            "L": {"type": "int", "default": 3, "low": 1, "high": 9, "symbol": "L", "doc": "length", "alias": "n"},
             "p": {"type": "real", "default": "1/4", "low": 0, "high": 1},
             "require": [{"condition": "L > 0", "message": "too short"}],
         },

@@ -145,7 +145,7 @@ FUNCTIONS = (
              ((INTS, 0, 2), (MIXED, 1, 1), (INTS, 1, 9)), _swap, indices=(1, 2)),
     Function("put", ("x", "i", "value"), r"{0}[{1} \leftarrow {2}]",
              "The vector with element i replaced; the matrix with row i, or with element (i, j) as `i`.",
-             ((INTS, 1, 9), (MIXED, 0, 9), (INTS, 7, 0.5), (ROWS, 1, INTS[:2]), (ROWS, (1, -1), 0.5)), _put, indices=(1,),
+             ((INTS, 1, 9), (MIXED, 0, 9), (INTS, 7, 0.5), (ROWS, 1, INTS[:2]), (ROWS, (1, 1), 0.5)), _put, indices=(1,),
              brackets=Brackets(Level.ATOM, (Level.ATOM, Level.SCOPE))),
     Function("reshape", ("x", "shape"), r"\operatorname{reshape}_{{1}}({0})", "The same elements in another shape, row by row.",
              (((1, 2, 3, 4), (2, 2)), (ROWS, 4)), _reshape, static=(1,)),
