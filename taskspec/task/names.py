@@ -27,14 +27,16 @@ _WITHOUT_ACTION = {
     "expert": "the action is not known yet",
     "absorbing": "the action is not known yet",
     "abstraction": "the action is not known yet",
+    "figure": "a figure shows states",
 }
-_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction")
+_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure")
 _OUTSIDE_STEPS = ("initial", "observation")
 """Sections in which a noise may stand that depends on no step."""
 _NO_DRAWS = {
     "absorbing": "an absorbing reward is a fixed number",
     "claims": "a claim is a statement about exact results",
     "abstraction": "an abstraction is a function of the state",
+    "figure": "a figure shows states",
 }
 """Sections in which nothing may be drawn, and why."""
 

@@ -286,7 +286,8 @@ def _simulate(task: Task, choose: Choose, lanes: int, seed: int, spend: Callable
         spend()
         tell(f"{lanes:,} episodes, step {t + 1:,}")
         moved = rollout.step(state, choose(state, t, rng), t)
-        total += np.where(running, factor * moved.reward, 0.0)
+        with np.errstate(over="ignore", invalid="ignore"):  # a return that no float holds is infinite, or nan
+            total += np.where(running, factor * moved.reward, 0.0)
         running = running & ~moved.terminal
         state = {n: np.where(running, moved.state[n], state[n]) for n in state}
         factor, t = factor * task.discount, t + 1
