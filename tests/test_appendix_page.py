@@ -17,16 +17,9 @@ from taskspec.printers import plain
 from taskspec.printers.names import nowhere
 from taskspec.source import read_text
 from taskspec.task.build import build
-from taskspec.task.task import Claim, Task
+from taskspec.task.task import Claim
 
 ROOT = Path(__file__).parent.parent
-GOLDEN = ROOT / "tests" / "golden" / "appendix"
-REFERENCE = ROOT / "docs" / "suite"
-IDS = [i for i in registry.task_ids() if i.startswith("derail/")]
-
-
-def tasks() -> list[Task]:
-    return [registry.load(i) for i in IDS]
 
 
 def words(content: Inlines) -> str:
@@ -134,6 +127,11 @@ def test_scores_claims_and_figure_are_those_of_the_values(tmp_path: Path) -> Non
     write([task], ["svg", "markdown"], tmp_path, columns=[{"L": 3, "B": 3}])
     assert ">9<" in (tmp_path / "figures" / "branching-l-3-b-3.svg").read_text()
     assert "figures/branching-l-3-b-3.svg" in (tmp_path / "branching.md").read_text()
+
+
+def test_values_may_be_given_by_their_alias() -> None:
+    found = page(registry.load("derail/NoisyObsSeals-v0"), columns=[{"noise_length": 5}])
+    assert [(s.title, s.task.values["L"]) for s in found.settings] == [("L = 5", 5)]
 
 
 def test_a_claim_about_the_defaults_is_not_called_false_elsewhere() -> None:

@@ -34,12 +34,6 @@ def abstraction(w: Writing) -> Iterator[Inlines]:
     for section, title, make in _OWN:
         if getattr(written, section) is not None:
             yield from ((Text(f"{title}: "), *line) for line in make(own))
-    if own.hatted:
-        yield from _as_above(own, [title for section, title, _ in _OWN if getattr(written, section) is None])
-
-
-def _as_above(own: Writing, titles: list[str]) -> Iterator[Inlines]:
-    """What the task's own equations say of components that are named alike."""
-    if titles:
+    if own.hatted and any(getattr(written, section) is None for section, _, _ in _OWN):
         pairs = (m.Row((own.symbol(n), m.Words(" in place of "), own.plain.symbol(n))) for n in sorted(own.hatted))
         yield (Text("all else as above, with "), formula(m.joined(pairs)))

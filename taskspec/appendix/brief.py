@@ -38,7 +38,7 @@ def briefly(page: Page) -> Page:
 
 
 def _is_state(page: Page) -> bool:
-    return page.task.observation.is_state and page.task.observation.space in (None, "auto")
+    return page.task.observation.is_state and page.task.observation.space == "auto"
 
 
 def families(pages: Iterable[Page]) -> list[Family]:

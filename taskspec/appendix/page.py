@@ -98,9 +98,9 @@ def setting_title(task: Task) -> str:
 
 
 def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> Iterator[Setting]:
-    names = {p.name for p in task.parameters}
+    names = {key: p.name for p in task.parameters for key in (p.alias, p.name)}
     for column in columns:
-        values = {name: value for name, value in column.items() if name in names}
+        values = {names[name]: value for name, value in column.items() if name in names}
         if values:
             at = load(task, **values)
             title = ", ".join(f"{name} = {at.values[name]}" for name in values)

@@ -101,7 +101,7 @@ def gather_pages(
     Raises:
         SpecError: (E703) for values that a parameter cannot have, (E702) for a name that no task has a parameter for.
     """
-    known = {p.name for task in tasks for p in task.parameters}
+    known = {name for task in tasks for p in task.parameters for name in (p.name, p.alias)}
     for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
         load(tasks[0], **{name: value})  # which says what is wrong
     made = (page(task, (facts or {}).get(task.id), columns) for task in tasks)
