@@ -105,6 +105,8 @@ def from_set(c: Context, depth: int) -> Term:
 def listed(c: Context, kind: str, depth: int) -> Term:
     """`Categorical({value: probability, ...})`, values that may read the state."""
     first, second = (scalars.term(c.without_draws(), kind, (), min(depth, 1)) for _ in range(2))
+    if kind == "int":  # two conditions would make a condition
+        second = infix(second, "+", number(0), "int", size=second.size)
     p = probability(c.without_draws(), 1)
     rest = infix(number(1), "-", p, "real", size=1)
     text = f"Categorical({{{first.at(0)}: {p.text}, {second.at(0)}: {rest.text}}})"
