@@ -5,12 +5,14 @@ Gymnasium is imported inside functions only: its plugin hook may load this modul
 
 from __future__ import annotations
 
+import copy
+import functools
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec import registry
+from taskspec import ids, registry
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.registry import entries, load, shipped
 
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from taskspec.task.task import TaskLike
 
 SPEC_ID = "taskspec/Spec-v0"
+ENTRY_POINT = "taskspec.making:make_registered"
 
 
 def make(
@@ -70,18 +73,45 @@ def _add(task_id: str, kwargs: dict[str, Any]) -> None:
     from gymnasium.envs.registration import register as add
     from gymnasium.envs.registration import registry
 
+    _take_instances()
     if task_id in registry and registry[task_id].kwargs == kwargs:
         return
     registry.pop(task_id, None)
     # The environment checks order, horizon and actions itself, so that `gym.make` can return it bare.
     add(
         task_id,
-        "taskspec.making:make_registered",
+        ENTRY_POINT,
         vector_entry_point="taskspec.making:make_vec_registered",
         order_enforce=False,
         disable_env_checker=True,
         kwargs=kwargs,
     )
+
+
+def _take_instances() -> None:
+    """Let `gym.make` and `gym.make_vec` take ids with values of parameters, such as `derail/NoisyObs-v0?L=50&M=7`.
+
+    Gymnasium's pattern for ids has no room for them, and what is registered is looked up before anything of ours runs: so the
+    function that looks it up is wrapped. All other ids go to it as they are.
+    """
+    from gymnasium.envs import registration
+
+    find = getattr(registration, "_find_spec", None)
+    if find is None or hasattr(find, "__wrapped__"):
+        return
+
+    @functools.wraps(find)
+    def found(env_id: str) -> Any:
+        if not ids.is_instance(env_id):
+            return find(env_id)
+        asked = ids.parse(env_id)
+        spec = copy.deepcopy(find(asked.name))
+        if spec is None or spec.entry_point != ENTRY_POINT:
+            return find(env_id)
+        spec.kwargs.update(asked.parameters)
+        return spec
+
+    registration._find_spec = found
 
 
 def make_vec(

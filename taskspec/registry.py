@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from taskspec import scan
+from taskspec import ids, scan
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 
 if TYPE_CHECKING:
@@ -95,6 +95,7 @@ def load(source: TaskLike, variant: str | None = None, /, **parameters: Any) -> 
 
     Args:
         source: `suite/Name-vN` (the version, and the suite when the name is unique, may be left out), a path, or a task.
+            Values of parameters may stand behind an id or a path: `derail/NoisyObs-v0?L=50&M=7`.
         variant: for a path or a task, the variant to load, by its key or its task's name.
         **parameters: values of the task's parameters; the others keep their defaults, or the values that a given task has.
 
@@ -109,10 +110,31 @@ def load(source: TaskLike, variant: str | None = None, /, **parameters: Any) -> 
         raise SpecError([Diagnostic("E211", None, f"a variant is named by a text, not by {variant!r}")])
     if isinstance(source, Task):
         return _changed(source, variant, parameters)
-    if isinstance(source, os.PathLike) or is_path(source):
+    if isinstance(source, os.PathLike):
         return _load_file(Path(source), variant, parameters)
-    entry = find(source)
+    asked = instance(source)
+    parameters = _together(asked, parameters)
+    if is_path(asked.name):
+        return _load_file(Path(asked.name), variant, parameters)
+    entry = find(asked.name)
     return _load_file(entry.path, variant or entry.variant, parameters, entry.suite)
+
+
+def instance(source: str) -> ids.InstanceId:
+    """What an id or a path names, and the values of parameters behind it; a file that is there is called as it is called.
+
+    Raises:
+        SpecError: E713 for something else than values behind it.
+    """
+    return ids.InstanceId(source, {}) if is_path(source) else ids.parse(source)
+
+
+def _together(asked: ids.InstanceId, parameters: dict[str, Any]) -> dict[str, Any]:
+    """The values that an id gives, and those given beside it."""
+    twice = next((name for name in parameters if name in asked.parameters), None)
+    if twice is not None:
+        raise SpecError([Diagnostic("E713", None, f"'{twice}' is given in the id and beside it; give it once")])
+    return {**asked.parameters, **parameters}
 
 
 def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Task:

@@ -143,12 +143,11 @@ def _chosen(wanted: Wanted) -> BenchPlan:
 
 def _tasks(wanted: Wanted) -> Iterator[Task]:
     from taskspec.cli.specs import task_in, variants_of
-    from taskspec.cli.targets import assignments, files_of
+    from taskspec.cli.targets import files_of
 
-    values = assignments(wanted.parameters)
-    for file in files_of(wanted.targets):
+    for file in files_of(wanted.targets, wanted.parameters):
         for variant in variants_of(file):
-            yield task_in(file, variant, values)
+            yield task_in(file, variant)
 
 
 def _programs(task: Task, asked: Sequence[str]) -> list[str]:

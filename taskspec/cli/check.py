@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
 
     from taskspec.cli.checking import Checked, FileReport
     from taskspec.cli.proofs import Finding
-    from taskspec.cli.targets import File
     from taskspec.exact import Verdict
     from taskspec.task.task import Task
 
@@ -50,13 +51,14 @@ def check(
     Exit status 1 if there is an error.
     """
     from taskspec.cli.checking import check_file, counts
-    from taskspec.cli.targets import assignments, checked_choice, files_of
+    from taskspec.cli.targets import checked_choice, files_of
 
     start = time.perf_counter()
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
-    values = assignments(parameters or [])
-    files = [_narrowed(file, variant) for file in files_of(targets or [])]
-    reports = [check_file(file, values, lambda task: _examined(task, not quick, not values)) for file in files]
+    files = files_of(targets or [], parameters or [])
+    if variant is not None:
+        files = [replace(file, variants=(variant,)) for file in files]
+    reports = [check_file(file, partial(_examined, sense=not quick, defaults=not file.parameters)) for file in files]
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
     if errors or (strict and warnings):
@@ -69,12 +71,6 @@ def _examined(task: Task, sense: bool, defaults: bool) -> Finding:
 
     with progress(task.id):
         return examine(task, sense, defaults)
-
-
-def _narrowed(file: File, variant: str | None) -> File:
-    from taskspec.cli.targets import File
-
-    return file if variant is None else File(file.path, file.suite, (variant,))
 
 
 # -- text ---------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -51,22 +51,22 @@ class FileReport:
     accepted: tuple[Accepted, ...] = ()
 
 
-def check_file(file: File, parameters: Mapping[str, Any] | None = None, prove: Examine = examine) -> FileReport:
+def check_file(file: File, prove: Examine = examine) -> FileReport:
     """Check all that a file defines; nothing is raised for what is wrong with it."""
     path = str(file.path)
     try:
         variants = variants_of(file)
     except SpecError as error:
         return FileReport(path, (), error.diagnostics)
-    checked = settled([check_task(file, variant, parameters, prove) for variant in variants])
+    checked = settled([check_task(file, variant, prove) for variant in variants])
     return FileReport(path, checked, once(checked), accepted_by(checked))
 
 
-def check_task(file: File, variant: str | None, parameters: Mapping[str, Any] | None, prove: Examine) -> Checked:
+def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
     """Build one task, then prove what can be proved of it."""
     start = time.perf_counter()
     try:
-        task = task_in(file, variant, parameters)
+        task = task_in(file, variant)
     except SpecError as error:
         found = Finding(error.diagnostics, "not built")
         return Checked(_name(file, variant), variant, None, found, time.perf_counter() - start)

@@ -6,7 +6,7 @@ import math
 import os
 import shutil
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -80,6 +80,11 @@ def terminal_width(err: bool = False) -> int | None:
 def write_json(data: Any) -> None:
     """Print data as JSON; what JSON cannot hold (infinities) becomes text."""
     say(to_json(data))
+
+
+def write_records(records: Sequence[Any]) -> None:
+    """Print what there is of each of several tasks as JSON: a list, or just the one."""
+    write_json(records[0] if len(records) == 1 else list(records))
 
 
 def to_json(data: Any) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -26,15 +26,6 @@ Format = Annotated[
 ]  # fmt: skip
 Output = Annotated[
     Path, typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where to write.", file_okay=False)
-]
-Sweep = Annotated[
-    list[str] | None,
-    typer.Option(
-        "-p",
-        "--param",
-        metavar="NAME=VALUE,...",
-        help="Also at these values, such as L=5,B=3: equations, scores, claims and figure.",
-    ),
 ]
 Results = Annotated[bool, typer.Option("--results/--no-results", help="Scores, and what became of the claims.")]
 Brief = Annotated[
@@ -61,13 +52,15 @@ def docs(
     targets: Targets = None,
     format: Format = None,
     output: Output = Path("build/docs"),
-    parameters: Sweep = None,
+    parameters: Parameters = None,
     results: Results = True,
     brief: Brief = False,
     title: Title = "",
     json: Json = False,
 ) -> None:
     """Write the appendix of a paper: every task with its figure.
+
+    With [green]-p[/], equations, scores, claims and figures at these values as well, side by side.
 
     As a static site (html), files to include in a paper and a document of their own (latex, pdf), or for a
     repository (markdown); what is known of the tasks' returns and claims is worked out now.
@@ -76,7 +69,7 @@ def docs(
     from taskspec.cli import failures
     from taskspec.cli.check import plural
     from taskspec.cli.console import write_json
-    from taskspec.cli.targets import near
+    from taskspec.cli.targets import near, settings
     from taskspec.exact.lint.accept import set_aside
 
     tasks = tasks_of(targets or [])
@@ -87,7 +80,7 @@ def docs(
         output,
         title=title,
         facts=facts_of(tasks) if results else None,
-        columns=columns_of(parameters or []),
+        columns=settings(parameters) if parameters else (),
         brief=brief,
     )
     failures.show(each for task in tasks for each in set_aside(task, appendix.undrawn(task))[0])
@@ -109,11 +102,12 @@ def figure(
     Over the states may lie their optimal values, the optimal or the expert's actions, and how often they are visited.
     """
     from taskspec import appendix
-    from taskspec.cli.targets import task_of
+    from taskspec.cli.targets import beside, tasks_of
 
-    found = task_of(task, variant, parameters or [])
+    found = tasks_of(task, variant, parameters or [])
     wanted = _named("--overlay", overlays or [], appendix.OVERLAYS)
-    say(f"wrote {appendix.figure(found, output, wanted)}")
+    for each in found:
+        say(f"wrote {appendix.figure(each, output if len(found) == 1 else beside(output, each), wanted)}")
 
 
 def tasks_of(targets: Sequence[str]) -> list[Task]:
@@ -133,13 +127,6 @@ def facts_of(tasks: Sequence[Task]) -> dict[str, Facts]:
     from taskspec.appendix import gather
 
     return {task.id: gather(task) for task in tasks}
-
-
-def columns_of(texts: Sequence[str]) -> list[Mapping[str, Any]]:
-    """Columns of parameter values: `L=5,B=3` is one column."""
-    from taskspec.cli.targets import assignments
-
-    return [assignments(text.split(",")) for text in texts]
 
 
 def _named(option: str, texts: Sequence[str], allowed: Sequence[str]) -> list[str]:

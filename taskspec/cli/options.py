@@ -62,7 +62,8 @@ def complete_variants(ctx: typer.Context, incomplete: str) -> list[tuple[str, st
 
     target = _target_in(ctx)
     try:
-        path = Path(target or "") if registry.is_path(target or "") else registry.find(target or "").path
+        name = registry.instance(target or "").name
+        path = Path(name) if registry.is_path(name) else registry.find(name).path
         found = scan(path.read_text(encoding="utf-8")).tasks
     except (ValueError, OSError):
         return []
@@ -126,7 +127,8 @@ Variant = Annotated[
 Parameters = Annotated[
     list[str] | None,
     typer.Option(
-        "-p", "--param", metavar="NAME=VALUE", help="A parameter, such as [green]-p L=20[/]; may be repeated.",
+        "-p", "--param", metavar="NAME=VALUE,...",
+        help="A parameter, such as [green]-p L=20[/], or several values, [green]-p L=5,10,20[/]; may be repeated.",
         autocompletion=complete_parameters,
     ),
 ]  # fmt: skip

@@ -79,25 +79,39 @@ def run(
     return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o film.gif[/] films them.
     """
     from taskspec.cli import film
-    from taskspec.cli.rollouts import Stopwatch, summarize
-    from taskspec.cli.targets import task_of
+    from taskspec.cli.console import write_records
+    from taskspec.cli.targets import beside, tasks_of
 
     kind = film.kind_of(render, output)
     if json and kind == "ansi":
         raise misuse("--json and --render ansi do not go together")
-    found = task_of(task, variant, parameters or [])
-    count = episodes or (1 if kind else EPISODES)
-    path = output or Path(f"{found.name}.{kind}")
+    found = tasks_of(task, variant, parameters or [])
+    count, records = episodes or (1 if kind else EPISODES), []
+    for each in found:
+        path = output or Path(f"{each.name}.{kind}")
+        path = path if len(found) == 1 else beside(path, each)
+        summary, done = _rolled_out(each, policy, seed, count, max_steps, kind, path, quiet=json)
+        if json:
+            records.append(_record(each, policy, seed, summary, done))
+        else:
+            _print(each, policy, seed, summary)
+        if kind in film.FILMS:
+            say(f"wrote {path}", err=json)
+    if json:
+        write_records(records)
+
+
+def _rolled_out(
+    task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, path: Path, quiet: bool
+) -> tuple[Summary, list[Episode]]:
+    """Episodes, shown as was asked for, and how they went."""
+    from taskspec.cli import film
+    from taskspec.cli.rollouts import Stopwatch, summarize
+
     clock = Stopwatch()
     with film.watching(kind, path) as watch:
-        done = list(_episodes(found, policy, seed, count, max_steps, kind, watch, quiet=json))
-    summary = summarize(done, clock.seconds)
-    if json:
-        _print_json(found, policy, seed, summary, done)
-    else:
-        _print(found, policy, seed, summary)
-    if kind in film.FILMS:
-        say(f"wrote {path}", err=json)
+        done = list(_episodes(task, policy, seed, count, max_steps, kind, watch, quiet))
+    return summarize(done, clock.seconds), done
 
 
 def _episodes(
@@ -144,15 +158,13 @@ def _with_bar(done: Iterator[Episode], count: int) -> Iterator[Episode]:
 # -- output -------------------------------------------------------------------------------------------------------
 
 
-def _print_json(task: Task, policy: str, seed: int, summary: Summary, done: list[Episode]) -> None:
-    from taskspec.cli.console import write_json
-
+def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Episode]) -> dict[str, Any]:
     about: dict[str, Any] = {"id": task.id, "parameters": task.values, "policy": policy, "seed": seed}
     found = dataclasses.asdict(summary)
     half = found.pop("half")
     interval = None if half is None else [summary.mean - half, summary.mean + half]
-    write_json({**about, "content_hash": task.content_hash, **found, "confidence_95": interval,
-                "returns": [episode.total for episode in done]})  # fmt: skip
+    returns = [episode.total for episode in done]
+    return {**about, "content_hash": task.content_hash, **found, "confidence_95": interval, "returns": returns}
 
 
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:

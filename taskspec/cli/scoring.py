@@ -57,21 +57,25 @@ def solve(
     Exactly where the task has an exact model, else from episodes, with a confidence interval. Where observations hide
     the state, the best of those who see no more than that are told besides: with memory, and without.
     """
-    from taskspec.cli.console import write_json
+    from taskspec.cli.console import write_records
     from taskspec.cli.progress import progress
-    from taskspec.cli.targets import task_of
+    from taskspec.cli.targets import beside, tasks_of
     from taskspec.exact import Results, scores, yardsticks
 
-    found = task_of(task, variant, parameters or [])
-    with progress(found.id):
-        measured = scores(found, episodes, seed)
-        seen = yardsticks(Results(found))
-    if output is not None:
-        measured.save(output)
+    records = []
+    found = tasks_of(task, variant, parameters or [])
+    for each in found:
+        with progress(each.instance_id):
+            measured = scores(each, episodes, seed)
+            seen = yardsticks(Results(each))
+        if output is not None:
+            measured.save(output if len(found) == 1 else beside(output, each))
+        if json:
+            records.append(measured.record() | {"yardsticks": None if seen is None else _seen_record(seen)})
+        else:
+            _print_scores(each, measured, seen)
     if json:
-        write_json(measured.record() | {"yardsticks": None if seen is None else _seen_record(seen)})
-    else:
-        _print_scores(found, measured, seen)
+        write_records(records)
 
 
 def score(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -21,28 +21,32 @@ def show(
     json: Json = False,
 ) -> None:
     """Show a task as a page, or the code generated from it."""
-    from taskspec.cli.targets import task_of
+    from taskspec.cli.console import console, write_records
+    from taskspec.cli.page import print_page
+    from taskspec.cli.targets import tasks_of
 
-    found = task_of(task, variant, parameters or [])
-    if source:
-        _print_source(found, json)
-    elif json:
-        _print_json(found)
-    else:
-        from taskspec.cli.console import console
-        from taskspec.cli.page import print_page
-
-        print_page(found, console())
-
-
-def _print_source(task: Task, json: bool) -> None:
-    from taskspec.backends.scalar.program import compile_scalar
-    from taskspec.cli.console import colored, console, write_json
-
-    code = compile_scalar(task).source
+    found = tasks_of(task, variant, parameters or [])
     if json:
-        write_json({"id": task.id, "language": "python", "source": code})
-    elif colored():
+        write_records([_source_record(each) if source else _record(each) for each in found])
+        return
+    for each in found:
+        if source:
+            _print_source(each)
+        else:
+            print_page(each, console())
+
+
+def _source_record(task: Task) -> dict[str, Any]:
+    from taskspec.backends.scalar.program import compile_scalar
+
+    return {"id": task.id, "language": "python", "source": compile_scalar(task).source}
+
+
+def _print_source(task: Task) -> None:
+    from taskspec.cli.console import colored, console
+
+    code = _source_record(task)["source"]
+    if colored():
         from rich.syntax import Syntax
 
         console(wide=True).print(Syntax(code, "python", theme="ansi_dark", background_color="default", word_wrap=True))
@@ -50,8 +54,7 @@ def _print_source(task: Task, json: bool) -> None:
         say(code, nl=not code.endswith("\n"))
 
 
-def _print_json(task: Task) -> None:
-    from taskspec.cli.console import write_json
+def _record(task: Task) -> dict[str, Any]:
     from taskspec.cli.records import constants, record
 
-    write_json({**record(task), "constants": constants(task), "spec": task.written})
+    return {**record(task), "constants": constants(task), "spec": task.written}

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from taskspec.cli.targets import File
 from taskspec.source import Document, read_file
@@ -49,12 +48,12 @@ def name_of(file: File, variant: str | None) -> str:
     return name if variant is None else task_name(name, variant)
 
 
-def task_in(file: File, variant: str | None, parameters: Mapping[str, Any] | None = None) -> Task:
-    """One task of a file.
+def task_in(file: File, variant: str | None) -> Task:
+    """One task of a file, at the values that the file is asked for at.
 
     Raises:
         SpecError: with every mistake found.
     """
     from taskspec.task.build import build
 
-    return build(_document(str(file.path)), variant, parameters or {}, file.suite)
+    return build(_document(str(file.path)), variant, file.parameters, file.suite)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec import registry
+from taskspec import ids, registry
 from taskspec.cli.failures import misuse, refuse
 from taskspec.diagnostics import suggest
 
@@ -17,15 +18,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """A spec's file, and the variants that were asked for (None: all that are complete)."""
+    """A spec's file, the variants that were asked for (None: all that are complete), and values of their parameters."""
 
     path: Path
     suite: str
     variants: tuple[str | None, ...] | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def at(self, values: Mapping[str, Any]) -> File:
+        """The same file, with more values of parameters.
+
+        Raises:
+            SpecError: E713 for one that has a value.
+        """
+        for name in values:
+            if name in self.parameters:
+                raise refuse("E713", f"'{name}' is given in the id and beside it; give it once")
+        return replace(self, parameters={**self.parameters, **values})
 
 
-def task_of(target: str, variant: str | None, parameters: Sequence[str]) -> Task:
-    """The one task that a command is about.
+def tasks_of(target: str, variant: str | None, parameters: Sequence[str]) -> list[Task]:
+    """The task that a command is about, once for each setting of its parameters.
 
     Raises:
         SpecError: no such task, a folder, a bad parameter, or any mistake in the spec.
@@ -34,33 +47,41 @@ def task_of(target: str, variant: str | None, parameters: Sequence[str]) -> Task
         raise refuse(
             "E711", f"'{target}' is a folder; this command takes one task", "`taskspec list FOLDER` shows what is in it"
         )
-    values = assignments(parameters)
-    return registry.load(shown_path(target), variant, **values)
+    return [registry.load(target, variant, **values) for values in settings(parameters)]
 
 
-def shown_path(target: str) -> str | Path:
-    """A target as `registry.load` wants it; a shipped task's file goes by its short path."""
-    if registry.is_path(target):
-        return Path(target)
-    registry.find(target)  # an unknown id is reported before anything is read
-    return target
-
-
-def files_of(targets: Sequence[str]) -> list[File]:
-    """The files behind ids, paths, folders and suites, each once; all known tasks for none.
+def task_of(target: str, variant: str | None, parameters: Sequence[str]) -> Task:
+    """The one task that a command is about, with one setting of its parameters.
 
     Raises:
-        SpecError: E701, E710 when one of them is nothing of the kind, or a folder without specs.
+        SpecError: as `tasks_of`, and E713 for several values of a parameter.
     """
-    if not targets:
-        return _joined(_of_entries(registry.known().values(), whole=True))
-    return _joined([file for target in targets for file in _files(target)])
+    found = tasks_of(target, variant, parameters)
+    if len(found) > 1:
+        raise refuse("E713", "this command takes one value of each parameter")
+    return found[0]
+
+
+def files_of(targets: Sequence[str], parameters: Sequence[str] = ()) -> list[File]:
+    """The files behind ids, paths, folders and suites, each once for each setting; all known tasks for none.
+
+    Raises:
+        SpecError: E701, E710 when one of them is nothing of the kind, or a folder without specs; E713 as `settings`.
+    """
+    if targets:
+        found = _joined([file for target in targets for file in _files(target)])
+    else:
+        found = _joined(_of_entries(registry.known().values(), whole=True))
+    return [file.at(values) for file in found for values in settings(parameters)]
 
 
 def _files(target: str) -> list[File]:
     path = Path(target)
     if path.is_dir():
         return _of_folder(path)
+    asked = registry.instance(target)
+    if asked.parameters:
+        return [file.at(asked.parameters) for file in _files(asked.name)]
     if registry.is_path(target) or ("/" in target and path.exists()):
         return [File(path, registry.suite_of(path))]
     suite = [e for e in registry.known().values() if e.suite == target]
@@ -101,59 +122,51 @@ def near(path: Path) -> Path:
 
 
 def _joined(files: Iterable[File]) -> list[File]:
-    """Each file once, with all that was asked of it, in order of first mention."""
-    merged: dict[Path, File] = {}
+    """Each file once for each setting, with all that was asked of it, in order of first mention."""
+    merged: dict[tuple[Path, str], File] = {}
     for file in files:
-        key = file.path.resolve()
+        key = (file.path.resolve(), repr(file.parameters))
         old = merged.get(key)
         if old is None:
             merged[key] = file
         elif old.variants is None or file.variants is None:
-            merged[key] = File(old.path, old.suite)
+            merged[key] = replace(old, variants=None)
         else:
-            merged[key] = File(old.path, old.suite, tuple(dict.fromkeys((*old.variants, *file.variants))))
+            merged[key] = replace(old, variants=tuple(dict.fromkeys((*old.variants, *file.variants))))
     return list(merged.values())
+
+
+def beside(path: Path, task: Task) -> Path:
+    """The file for one of several settings of a task: `scores-L=5-M=7.json` for `scores.json`."""
+    values = "".join(f"-{name}={ids.shown(value)}" for name, value in task.values.items())
+    return path.with_name(f"{path.stem}{values}{path.suffix}")
 
 
 # -- parameters ---------------------------------------------------------------------------------------------------
 
 
-def assignments(texts: Sequence[str]) -> dict[str, Any]:
-    """Parameter values from `name=value` texts.
+def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
+    """What parameters are set to, once for each combination of values: `L=5,10` and `B=2` are two settings.
+
+    Several parameters may stand in one text, `L=5,10,B=2`: a value without a name is one more of the parameter before it.
 
     Raises:
         SpecError: E713 for a text of another form, or a name given twice.
     """
-    values: dict[str, Any] = {}
+    values: dict[str, list[Any]] = {}
     for text in texts:
-        name, sign, value = text.partition("=")
-        name = name.strip()
-        if not sign or not name.isidentifier():
-            raise refuse("E713", f"'-p {text}' is not of the form name=value", "for example: -p L=20")
-        if name in values:
-            raise refuse("E713", f"parameter '{name}' is given twice")
-        values[name] = read_value(value.strip())
-    return values
-
-
-_WORDS = {"true": True, "false": False}
-
-
-def read_value(text: str) -> Any:
-    """A value as a spec would read it: a number (`1e-3` and `1/3` are some), true or false, or a word."""
-    if text in _WORDS:
-        return _WORDS[text]
-    for kind in (int, float, _fraction):
-        try:
-            return kind(text.replace("_", "x"))
-        except (ValueError, ZeroDivisionError):
-            continue
-    return text
-
-
-def _fraction(text: str) -> float:
-    top, bottom = text.split("/")
-    return int(top) / int(bottom)
+        name = ""
+        for part in text.split(","):
+            left, sign, right = part.partition("=")
+            name, value = (left.strip(), right.strip()) if sign else (name, left.strip())
+            if not name.isidentifier() or not value:
+                raise refuse(
+                    "E713", f"'-p {text}' is not of the form name=value", "for example: -p L=20, or -p L=5,10,20"
+                )
+            if sign and name in values:
+                raise refuse("E713", f"parameter '{name}' is given twice", f"several values: -p {name}=1,2")
+            values.setdefault(name, []).append(ids.read_value(value))
+    return [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
 
 
 def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:

@@ -179,7 +179,7 @@ def _colon(text: str, syntax: Syntax) -> TextProblem | None:
 def _after_value(text: str, syntax: Syntax) -> TextProblem | None:
     """Something follows, on the same line, a value that was already complete."""
     last, at = syntax.last, syntax.at
-    if last is None or text[last.end : at].strip(" \t") or last.end > at:
+    if last is None or text[last.end : at].strip(" \t") or last.end > at or at == len(text):
         return None
     if isinstance(last, MappingNode) and text[last.start] == "{":
         return _brace(text, last)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import taskspec
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.ids import InstanceId
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
 from taskspec.lang.types import BOOL, Kind, Type
@@ -89,6 +90,11 @@ class Task:
         """`suite/Name-vN`, the id under which a shipped task is registered with Gymnasium."""
         prefix = f"{self.suite}/" if self.suite else ""
         return f"{prefix}{self.name}-v{self.version}"
+
+    @property
+    def instance_id(self) -> str:
+        """The id with the values of all parameters by name, `suite/Name-vN?L=50&M=7`: `load` and `gym.make` take it."""
+        return str(InstanceId(self.id, dict(sorted(self.values.items()))))
 
     @property
     def title(self) -> str:
