@@ -29,6 +29,8 @@ horizon: 9
 initial: {s: 0, x: 0}
 dynamics: {s': "min(s + a, 5) if Bernoulli(1/2) else s"}
 reward: s' + x[0]
+memory: {m: {type: int, low: 0, high: 5, initial: s, next: s'}}
+expert: {a: m < 3}
 """
 
 
@@ -53,6 +55,11 @@ def test_every_task_keeps_them(path: Path) -> None:
 
 def damaged(task: Task, **changes: object) -> Task:
     return dataclasses.replace(task, **changes)  # type: ignore[arg-type]
+
+
+def remembering(task: Task, **changes: object) -> Task:
+    assert task.memory is not None
+    return damaged(task, memory=dataclasses.replace(task.memory, **changes))  # type: ignore[arg-type]
 
 
 def read(role: Role, name: str, type: Type = INT) -> Read:
@@ -92,6 +99,9 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
     "a figure reads what a step reads": lambda t: damaged(t, figure=Figure("bars", values=read(Role.NEXT, "s"))),
     "the absorbing reward reads state and time": lambda t: damaged(t, absorbing_reward=read(Role.ACTION, "a", REAL)),
     "the absorbing reward draws nothing": lambda t: damaged(t, absorbing_reward=Draw("normal", (), REAL, 98)),
+    "each component of a memory has values of its type": lambda t: remembering(t, initial=(t.reward,)),
+    "a memory reads what is seen, and later itself, action and time": lambda t: remembering(t, initial=(t.next[0],)),
+    "a memory draws nothing": lambda t: remembering(t, next=(COIN,)),
     "what is read is a component": lambda t: damaged(t, terminal=read(Role.STATE, "nobody", BOOL)),
     "a site of a draw is one node": lambda t: damaged(t, terminal=COIN, expert=(dataclasses.replace(COIN),)),
     "equal operations are one node": lambda t: damaged(

@@ -274,6 +274,15 @@ def initial(w: Writing) -> Iterator[Inlines]:
 
 
 def expert(w: Writing) -> Iterator[Inlines]:
+    """What it remembers, and what it does."""
+    for c in () if w.task.memory is None else w.task.memory.components:
+        first, later = (w.parsed("memory")[c.name + prime] for prime in ("", "'"))
+        symbol = w.symbol(c.name)
+        yield (
+            Text("remembers "), formula(symbol, m.Sym("∈"), w.domain(c.name, w.spec.memory[c.name])),
+            *((Text(", "), *inlines(c.doc)) if c.doc else ()), Text(": at first "), Formula(w.equation(symbol, first, c.name)),
+            Text("; after a step "), Formula(w.equation(w.symbol(c.name, primed=True), later, c.name)),
+        )  # fmt: skip
     match w.task.expert:
         case None:
             return

@@ -182,6 +182,8 @@ def _blocks(task: Task) -> Iterable[tuple[str, list[_Shown]]]:
     yield "horizon", [_Shown("", _horizon(task))]
     if task.discount != 1:
         yield "discount", [_Shown("", VisibleText(f"{task.discount:g}"))]
+    if sections.get("memory"):
+        yield "memory", _named(sections["memory"])
     yield "expert", _expert(task)
 
 

@@ -17,7 +17,8 @@ from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Kind
 from taskspec.lang.variates.layout import WordLayout
 from taskspec.lang.variates.sample import sampler
-from taskspec.task.spaces import SpaceLayout, action_layout, pack
+from taskspec.task.memory import recall
+from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, unpack
 from taskspec.task.task import Component, Task
 
 if TYPE_CHECKING:
@@ -66,15 +67,21 @@ def expert_policy(env: Environment, seed: int) -> Policy:
 
 
 def _expression_expert(env: Environment, nodes: tuple[Node, ...], seed: int) -> Policy:
-    """Expressions over the state and the time, by the reference interpreter."""
-    task, layout = env.task, action_layout(env.task)
+    """Expressions over the state, the time and the expert's memory, by the reference interpreter."""
+    task, layout, memory = env.task, action_layout(env.task), env.task.memory
     words, rng = WordLayout.of(nodes), np.random.default_rng(seed)
+    kept: list[tuple[Any, ...]] = []
+    done: list[tuple[Any, ...]] = []
 
     def act(observation: Any) -> Any:
         state = env.state
         reads = {c.read: _state_flat(c, state[c.name]) for c in task.state} | {(Role.TIME, "t"): (env.time,)}
+        if memory is not None:
+            kept[:] = recall(task, memory, unpack(observation_layout(task), observation), kept, done, env.time)
+            reads |= {c.read: flat for c, flat in zip(memory.components, kept, strict=True)}
         drawn = [int(w) for w in rng.integers(0, 2**32, words.count)]
-        return pack(layout, evaluate(nodes, reads, sampler(words, drawn)))
+        done[:] = evaluate(nodes, reads, sampler(words, drawn))
+        return pack(layout, done)
 
     return act
 

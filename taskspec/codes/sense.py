@@ -181,7 +181,8 @@ warning and say so.
         "a component of the state that makes no difference",
         """
 Neither rewards nor the end of episodes ever depend on a component of the state, and the agent does not see it; or it sees it, as
-part of the state, but it is drawn for nothing. A distraction that is meant is better made by the observation.
+part of the state, but it is drawn for nothing. A distraction that is meant is better made by the observation. Or it is something
+that the expert remembers (`memory`), and nothing that the expert does depends on it.
 """,
     ),
     Code(

@@ -23,7 +23,7 @@ from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
 from taskspec.envs.options import positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.exact.model.failure import misused
-from taskspec.exact.scoring.policies import Expert
+from taskspec.exact.scoring.experts import Expert
 from taskspec.extras import need
 from taskspec.registry import load
 from taskspec.task.options import RenderMode

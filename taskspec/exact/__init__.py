@@ -20,7 +20,7 @@ from taskspec.exact.report import StaleScores as StaleScores
 from taskspec.exact.report import check as check
 from taskspec.exact.report import score as score
 from taskspec.exact.report import scores as scores
-from taskspec.exact.scoring.policies import Expert as Expert
+from taskspec.exact.scoring.experts import Expert as Expert
 from taskspec.exact.scoring.returns import Results as Results
 from taskspec.exact.scoring.returns import Return as Return
 from taskspec.exact.scoring.returns import normalised as normalised

@@ -63,6 +63,7 @@ def _shaped(flat: tuple[Any, ...], shape: tuple[int, ...]) -> Any:
 
 def expert_path(task: Task, steps: int, seed: int = 0) -> list[dict[str, Any]]:
     """States that the expert passes through, where its actions are expressions and nothing is drawn in a step."""
+    task = task.remembering()
     states = [first_state(task, seed)]
     nodes = task.next
     if not isinstance(task.expert, tuple) or draws_of((*nodes, *task.expert)):

@@ -144,9 +144,11 @@ class _Walk:
             match key:
                 case "type" if value in _TYPES:
                     yield self.changed(here, _TYPES[value], value, _TYPES[value])
-                case "low" | "high" | "shape" | "default":
+                case "default" | "initial" | "next":
                     yield from self.expression(value, here)
-                    yield from () if key == "default" else [self.without(here)]
+                case "low" | "high" | "shape":
+                    yield from self.expression(value, here)
+                    yield self.without(here)
                 case "values":
                     yield from self._labels(value, here)
 

@@ -32,6 +32,7 @@ CHUNK = 20_000
 
 def same_task(one: Task, other: Task) -> bool:
     """Whether two tasks are the same for everyone: spaces, episodes, observations and expert."""
+    one, other = one.remembering(), other.remembering()
     return same_core(one, other) or same_episodes(one, other)
 
 

@@ -16,14 +16,14 @@ from taskspec.task.task import Component, Task
 
 def of_task(task: Task) -> Notation:
     """The notation that every part of a task's printed form shares."""
-    components = (*task.state, *task.action)
+    components = (*task.state, *task.action, *(() if task.memory is None else task.memory.components))
     return Notation(
         symbols=dict(_symbols(task)),
         labels={c.name: dict(_labels(c)) for c in components if c.domain is not None},
         singles=frozenset(c.name for c in components if c.type.shape == (1,)),
         lengths={
             name: expr
-            for name, entry in (task.spec.state | task.spec.action).items()
+            for name, entry in (task.spec.state | task.spec.action | task.spec.memory).items()
             if (expr := _length(entry.shape)) is not None
         },
     )
@@ -31,7 +31,7 @@ def of_task(task: Task) -> Notation:
 
 def _symbols(task: Task) -> Iterator[tuple[str, m.Math]]:
     spec = task.spec
-    for declared in (spec.parameters.entries, spec.state, spec.action):
+    for declared in (spec.parameters.entries, spec.state, spec.action, spec.memory):
         for name, entry in declared.items():
             yield name, symbol(name, entry.symbol)
     for name in (*spec.constants, *spec.noise):

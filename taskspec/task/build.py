@@ -23,6 +23,7 @@ from taskspec.task.examples import read_examples
 from taskspec.task.figure import figure
 from taskspec.task.forms import is_word
 from taskspec.task.invariants import check_on_request
+from taskspec.task.memory import remembered
 from taskspec.task.merge import Merged, abstracted, merge
 from taskspec.task.names import Names, signature
 from taskspec.task.schema import Spec, check_shape, validated
@@ -36,7 +37,7 @@ OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observ
 
 SEMANTIC = (
     "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount", "initial",
-    "dynamics", "reward", "absorbing_reward", "expert", "abstraction", "info",
+    "dynamics", "reward", "absorbing_reward", "memory", "expert", "abstraction", "info",
 )  # fmt: skip
 """Sections that decide what a task does; the content hash covers these and the parameter values."""
 
@@ -59,7 +60,7 @@ def build(
 
 def _reduced(task: Task) -> tuple[Any, ...]:
     """A task travels as its spec's text and its parameter values, and is built again on arrival."""
-    options = (task.suite, task.ending, task.observe_time)
+    options = (task.suite, task.ending, task.observe_time, task.remembers)
     return _rebuilt, (packed(task.document), task.variant, task.values, *options)
 
 
@@ -70,11 +71,13 @@ def _rebuilt(
     suite: str,
     ending: str,
     observe_time: bool,
+    remembers: bool,
 ) -> Task:
     """A task from the text it was built from."""
     task = build(unpacked(pack), variant, values, suite)
     task = task.absorbing() if ending == "absorb" else task
-    return task.observing_time() if observe_time else task
+    task = task.observing_time() if observe_time else task
+    return task.remembering() if remembers else task
 
 
 copyreg.pickle(Task, _reduced)  # here, since a task need not know how it is built
@@ -127,7 +130,9 @@ class _Build:
         self._bind_parameters(given)
         self._bind_constants()
         context.state, context.action = self._components("state"), self._components("action")
-        context.domains = [c.domain for c in (*context.state, *context.action) if c.domain is not None]
+        context.memory = self._components("memory") if self.data.get("memory") else ()
+        everything = (*context.state, *context.action, *context.memory)
+        context.domains = [c.domain for c in everything if c.domain is not None]
         context.forms.labels = frozenset(x for d in context.domains for x in d.labels if not is_word(x))
         context.horizon = self._horizon()
         return self._discount()
@@ -147,10 +152,9 @@ class _Build:
         absorbing = sections.single("absorbing_reward", REAL, scope("absorbing"), default=0)
         with context.builder.written() as seen:
             observation = sections.observation(initial, following)
-        expert = sections.expert()
+        memory, expert = remembered(context, self.names, observation), sections.expert()
         self._check_unused()
-        mapped = sections.abstraction()
-        drawn = figure(context, scope("figure"))
+        mapped, drawn = sections.abstraction(), figure(context, scope("figure"))
         claims, examples = tuple(sections.claims()), tuple(read_examples(context))
         scope("claims")
         self.collector.raise_if_errors()
@@ -160,6 +164,7 @@ class _Build:
         sections.check_widths(
             initial=raw_initial, dynamics=raw_next, reward=[reward], terminal=[terminal], absorbing_reward=[absorbing],
             abstraction=mapped, observation=observation.nodes, expert=expert if isinstance(expert, tuple) else (),
+            memory=() if memory is None else memory.lines,
         )  # fmt: skip
         self.collector.raise_if_errors()
         context.builder.settle()
@@ -170,7 +175,7 @@ class _Build:
             raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
             claims=claims, examples=examples, figure=drawn, builder=context.builder, reset_draws=tuple((first | seen).values()),
             step_draws=tuple((later | seen).values()), spec=self.spec, document=self.merged.document, content_hash=self._hash(),
-            surface=context.surface(), fixed=self._fixed(),
+            surface=context.surface(), fixed=self._fixed(), memory=memory,
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:

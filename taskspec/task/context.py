@@ -34,6 +34,7 @@ class Context:
         self.constants: dict[str, Binding] = {}
         self.state: tuple[Component, ...] = ()
         self.action: tuple[Component, ...] = ()
+        self.memory: tuple[Component, ...] = ()
         self.domains: list[Domain] = []
         self.horizon: int | None = None
         self.exprs: dict[str, Any] = {}  # parsed sections

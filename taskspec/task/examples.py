@@ -16,7 +16,8 @@ from taskspec.task.context import Context
 from taskspec.task.task import Example, Followed
 
 SCOPE = "examples"
-_GIVEN = {"state": Role.STATE, "action": Role.ACTION}
+_GIVEN = {"state": (Role.STATE, "given state"), "action": (Role.ACTION, "action")}
+"""Keys that say what is given, and whose names they have: those of a state are names of the expert's memory as well."""
 _BY_NAME = {"initial": "state", "next": "state", "observation": "observation", "expert": "action"}
 """Keys that say what follows name by name, and the section that has the names."""
 _SINGLE = ("reward", "terminal", "truncated")
@@ -31,7 +32,9 @@ def read_examples(context: Context) -> Iterator[Example]:
 
 def _example(context: Context, entry: Mapping[str, Any], path: Path) -> Example:
     given = {
-        (role, name): expr for key, role in _GIVEN.items() for name, expr in _named(context, entry, key, key, path)
+        (role, name): expr
+        for key, (role, section) in _GIVEN.items()
+        for name, expr in _named(context, entry, key, section, path)
     }
     follows = [
         Followed(key, name, expr)
@@ -58,7 +61,7 @@ def _named(
     for name in entry.get(key) or {}:
         here = (*path, key, name)
         if name not in known:
-            what = {"state": "state component", "action": "action component"}.get(section, "observation")
+            what = {"observation": "observation", "action": "action component"}.get(section, "state component")
             hint = suggest(name, known) or f"there are: {', '.join(known)}"
             context.collector.add("E216", context.merged.key_span(here), f"there is no {what} '{name}'", hint)
         elif (expr := context.forms.expr(here)) is not None:
@@ -68,4 +71,6 @@ def _named(
 def _names(context: Context, section: str) -> Sequence[str]:
     if section == "observation" and context.data.get("observation"):
         return [name for name in context.data["observation"] if name != "space"]
+    if section == "given state":
+        return [c.name for c in (*context.state, *context.memory)]
     return [c.name for c in (context.action if section == "action" else context.state)]

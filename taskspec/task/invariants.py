@@ -53,7 +53,10 @@ OF_TASKS: tuple[TaskRule, ...] = (
     ("a figure reads what a step reads", lambda t: _roles(drawn(t)) <= _STEP),
     ("the absorbing reward reads state and time", lambda t: _roles([t.absorbing_reward]) <= _PRESENT),
     ("the absorbing reward draws nothing", lambda t: not draws([t.absorbing_reward])),
-    ("what is read is a component", lambda t: _names(t) <= {*(c.name for c in (*t.state, *t.action)), "t"}),
+    ("each component of a memory has values of its type", lambda t: all(_typed(nodes, kept(t)) for nodes in memories(t))),
+    ("a memory reads what is seen, and later itself, action and time", lambda t: _remembered(t)),
+    ("a memory draws nothing", lambda t: not draws(n for nodes in memories(t) for n in nodes)),
+    ("what is read is a component", lambda t: _names(t) <= {*(c.name for c in (*t.state, *t.action, *kept(t))), "t"}),
     ("a site of a draw is one node", lambda t: _distinct(n.site for n in walk(roots(t)) if isinstance(n, Draw))),
     ("equal operations are one node", lambda t: _distinct(_key(n) for n in walk(roots(t)) if isinstance(n, Apply))),
     ("an index is certain to lie in its vector", lambda t: all(_certain(t, *found) for found in _indices(t))),
@@ -75,6 +78,16 @@ def experts(task: Task) -> tuple[Node, ...]:
     return task.expert if isinstance(task.expert, tuple) else ()
 
 
+def kept(task: Task) -> tuple[Component, ...]:
+    """The components of what the expert remembers."""
+    return () if task.memory is None else task.memory.components
+
+
+def memories(task: Task) -> tuple[tuple[Node, ...], ...]:
+    """First and next values of what the expert remembers."""
+    return () if task.memory is None else (task.memory.initial, task.memory.next)
+
+
 def drawn(task: Task) -> tuple[Node, ...]:
     """What the figure shows."""
     if task.figure is None:
@@ -90,7 +103,7 @@ def components(task: Task) -> tuple[Component, ...]:
 
 def broken(task: Task) -> Iterator[str]:
     """The rules that a task breaks, each with the node or the task that breaks it; nothing for a task as it should be."""
-    for node in walk(roots(task)):
+    for node in walk((*roots(task), *(n for nodes in memories(task) for n in nodes))):
         yield from (f"{rule}: {node!r}" for rule, holds in OF_NODES if not holds(node))
     yield from (f"{rule}: {task!r}" for rule, holds in OF_TASKS if not holds(task))
 
@@ -133,6 +146,14 @@ def _bounded(c: Component) -> bool:
 
 def _roles(nodes: Iterable[Node]) -> set[Role]:
     return {role for role, _ in reads(nodes)}
+
+
+def _remembered(task: Task) -> bool:
+    if task.memory is None:
+        return True
+    seen = {(Role.NEXT, c.name) for c in task.observation.components}
+    own = {c.read for c in kept(task)} | {(Role.ACTION, c.name) for c in task.action} | {(Role.TIME, "t")}
+    return reads(task.memory.initial) <= seen and reads(task.memory.next) <= seen | own
 
 
 def _certain(task: Task, node: Node, low: float, high: float) -> bool:

@@ -13,11 +13,11 @@ from taskspec.source import Document, Path
 
 NAMED = (
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "initial", "dynamics",
-    "accept",
+    "accept", "memory",
 )  # fmt: skip
 """Sections of named entries, which a variant overrides entry by entry."""
 
-FIELDED = ("parameters", "state", "action")
+FIELDED = ("parameters", "state", "action", "memory")
 """Sections whose entries have fields, which a variant overrides field by field."""
 
 _OF_ANY_TYPE = ("default", "shape", "symbol", "doc", "alias")
@@ -134,7 +134,8 @@ def abstracted(merged: Merged) -> Merged | None:
     over = merged.data.get("abstraction")
     if not over:
         return None
-    data = {key: value for key, value in merged.data.items() if key not in _NOT_ABSTRACT}
+    memory = ("memory", "expert") if merged.data.get("memory") else ()  # a stand-in shows no observations to remember
+    data = {key: value for key, value in merged.data.items() if key not in (*_NOT_ABSTRACT, *memory)}
     moved = dict(merged.moved)
     for section, value in over.items():
         if section != "map" and value is not None:

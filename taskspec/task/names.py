@@ -6,6 +6,7 @@ next value where there is one, and is refused where there is none.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -29,12 +30,14 @@ _WITHOUT_ACTION = {
     "abstraction": "the action is not known yet",
     "figure": "a figure shows states",
 }
-_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure")
+_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "first memory", "memory")
 _OUTSIDE_STEPS = ("initial", "observation")
 """Sections in which a noise may stand that depends on no step."""
 _NO_DRAWS = {
     "absorbing": "an absorbing reward is a fixed number",
     "claims": "a claim is a statement about exact results",
+    "first memory": "a memory holds what was seen and done",
+    "memory": "a memory holds what was seen and done",
     "abstraction": "an abstraction is a function of the state",
     "figure": "a figure shows states",
 }
@@ -59,7 +62,34 @@ class Names:
             return known
         bindings: dict[str, Binding] = dict(self.context.constants)
         self._bind_components(bindings, section)
+        self._bind_memory(bindings, section)
         self._bind_time(bindings, section)
+        self._bind_noise(bindings, section)
+        self._bind_end(bindings, section)
+        return self._finished(section, bindings)
+
+    def memory_scope(self, section: str, seen: Mapping[str, Value]) -> Scope:
+        """The names visible in the expert's memory, `first memory` or `memory`: what is seen, itself, and the action before."""
+        context, later = self.context, section == "memory"
+        bindings: dict[str, Binding] = dict(context.constants)
+        for c in (*context.state, *context.action):
+            hint = (
+                f"what is seen after a step is written with a prime: `{next(iter(seen))}'`" if later and seen else None
+            )
+            bindings[c.name] = Unavailable("E302", f"a memory is made of what is seen, and '{c.name}' is not", hint)
+        for name, value in seen.items():
+            if later:
+                message, hint = (
+                    f"'{name}' was seen before the step",
+                    f"`{name}'` is seen after it; memory keeps what was",
+                )
+                bindings[name] = Unavailable("E302", message, hint)
+            bindings[name + "'" * later] = value
+        for c in context.action if later else ():
+            bindings[c.name] = context.read(c, Role.ACTION)
+        self._bind_memory(bindings, section)
+        if later:
+            self._bind_time(bindings, section)
         self._bind_noise(bindings, section)
         self._bind_end(bindings, section)
         return self._finished(section, bindings)
@@ -100,6 +130,14 @@ class Names:
                 where = "the expert" if section == "expert" else f"`{section}`"
                 message = f"the action '{c.name}' cannot be used in {where}"
                 bindings[c.name] = Unavailable("E302", message, _WITHOUT_ACTION[section])
+
+    def _bind_memory(self, bindings: dict[str, Binding], section: str) -> None:
+        for c in self.context.memory:
+            if section in ("expert", "memory"):
+                bindings[c.name] = self.context.read(c, Role.STATE)
+            elif section != "first memory":
+                message = f"'{c.name}' is the expert's memory, which `expert` and `memory` alone know"
+                bindings[c.name] = Unavailable("E302", message)
 
     def _bind_time(self, bindings: dict[str, Binding], section: str) -> None:
         b, horizon = self.context.builder, self.context.horizon

@@ -60,6 +60,27 @@ class Observation:
 
 
 @dataclass(frozen=True)
+class ExpertMemory:
+    """What the expert remembers: components, with nodes for their first and their next values.
+
+    `initial` and `next` read NEXT, what is then observed, by its name; `next` also reads STATE, which is the memory itself,
+    ACTION and TIME, the steps taken before. Both draw nothing. An int is moved to the nearest end of its range, and
+    `raw_initial` and `raw_next` are as written, as in `Task`.
+    """
+
+    components: tuple[Component, ...]
+    initial: tuple[Node, ...]
+    next: tuple[Node, ...]
+    raw_initial: tuple[Node, ...]
+    raw_next: tuple[Node, ...]
+
+    @property
+    def lines(self) -> tuple[Node, ...]:
+        """All values as written, a first and a next one in turn."""
+        return tuple(n for pair in zip(self.raw_initial, self.raw_next, strict=True) for n in pair)
+
+
+@dataclass(frozen=True)
 class Soft:
     """The Boltzmann-rational expert at inverse temperature `beta`."""
 

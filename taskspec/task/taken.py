@@ -18,6 +18,7 @@ _SECTIONS = {
     "noise": "noise",
     "state": "state component",
     "action": "action component",
+    "memory": "component of the memory",
 }
 _RESERVED = {
     "t": "the number of steps taken",

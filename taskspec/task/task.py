@@ -25,6 +25,7 @@ from taskspec.task.parts import FINITE_SPACES as FINITE_SPACES
 from taskspec.task.parts import Claim as Claim
 from taskspec.task.parts import Component as Component
 from taskspec.task.parts import Example as Example
+from taskspec.task.parts import ExpertMemory as ExpertMemory
 from taskspec.task.parts import Figure as Figure
 from taskspec.task.parts import Followed as Followed
 from taskspec.task.parts import Observation as Observation
@@ -50,6 +51,8 @@ class Task:
 
     A state is always in its space: an int that `raw_initial` or `raw_next` would give outside its range is moved to the
     nearest end in `initial` and `next` (`spec.widths`), which soundness reports (E403, E404).
+
+    An expert that is given by nodes reads STATE and TIME; where it has a `memory`, it reads that as STATE as well.
     """
 
     name: str
@@ -82,8 +85,11 @@ class Task:
     fixed: Mapping[str, Const] = field(default_factory=dict, repr=False)
     """The values of the constants, those that are drawn as they are for this instance."""
     figure: Figure | None = None
+    memory: ExpertMemory | None = None
     ending: Ending = "terminate"
     observe_time: bool = False
+    remembers: bool = False
+    """Whether the expert's memory is part of the state (`remembering`)."""
 
     @property
     def id(self) -> str:
@@ -158,8 +164,8 @@ class Task:
         return hash(self._identity)
 
     @cached_property
-    def _identity(self) -> tuple[str, str, str, bool]:
-        return (self.id, self.content_hash, self.ending, self.observe_time)
+    def _identity(self) -> tuple[str, str, str, bool, bool]:
+        return (self.id, self.content_hash, self.ending, self.observe_time, self.remembers)
 
     def __repr__(self) -> str:
         arguments = "".join(f", {p.name}={p.value!r}" for p in self.parameters)
@@ -235,6 +241,32 @@ class Task:
             "multi_discrete" if self.observation.space == "discrete" else self.observation.space,
         )
         return dataclasses.replace(self, observation=seen, observe_time=True)
+
+    def remembering(self) -> Task:
+        """The same task with the expert's memory in its state, of which the expert is a function; itself without a memory."""
+        memory = self.memory
+        if memory is None:
+            return self
+        first, later = self.first_observation, self.next_observation
+        return dataclasses.replace(
+            self,
+            state=(*self.state, *memory.components),
+            initial=(*self.initial, *self._seeing(memory.initial, first)),
+            next=(*self.next, *self._seeing(memory.next, later)),
+            raw_initial=(*self.raw_initial, *self._seeing(memory.raw_initial, first)),
+            raw_next=(*self.raw_next, *self._seeing(memory.raw_next, later)),
+            memory=None,
+            remembers=True,
+        )
+
+    def _seeing(self, nodes: Iterable[Node], observed: Iterable[Node]) -> tuple[Node, ...]:
+        """Nodes of a memory with an observation in the place of what it reads of it."""
+        seen = dict(zip((c.name for c in self.observation.components), observed, strict=True))
+
+        def leaf(node: Node) -> Node | None:
+            return seen[node.name] if isinstance(node, Read) and node.role is Role.NEXT else None
+
+        return rewrite(nodes, leaf, self.builder.remake_late)
 
     @cached_property
     def reset_words(self) -> WordLayout:

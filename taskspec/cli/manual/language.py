@@ -96,6 +96,7 @@ PLACES = (
     ("`reward`", "reward", '"@"'),
     ("`terminal`", "terminal", '"(@) == 1"'),
     ("`observation`", "observation", '{"o": "@"}'),
+    ("`next` of `memory`", "memory", '{"m": {"type": "real", "initial": 0, "next": "@"}}'),
     ("`expert`", "expert", '{"a": "@"}'),
     ("`absorbing_reward`", "absorbing_reward", '"@"'),
 )

@@ -9,7 +9,7 @@ values, and returns of policies of the mapped state, are those of the task itsel
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,8 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
 
 def abstraction(task: Task) -> Abstraction | None:
     """The abstraction that a task declares, or None."""
+    if task.memory is not None or task.remembers:  # what is remembered is no function of the state that the map reads
+        task = replace(task, expert=None, memory=None)
     written = task.surface.sections.get("abstraction")
     stand_in = build_abstract(task) if written else None
     if stand_in is None or not isinstance(written, dict):

@@ -55,6 +55,14 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     yield _phase(task, "start", _start_checks(task), limit)
     yield _phase(task, "decision", _decision_checks(task), limit)
     yield _phase(task, "step", _step_checks(task), limit)
+    if task.memory is not None:
+        whole = task.remembering()
+        first, later = (
+            _memory_checks(task, *each) for each in (("E404", "", whole.raw_initial), ("E403", "'", whole.raw_next))
+        )
+        yield _phase(whole, "start", first, limit)
+        yield _phase(whole, "decision", _expert_checks(whole), limit)
+        yield _phase(whole, "step", later, limit)
 
 
 def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> CheckPhase:
@@ -114,11 +122,23 @@ def _decision_checks(task: Task) -> list[Check]:
         pairs = zip(task.observation.components, task.observation.nodes, strict=True)
         checks += [Check("E405", n, c.low, c.high, "observation", c.name, c) for c, n in pairs]
         checks += _drawn(task, "observation", task.observation.nodes)
-    if isinstance(task.expert, tuple):
-        experts = zip(task.action, task.expert, strict=True)
-        checks += [Check("E409", n, c.low, c.high, "expert", c.name, c) for c, n in experts]
-        checks += _drawn(task, "expert", task.expert)
-    return checks
+    return checks + (_expert_checks(task) if task.memory is None else [])
+
+
+def _expert_checks(task: Task) -> list[Check]:
+    if not isinstance(task.expert, tuple):
+        return []
+    experts = zip(task.action, task.expert, strict=True)
+    checks = [Check("E409", n, c.low, c.high, "expert", c.name, c) for c, n in experts]
+    return checks + _drawn(task, "expert", task.expert)
+
+
+def _memory_checks(task: Task, code: str, prime: str, raw: Sequence[Node]) -> list[Check]:
+    """Of the first or the next values of a memory, which come last among those of the state that it is part of."""
+    assert task.memory is not None
+    components = task.memory.components
+    pairs = zip(components, raw[-len(components) :], strict=True)
+    return [Check(code, n, c.low, c.high, "memory", c.name + prime, c) for c, n in pairs]
 
 
 def _step_checks(task: Task) -> list[Check]:

@@ -7,7 +7,8 @@ it, and `prefers(condition, at=condition)` leaves the model out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -262,6 +263,17 @@ class Evaluator:
             raise Unfit(f"`under: {written}` is not a decision model", claim)
         return found
 
+    @contextmanager
+    def _acting(self, model: s.Expr | None) -> Iterator[None]:
+        """For as long as the expert is the decision model, the results with its memory in the state."""
+        own = self.results
+        if isinstance(model, s.Name) and model.id == "expert":
+            self.results = own.remembering
+        try:
+            yield
+        finally:
+            self.results = own
+
     def rule(self, expr: s.Expr | None) -> Rule:
         if isinstance(expr, s.Name) and expr.id == "expert":
             self.rests_on = max(self.rests_on, self.results.tested("expert"))
@@ -277,10 +289,12 @@ class Evaluator:
 
     def _probability(self, expr: s.Call) -> Enclosure:
         given = self.needed(expr, ("condition", "under"), ("condition",))
-        model = self._model(expr)
-        states = condition_over_states(given["condition"], model)
-        rule = self.rule(given.get("under") or self.under(expr))
-        found = self._solver(rule).probability(rule, states)
+        under = given.get("under") or self.under(expr)
+        with self._acting(under):
+            model = self._model(expr)
+            states = condition_over_states(given["condition"], model)
+            rule = self.rule(under)
+            found = self._solver(rule).probability(rule, states)
         return Enclosure(max(found.low, Fraction(0)), min(found.high, Fraction(1)))
 
     def prefers(self, expr: s.Call) -> Truth:
@@ -289,11 +303,13 @@ class Evaluator:
             given = self.needed(expr, ("model", "condition", "at"), ("model", "condition"))
         else:
             given = self.needed(expr, ("condition", "at"), ("condition",))
-        model = self._model(expr)
-        rule = self.rule(under or given["model"])
-        wanted = condition_over_actions(given["condition"], model)
-        at = condition_over_times(given["at"], model) if "at" in given else None
-        holds, detail = preferred(model, self._solver(rule), rule, wanted, at)
+        chosen = under or given["model"]
+        with self._acting(chosen):
+            model = self._model(expr)
+            rule = self.rule(chosen)
+            wanted = condition_over_actions(given["condition"], model)
+            at = condition_over_times(given["at"], model) if "at" in given else None
+            holds, detail = preferred(model, self._solver(rule), rule, wanted, at)
         return Truth(holds, detail, expr)
 
     def influences(self, expr: s.Call) -> Truth:

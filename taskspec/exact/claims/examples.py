@@ -109,7 +109,7 @@ class _Trial:
     @cached_property
     def given(self) -> dict[tuple[Role, str], Node | None]:
         """State, action and time as constants; None for what is broken (and reported)."""
-        components = {(Role.STATE, c.name): c for c in self.task.state}
+        components = {(Role.STATE, c.name): c for c in self.task.remembering().state}
         components |= {(Role.ACTION, c.name): c for c in self.task.action}
         found: dict[tuple[Role, str], Node | None] = {
             key: self._value(components[key], expr) for key, expr in self.example.given.items()

@@ -20,7 +20,7 @@ from taskspec.exact.lint.slices import past_the_end, uneven
 from taskspec.exact.lint.states import unreachable
 from taskspec.exact.lint.symbols import printed_alike
 from taskspec.exact.lint.twins import twins
-from taskspec.exact.lint.unread import unread
+from taskspec.exact.lint.unread import forgotten, unread
 from taskspec.exact.scoring.returns import Results
 from taskspec.registry import load
 from taskspec.task.build import build
@@ -30,8 +30,8 @@ Lint = Callable[[Case, Collector], None]
 
 
 LINTS: tuple[Lint, ...] = (
-    unreachable, rewards, indifferent, inert, unused_names, expert, leak, hidden_goal, moved, constant, duplicate, hidden, unread,
-    twins, idle_errata, endless, printed_alike,
+    unreachable, rewards, indifferent, inert, unused_names, expert, leak, hidden_goal, moved, constant, duplicate, hidden,
+    unread, forgotten, twins, idle_errata, endless, printed_alike,
 )  # fmt: skip
 """What is looked at for the parameters at hand."""
 

@@ -15,7 +15,7 @@ from taskspec.task.task import Task
 Cut = tuple[s.Subscript, s.Slice]
 MOST = 1000
 """Slices that are looked at."""
-SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation", "expert")
+SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation", "memory", "expert")
 
 
 def past_the_end(case: Case, collector: Collector) -> None:

@@ -25,6 +25,19 @@ def unread(case: Case, collector: Collector) -> None:
             )
 
 
+def forgotten(case: Case, collector: Collector) -> None:
+    """W519: what the expert remembers, and nothing that it does depends on."""
+    task = case.task
+    if task.memory is None:
+        return
+    nexts = {c.name: node for c, node in zip(task.memory.components, task.memory.next, strict=True)}
+    found = {name for _, name in reads(task.expert)} if isinstance(task.expert, tuple) else set()
+    for _ in nexts:
+        found |= {name for known in found & nexts.keys() for role, name in reads([nexts[known]]) if role is Role.STATE}
+    for name in nexts.keys() - found:
+        collector.add("W519", case.key("memory", name), f"nothing that the expert does depends on '{name}'")
+
+
 def _followed(task: Task, roots: tuple[Node, ...]) -> set[str]:
     """Components that some nodes depend on, at this step or later; a node may hold the next value of a component."""
     nexts = {c.name: node for c, node in zip(task.state, task.next, strict=True)}

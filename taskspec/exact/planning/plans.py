@@ -126,8 +126,13 @@ class Boltzmann(Rule):
 
 
 def rule_of(model: Model, given: Literal["optimal"] | Soft | None = None) -> Rule | None:
-    """The expert that the task's spec gives, or the one given here; None where there is none, or it draws too many outcomes."""
+    """The expert that the task's spec gives, or the one given here; None where there is none, or it draws too many outcomes.
+
+    An expert that remembers is a function of the state in `Task.remembering` alone.
+    """
     match given or model.task.expert:
+        case tuple() if model.task.memory is not None:
+            return None
         case "optimal":
             return Greedy()
         case Soft(beta=beta):

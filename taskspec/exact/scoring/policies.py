@@ -1,9 +1,7 @@
-"""Policies as objects: experts with `predict`, and the value of whatever policy is handed in."""
+"""The value of whatever policy is handed in: a table, a function, an expert, or an object with `predict`."""
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -16,18 +14,16 @@ from taskspec.exact.model.model import Model
 from taskspec.exact.planning import solve
 from taskspec.exact.planning.plans import Plan, stationary, timed
 from taskspec.exact.scoring.asking import ASKS, Asked
-from taskspec.exact.scoring.returns import Given, Results, Return
+from taskspec.exact.scoring.experts import Expert
+from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exact.simulation.rollout import State
-from taskspec.lang.ir import Read, Role
-from taskspec.registry import load
-from taskspec.task import spaces
-from taskspec.task.task import Soft, Task, TaskLike
+from taskspec.lang.ir import Role
+from taskspec.task.task import Task
 
 if TYPE_CHECKING:
-    import gymnasium
+    pass
 
 Array = np.ndarray[Any, Any]
-_SOFT = re.compile(r"soft\((.+)\)")
 Asking = Literal["probabilities", "actions", "samples"]
 """What the value of a policy rests on: its probabilities of actions, its actions where they are always the same, or episodes."""
 
@@ -191,133 +187,3 @@ _ANSWERS: dict[Asking, Callable[[Asked, Model, int], Array | None]] = {"probabil
 
 def _states(model: Model) -> State:
     return {name: v for (role, name), v in model.reads().items() if role is Role.STATE}
-
-
-class Expert:
-    """The task's expert as a policy: with `predict` for Stable-Baselines3, with spaces and callable for imitation.
-
-    The recurrent state that `predict` hands back counts the steps of each environment, so that
-    experts may depend on the time. `gap` certifies how far it is below the optimum.
-
-    Args:
-        task: the task, its id or its path.
-        policy: another expert than the spec's: "optimal", or "soft(b)", Boltzmann-rational at inverse temperature b.
-        seed: of its draws.
-
-    Raises:
-        SpecError: E712, where the spec gives no expert, or it looks at what is not observed; E713 for another policy.
-    """
-
-    def __init__(self, task: TaskLike, policy: str | None = None, *, seed: int = 0) -> None:
-        task = load(task)
-        self.given = _given(policy)
-        if task.expert is None and self.given is None:
-            refuse(f"{task.name} gives no expert")
-        self.task, self.results = task, Results(task, expert=self.given)
-        self.rng = np.random.default_rng(seed)
-        self.observation, self.action = spaces.observation_layout(task), spaces.action_layout(task)
-        self.where = _where_states_are(task)
-
-    @property
-    def gap(self) -> float | None:
-        """The optimal return minus the expert's; None where there is no exact model."""
-        best, own = self.results.optimal, self.results.expert
-        return None if best is None or own is None else best.value - own.value
-
-    def predict(
-        self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
-    ) -> tuple[Any, Any]:
-        """Actions for one observation or a batch of them, and the steps taken so far in each.
-
-        Args:
-            state: what the last call handed back, or None.
-            episode_start: (N,) whether an episode begins with this observation.
-            deterministic: take the most likely action instead of drawing one.
-        """
-        single, batch = self._split(observation)
-        steps = np.zeros(len(batch), np.int64) if state is None else np.asarray(state[0]).copy()
-        if episode_start is not None:
-            steps[np.asarray(episode_start, np.bool_).reshape(-1)] = 0
-        actions = [self._choose(one, int(t), deterministic) for one, t in zip(batch, steps, strict=True)]
-        packed = [spaces.pack(self.action, action) for action in actions]
-        return (packed[0] if single else np.stack(packed)), (steps + 1,)
-
-    def __call__(self, observation: Any, state: Any = None, episode_start: Any = None) -> tuple[Any, Any]:
-        """Actions and steps taken, as `predict` gives them: a policy as imitation's rollouts call it."""
-        return self.predict(observation, state, episode_start)
-
-    @property
-    def observation_space(self) -> gymnasium.Space[Any]:
-        return self.task.observation_space
-
-    @property
-    def action_space(self) -> gymnasium.Space[Any]:
-        return self.task.action_space
-
-    def _split(self, observation: Any) -> tuple[bool, list[Any]]:
-        """Whether this is one observation, and the observations one by one."""
-        if not isinstance(observation, dict):
-            single = np.ndim(observation) == len(self.observation.shape)
-            return single, [observation] if single else list(observation)
-        first = self.observation.components[0]
-        if np.ndim(observation[first.name]) == len(first.type.shape):
-            return True, [observation]
-        lanes = len(observation[first.name])
-        return False, [{name: value[i] for name, value in observation.items()} for i in range(lanes)]
-
-    def _choose(self, observation: Any, t: int, deterministic: bool) -> list[tuple[Any, ...]]:
-        state = self._state(observation)
-        if isinstance(self.task.expert, tuple) and self.given is None:
-            from taskspec.exact.simulation.rollout import by_expert
-
-            chosen = by_expert(self.task)(state, t, self.rng)
-            return [tuple(np.asarray(chosen[c.name]).reshape(-1).tolist()) for c in self.task.action]
-        return self._planned(state, t, deterministic)
-
-    def _planned(self, state: State, t: int, deterministic: bool) -> list[tuple[Any, ...]]:
-        model, plan = self.results.model, self.results.expert_plan
-        if model is None or plan is None:
-            refuse(f"the expert of {self.task.name} needs an exact model: {self.results.why_not}")
-        found = self.results.abstraction
-        mapped = state if found is None else found.map(state)
-        code, _ = model.states.encode([mapped[c.name] for c in model.states.components], 1)
-        row = plan(t)[:, int(np.searchsorted(model.codes, code[0]))]
-        action = int(row.argmax()) if deterministic else int(self.rng.choice(len(row), p=row / row.sum()))
-        values = model.actions.decode(np.array([action]))
-        return [tuple(values[Role.ACTION, c.name].reshape(-1).tolist()) for c in model.actions.components]
-
-    def _state(self, observation: Any) -> dict[str, Array]:
-        flats = spaces.unpack(self.observation, observation)
-        state = {}
-        for c in self.task.state:
-            value = np.array(flats[self.where[c.name]]).reshape(*c.type.shape, 1)
-            state[c.name] = value if c.type.kind == 2 else np.rint(value).astype(np.int64)
-        return state
-
-
-def _given(policy: str | None) -> Given:
-    """The expert of a name; None for that of the spec."""
-    if policy is None:
-        return None
-    if policy == "optimal":
-        return "optimal"
-    found = _SOFT.fullmatch(str(policy))
-    try:
-        beta = float(found[1]) if found else math.nan
-    except ValueError:
-        beta = math.nan
-    if not math.isfinite(beta):
-        misused(f"{policy!r} is no expert", '"optimal", or "soft(1)" with a number')
-    return Soft(beta)
-
-
-def _where_states_are(task: Task) -> dict[str, int]:
-    """For every state component the number of the observed one that shows it as it is."""
-    found: dict[str, int] = {}
-    for i, node in enumerate(task.observation.nodes):
-        if isinstance(node, Read) and node.role is Role.STATE:
-            found.setdefault(node.name, i)
-    missing = [c.name for c in task.state if c.name not in found]
-    if missing:
-        refuse(f"the expert of {task.name} looks at {', '.join(missing)}, which the observation does not show")
-    return found

@@ -151,10 +151,18 @@ class Results:
         assert self.model is not None
         return Solvers(self.model)
 
+    @cached_property
+    def remembering(self) -> Results:
+        """The results of the task in whose state the expert's memory is; these themselves where it has none."""
+        if self.task.memory is None or self.given is not None:
+            return self
+        return Results(self.task.remembering(), self.episodes, self.seed, self.limit)
+
     @property
     def is_ambiguous(self) -> bool:
         """Whether some result depends on how floats are read."""
-        return self.model is not None and self.solvers.ambiguous
+        asked = {id(r): r for r in (self, self.__dict__.get("remembering", self))}.values()
+        return any(r.model is not None and r.solvers.ambiguous for r in asked)
 
     @cached_property
     def expert_rule(self) -> Rule | None:
@@ -188,6 +196,9 @@ class Results:
 
     def enclosure(self, which: str, as_written: bool = False) -> Enclosure | None:
         """The optimal, worst, random or expert return; None without a model, or where it is not known to be finite."""
+        if which == "expert" and self.remembering is not self:
+            found, self.unsettled = self.remembering.enclosure(which, as_written), self.remembering.why_not
+            return found
         key = (which, as_written)
         if key not in self._enclosures:
             try:
@@ -214,6 +225,8 @@ class Results:
 
     def sample(self, which: str, episodes: int | None = None) -> Return | None:
         """The random or expert return from episodes; None where these do not end, and for other returns."""
+        if which == "expert" and self.remembering is not self:
+            return self.remembering.sample(which, episodes)
         key = (which, episodes or self.episodes)
         if key not in self._samples:
             choose = self._chooser(which)

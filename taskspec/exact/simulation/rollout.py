@@ -120,7 +120,8 @@ def visited(task: Task) -> Mapping[Key, Array]:
     """States, actions and times of a few episodes: at random, by holding on to an action, and by the expert."""
     parts = []
     rng = np.random.default_rng(0)
-    everyone = [sampled_actions(task), _held(task)] + ([by_expert(task)] if isinstance(task.expert, tuple) else [])
+    acts = isinstance(task.expert, tuple) and task.memory is None
+    everyone = [sampled_actions(task), _held(task)] + ([by_expert(task)] if acts else [])
     numbers = sum(c.type.size for c in (*task.state, *task.action))
     lanes = max(1, min(LANES, int(limits().megabytes * 1e6 / (BYTES * numbers * STEPS * len(everyone)))))
     for choose in everyone:

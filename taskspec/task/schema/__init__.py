@@ -12,6 +12,7 @@ from taskspec.task.schema.models import FigureEntry as FigureEntry
 from taskspec.task.schema.models import Roles as Roles
 from taskspec.task.schema.models import Source as Source
 from taskspec.task.schema.typed import ComponentEntry as ComponentEntry
+from taskspec.task.schema.typed import MemoryEntry as MemoryEntry
 from taskspec.task.schema.typed import ParameterEntry as ParameterEntry
 from taskspec.task.schema.typed import Parameters as Parameters
 from taskspec.task.schema.typed import Requirement as Requirement

@@ -26,13 +26,13 @@ from taskspec.task.schema.fields import (
     fail,
 )
 from taskspec.task.schema.problems import Problem
-from taskspec.task.schema.typed import ComponentEntry, Parameters, Strict
+from taskspec.task.schema.typed import ComponentEntry, MemoryEntry, Parameters, Strict
 
 FORMAT = 1
 """The version of the format that is read here."""
 Changeable = Literal[
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount",
-    "initial", "dynamics", "reward", "absorbing_reward", "expert",
+    "initial", "dynamics", "reward", "absorbing_reward", "memory", "expert",
 ]  # fmt: skip
 """Sections that decide what a task does, as far as a source may be wrong about them."""
 
@@ -220,6 +220,9 @@ class Sections(Strict):
     expert: Expert = Field(
         None,
         description="Action of the expert, per component; or `optimal`; or `soft(beta)`.",
+    )
+    memory: dict[Name, MemoryEntry] = Field(
+        default_factory=dict, description="What the expert remembers of what it sees and does, apart from the state."
     )
     info: list[Literal["old_state", "new_state"]] = Field(
         default_factory=list,

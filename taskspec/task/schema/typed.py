@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from taskspec.task.schema import problems
-from taskspec.task.schema.fields import Bound, Labels, Name, Setting, Shape, fail
+from taskspec.task.schema.fields import Bound, Expression, Labels, Name, Setting, Shape, fail
 from taskspec.task.schema.problems import Problem
 
 Kind = Literal["int", "real", "bool", "choice"]
@@ -94,6 +94,15 @@ class ComponentEntry(Typed):
     def _check(self) -> ComponentEntry:
         fail([*_typed_problems(self, self.type), *_symbol_problems(self)])
         return self
+
+
+class MemoryEntry(ComponentEntry):
+    """Something that the expert remembers: a component with a first value and a next one."""
+
+    initial: Expression = Field(description="Its value at first, of what is first seen, by its name.")
+    next: Expression = Field(
+        description="Its value after a step, of itself, the action and what is then seen, written with a prime."
+    )
 
 
 def _typed_problems(entry: Typed, kind: Kind) -> Iterator[Problem]:

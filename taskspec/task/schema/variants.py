@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 from taskspec.task.schema import problems
 from taskspec.task.schema.fields import Name, PartialObservation, Shorthand, fail
 from taskspec.task.schema.models import FORMAT, ChangedClaims, ClaimEntry, Sections
-from taskspec.task.schema.typed import ComponentEntry, ParameterEntry, Parameters, Requirement, Strict
+from taskspec.task.schema.typed import ComponentEntry, MemoryEntry, ParameterEntry, Parameters, Requirement, Strict
 
 
 def _partial_type(annotation: Any) -> Any:
@@ -22,6 +22,8 @@ def _partial_type(annotation: Any) -> Any:
         return PartialParameters
     if annotation is ComponentEntry:
         return PartialComponent
+    if annotation is MemoryEntry:
+        return PartialMemory
     if get_origin(annotation) is dict and get_args(annotation)[1] is not Any:
         key, value = get_args(annotation)
         return dict[key, _partial_type(value) | None]  # type: ignore[misc, valid-type]
@@ -42,6 +44,7 @@ def _partial(model: type[Strict], name: str, **more: Any) -> type[Strict]:
 
 PartialParameter = _partial(ParameterEntry, "PartialParameter")
 PartialComponent = _partial(ComponentEntry, "PartialComponent")
+PartialMemory = _partial(MemoryEntry, "PartialMemory")
 
 
 class PartialParameters(BaseModel):

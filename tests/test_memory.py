@@ -1,0 +1,245 @@
+"""An expert that remembers: its memory beside loops over all that can be heard, and beside episodes of the environment."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import pickle
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import taskspec
+from taskspec.appendix import page
+from taskspec.cli.app import app
+from taskspec.diagnostics import SpecError
+from taskspec.exact import Expert, Results, check, score, scores
+from taskspec.exact.scoring.returns import simulate
+from taskspec.exact.simulation.rollout import by_expert
+from taskspec.source import read_text
+from taskspec.task.build import build
+from taskspec.task.task import Task
+
+SEEN = "heard: heard"
+DRAWN = 'heard: "0 if fresh else (1 + tiger if Bernoulli(17/20) else 2 - tiger)"'
+"""Two ways to hear: from the state, and drawn by the observation itself."""
+
+
+def spec(observation: str = SEEN, memory: str = "", more: str = "") -> str:
+    noisy = observation == DRAWN
+    heard = "heard: {type: choice, values: [nothing, left, right]}" if not noisy else "fresh: {type: bool}"
+    moves = "heard': {by: a, rows: {listen: '1 + (tiger if Bernoulli(17/20) else 1 - tiger)', else: 0}}"
+    lead = "lead: {type: int, low: -9, high: 9, initial: 0, next: '@', doc: the balance}".replace(
+        "@", "clip(lead + (heard'' == 2) - (heard'' == 1), -9, 9)"
+    )
+    return f"""
+taskspec: 1
+name: Tiger
+state:
+  tiger: {{type: choice, values: [left, right]}}
+  {heard}
+  open: {{type: bool}}
+action: {{a: {{type: choice, values: [listen, left, right]}}}}
+observation: {{{observation}}}
+horizon: 5
+initial: {{tiger: {{left: 1/2, right: 1/2}}, {"fresh: true" if noisy else "heard: nothing"}, open: false}}
+dynamics:
+  {"fresh': a != listen" if noisy else moves}
+  open': a != listen
+reward: [{{if: a == listen, then: -1}}, {{else: "10 if a != 1 + tiger else -100"}}]
+terminal: open'
+memory:
+  {memory or lead}
+expert:
+  a: [{{if: lead >= 2, then: left}}, {{if: lead <= -2, then: right}}, {{else: listen}}]
+{more}
+"""
+
+
+def tiger(observation: str = SEEN, memory: str = "", more: str = "") -> Task:
+    return build(read_text(spec(observation, memory, more), "tiger.yaml"))
+
+
+def by_hand(tiger: int, heard: Sequence[int]) -> tuple[Fraction, int]:
+    """What the expert earns when it would hear all this, and how many steps it takes."""
+    lead = 0
+    for steps, sound in enumerate(heard):
+        if abs(lead) >= 2:
+            opened = 0 if lead >= 2 else 1
+            return Fraction(-steps + (10 if opened != tiger else -100)), steps + 1
+        lead += 1 if sound else -1
+    return Fraction(-len(heard)), len(heard)
+
+
+def expected() -> Fraction:
+    """The mean over both tigers and all that can be heard in five steps."""
+    total = Fraction(0)
+    for place, heard in itertools.product((0, 1), itertools.product((0, 1), repeat=5)):
+        chance = Fraction(1, 2)
+        for sound in heard:
+            chance *= Fraction(17, 20) if sound == place else Fraction(3, 20)
+        total += chance * by_hand(place, heard)[0]
+    return total
+
+
+def episode(env: taskspec.Environment, expert: Expert, seed: int | None) -> float:
+    total, state, start = 0.0, None, np.array([True])
+    observation, _ = env.reset(seed=seed)
+    while True:
+        action, state = expert.predict(observation, state, start)
+        observation, reward, terminated, truncated, _ = env.step(action)
+        total, start = total + reward, np.array([False])
+        if terminated or truncated:
+            return total
+
+
+@pytest.mark.parametrize("observation", [SEEN, DRAWN])
+def test_its_return_is_exact(observation: str) -> None:
+    task = tiger(observation)
+    found = Results(task).enclosure("expert")
+    assert found is not None and found.is_exact and found.low == expected()
+    assert score(task, Expert(task)).value.value == pytest.approx(float(expected()), abs=1e-12)
+
+
+@pytest.mark.parametrize("observation", [SEEN, DRAWN])
+def test_it_acts_on_what_it_was_shown(observation: str) -> None:
+    task = tiger(observation)
+    expert, whole = Expert(task), task.remembering()
+    own = [episode(task.make(), expert, seed) for seed in range(60)]
+    assert own == simulate(whole, by_expert(whole), episodes=60).tolist()
+    assert len(set(own)) > 2
+    env = task.make()
+    following = [episode(env, expert, seed) for seed in (0, *[None] * 59)]
+    run = CliRunner().invoke(app, ["run", _written(task), "--policy", "expert", "--episodes", "60", "--json"])
+    assert json.loads(run.output)["returns"] == following
+
+
+def _written(task: Task) -> str:
+    Path("tiger.yaml").write_text(task.document.origin.text)
+    return "tiger.yaml"
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_batch_remembers_apart() -> None:
+    expert = Expert(tiger())
+    state: Any = None
+    for seen, actions in (([0, 0, 0], [0, 0, 0]), ([1, 2, 1], [0, 0, 0]), ([1, 2, 2], [2, 1, 0])):
+        found, state = expert.predict(np.array(seen), state)
+        assert found.tolist() == actions
+    again, state = expert.predict(np.array([0, 2, 1]), state, np.array([True, False, False]))
+    assert again.tolist() == [0, 1, 0] and state[0].tolist() == [1, 4, 4]
+
+
+def test_the_task_is_the_same_for_everyone_else() -> None:
+    task, without = tiger(), build(read_text(spec().replace(spec()[spec().index("memory:") :], ""), "tiger.yaml"))
+    assert (task.observation_space, [c.name for c in task.state]) == (
+        without.observation_space,
+        ["tiger", "heard", "open"],
+    )
+    mine, other = scores(task), scores(without)
+    assert (mine.optimal, mine.random, mine.states) == (other.optimal, other.random, other.states)
+    for seed in range(5):
+        assert task.make().reset(seed=seed)[0] == without.make().reset(seed=seed)[0]
+
+
+def test_it_travels() -> None:
+    task = tiger()
+    whole = task.remembering()
+    assert pickle.loads(pickle.dumps(task)) == task != whole == pickle.loads(pickle.dumps(whole))
+    assert whole.remembering() is whole and [c.name for c in whole.state][-1] == "lead"
+    assert Results(task.absorbing()).expert == Results(task).expert
+    assert Expert(task.observing_time()).predict(np.array([0, 0]))[0] == 0
+
+
+CLAIMS = """
+claims:
+  - expert_return < remembering_return
+  - probability(open, under=expert) == 37243 / 40000
+  - prefers(expert, a == listen, at=t < 2)
+"""
+
+
+def test_claims_are_about_what_it_remembers() -> None:
+    chance = Fraction(0)
+    for heard in itertools.product((0, 1), repeat=5):
+        likely = Fraction(1)
+        for sound in heard:
+            likely *= Fraction(17, 20) if sound else Fraction(3, 20)
+        chance += likely * (by_hand(1, heard)[0] != -5)
+    report = check(tiger(more=CLAIMS.replace("37243 / 40000", f"{chance.numerator} / {chance.denominator}")))
+    assert [v.status for v in report.verdicts] == ["proved"] * 3 and not report.errors
+    assert [v.status for v in check(tiger(more=CLAIMS)).verdicts] == ["proved", "false", "proved"]
+
+
+def test_examples_give_it_with_the_state() -> None:
+    right = "examples: [{state: {lead: 2}, expert: {a: left}}, {state: {lead: 1}, expert: {a: listen}}]"
+    assert not check(tiger(more=right)).errors
+    wrong = check(tiger(more="examples: [{state: {lead: 2}, expert: {a: right}}]")).errors
+    assert [d.code for d in wrong] == ["E611"]
+    lacking = check(tiger(more="examples: [{state: {tiger: left}, expert: {a: right}}]")).errors
+    assert [d.code for d in lacking] == ["E613"] and "'lead'" in lacking[0].message
+
+
+def test_pages_say_what_it_remembers() -> None:
+    found = " ".join(str(page(tiger())).split())
+    assert "lead" in found and "remembers" in found and "the balance" in found
+
+
+WRONG = {
+    "lead: {type: int, low: -9, high: 9, initial: tiger, next: lead}": ("E302", "'tiger' is not"),
+    "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + tiger}": ("E302", "`heard'`"),
+    "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + heard}": ("E302", "before the step"),
+    "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + Bernoulli(1/2)}": ("E311", "seen and done"),
+    "lead: {type: int, low: -9, high: 9, initial: 0}": ("E203", "`next`"),
+    "tiger: {type: int, low: -9, high: 9, initial: 0, next: 0}": ("E309", "state component"),
+    "lead: {type: int, low: -9, high: 9, initial: '0.5', next: 0}": ("E306", "a real"),
+}
+
+
+@pytest.mark.parametrize("memory", WRONG)
+def test_mistakes_have_codes(memory: str) -> None:
+    code, words = WRONG[memory]
+    with pytest.raises(SpecError) as error:
+        tiger(memory=memory)
+    found = [d for d in error.value.diagnostics if d.code == code]
+    assert found and any(words in f"{d.message} {d.hint}" for d in found)
+
+
+def test_others_do_not_see_it() -> None:
+    with pytest.raises(SpecError) as error:
+        build(read_text(spec().replace("terminal: open'", "terminal: open' or lead > 1"), "tiger.yaml"))
+    assert [d.code for d in error.value.diagnostics] == ["E302"] and "memory" in error.value.diagnostics[0].message
+
+
+def test_it_keeps_to_its_range() -> None:
+    narrow = "lead: {type: int, low: 0, high: 1, initial: 2, next: lead + (heard' == 2) - (heard' == 1)}"
+    found = {d.code: d for d in check(tiger(memory=narrow)).errors}
+    assert set(found) == {"E403", "E404"}
+    assert "the next lead is" in found["E403"].message and found["E403"].span is not None
+
+
+def test_what_is_remembered_for_nothing_is_warned_of() -> None:
+    both = (
+        "lead: {type: int, low: -9, high: 9, initial: 0, next: lead}\n  idle: {type: bool, initial: true, next: idle}"
+    )
+    assert [d.message for d in check(tiger(memory=both)).warnings if d.code == "W519"] == [
+        "nothing that the expert does depends on 'idle'"
+    ]
+
+
+def test_a_variant_changes_a_key_of_it() -> None:
+    text = spec(more="variants: {deaf: {memory: {lead: {next: lead}}}}")
+    Path("tiger.yaml").write_text(text)
+    deaf = scores(taskspec.load("tiger.yaml", "deaf"))
+    assert deaf.expert is not None and deaf.expert.value == -5
+    heard = scores(taskspec.load("tiger.yaml"))
+    assert heard.expert is not None and heard.expert.value == pytest.approx(float(expected()))
