@@ -60,6 +60,7 @@ class Limits:
     transitions: int = _limit(50_000_000, "transitions of an exact model")
     episodes: int = _limit(1_000_000, "episodes that are simulated for one claim")
     lanes: int = _limit(2**24, "environments that are stepped together")
+    instances: int = _limit(100_000, "instances of an experiment")
     seconds: int = _limit(10, "seconds of each exact analysis of a task")
     megabytes: int = _limit(1_000, "megabytes of each array")
 

@@ -61,15 +61,27 @@ def shipped() -> dict[str, Entry]:
 
 def entries(folder: Path) -> Iterable[Entry]:
     """The tasks of a suite's folder, in order of file and variant."""
-    for path in spec_files(folder):
-        found = scan.scan(path.read_text(encoding="utf-8", errors="replace"))
-        for name, variant in found.tasks:
-            yield Entry(folder.resolve().name, name, found.version, path, variant)
+    for path, text in _texts(folder):
+        if not scan.is_experiment(text):
+            found = scan.scan(text)
+            for name, variant in found.tasks:
+                yield Entry(folder.resolve().name, name, found.version, path, variant)
 
 
 def spec_files(folder: Path) -> list[Path]:
     """The specs of a folder, sorted by name."""
-    return sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".yml"))
+    return [path for path, text in _texts(folder) if not scan.is_experiment(text)]
+
+
+def experiment_files(folder: Path) -> list[Path]:
+    """The experiments of a folder, sorted by name."""
+    return [path for path, text in _texts(folder) if scan.is_experiment(text)]
+
+
+def _texts(folder: Path) -> Iterable[tuple[Path, str]]:
+    """The YAML files of a folder, sorted by name, with their texts."""
+    for path in sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".yml")):
+        yield path, path.read_text(encoding="utf-8", errors="replace") if path.is_file() else ""
 
 
 def known() -> dict[str, Entry]:

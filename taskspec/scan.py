@@ -22,6 +22,14 @@ _CLOSED = {"{": "}", "[": "]", '"': '"', "'": "'"}
 """How a value that ends on its line ends, by how it begins; any other may go on at the margin."""
 
 
+_EXPERIMENT = re.compile(r"^experiment *:", re.MULTILINE)
+
+
+def is_experiment(text: str) -> bool:
+    """Whether a file's text is an experiment, and no spec."""
+    return _EXPERIMENT.search(text) is not None
+
+
 @dataclass(frozen=True, slots=True)
 class Scanned:
     """Task names with their variant (None for the spec itself, unless it leaves sections to them), in written order."""

@@ -46,19 +46,21 @@ def check(
 
     Every task and variant of the given files and folders: the shape of the spec, the meaning of every expression,
     soundness (with a counterexample where it fails) for the default parameters and at the ends of their ranges, sense,
-    and the claims that are made. With [green]-p[/], soundness and sense for those parameters.
+    and the claims that are made. With [green]-p[/], soundness and sense for those parameters. Of experiments, that
+    every instance exists.
 
     Exit status 1 if there is an error.
     """
-    from taskspec.cli.checking import check_file, counts
-    from taskspec.cli.targets import checked_choice, files_of
+    from taskspec.cli.checking import check_experiment_file, check_file, counts
+    from taskspec.cli.targets import checked_choice, experiments_of, files_of
 
     start = time.perf_counter()
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
     files = files_of(targets or [], parameters or [])
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
-    reports = [check_file(file, partial(_examined, sense=not quick, defaults=not file.parameters)) for file in files]
+    reports = [check_experiment_file(path) for path in experiments_of(targets or [])]
+    reports += [check_file(file, partial(_examined, sense=not quick, defaults=not file.parameters)) for file in files]
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
     if errors or (strict and warnings):
@@ -103,6 +105,8 @@ def table_of(reports: Sequence[FileReport]) -> Table:
     table = columns("", "", *(headers if built else ("", "", "")), fold=(1,))
     for report in reports:
         table.add_row(mark(report.diagnostics), VisibleText(report.path, style="title"))
+        if report.instances is not None:
+            table.add_row("", VisibleText(f"  {plural(report.instances, 'instance')}", style="quiet"))
         for each in report.tasks:
             found = each.finding
             ranges = f"{found.cases} tried" if found.cases else ""
@@ -134,7 +138,9 @@ def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: 
     from taskspec.cli.console import line
 
     tasks = sum(len(report.tasks) for report in reports)
-    what = f"{plural(tasks, 'task')} in {plural(len(reports), 'spec')}: "
+    experiments = sum(report.instances is not None for report in reports)
+    also = f" and {plural(experiments, 'experiment')}" if experiments else ""
+    what = f"{plural(tasks, 'task')} in {plural(len(reports) - experiments, 'spec')}{also}: "
     found = [(plural(errors, "error"), "bad")] if errors else []
     found += [(plural(warnings, "warning"), "warn")] if warnings else []
     found = found or [("no errors, no warnings", "good")]
@@ -161,6 +167,7 @@ def _print_json(reports: Sequence[FileReport], errors: int, warnings: int, secon
     write_json({
         "errors": errors, "warnings": warnings, "seconds": round(seconds, 4), "diagnostics": records(found), "tasks": tasks,
         "accepted": _accepted(reports),
+        "experiments": [{"path": r.path, "instances": r.instances} for r in reports if r.instances is not None],
     })  # fmt: skip
 
 

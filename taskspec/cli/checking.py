@@ -7,12 +7,13 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec.cli.proofs import Finding, examine
 from taskspec.cli.specs import name_of, task_in, variants_of
 from taskspec.cli.targets import File
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.diagnostics import Diagnostic, SpecError, in_order
 
 if TYPE_CHECKING:
     from taskspec.exact import Accepted
@@ -43,12 +44,13 @@ class Checked:
 
 @dataclass(frozen=True, slots=True)
 class FileReport:
-    """One file: its tasks, each of its problems once, and the warnings that it accepts."""
+    """One file: its tasks, each of its problems once, and the warnings that it accepts; of an experiment, its instances."""
 
     path: str
     tasks: tuple[Checked, ...]
     diagnostics: tuple[Diagnostic, ...]
     accepted: tuple[Accepted, ...] = ()
+    instances: int | None = None
 
 
 def check_file(file: File, prove: Examine = examine) -> FileReport:
@@ -60,6 +62,17 @@ def check_file(file: File, prove: Examine = examine) -> FileReport:
         return FileReport(path, (), error.diagnostics)
     checked = settled([check_task(file, variant, prove) for variant in variants])
     return FileReport(path, checked, once(checked), accepted_by(checked))
+
+
+def check_experiment_file(path: Path) -> FileReport:
+    """Check an experiment: its shape, and that every instance is one that the task has."""
+    from taskspec.experiments import expand, read
+
+    try:
+        found = expand(read(path))
+    except SpecError as error:
+        return FileReport(str(path), (), error.diagnostics, instances=0)
+    return FileReport(str(path), (), in_order([*found.diagnostics, *found.refused]), instances=len(found.instances))
 
 
 def check_task(file: File, variant: str | None, prove: Examine) -> Checked:

@@ -16,8 +16,11 @@ Output = Annotated[
 ]
 
 
-def schema(output: Output = None) -> None:
-    """Print the JSON Schema of specs, for editors.
+def schema(
+    output: Output = None,
+    experiment: Annotated[bool, typer.Option("--experiment", help="That of experiments.")] = False,
+) -> None:
+    """Print the JSON Schema of specs, or of experiments, for editors.
 
     With yaml-language-server (VS Code, Neovim, Helix, Emacs), write it beside your specs:
 
@@ -28,9 +31,9 @@ def schema(output: Output = None) -> None:
         [green]# yaml-language-server: $schema=taskspec.schema.json[/]
     """
     from taskspec.cli.console import to_json
-    from taskspec.task.schema import json_schema
+    from taskspec.task.schema import experiment_schema, json_schema
 
-    text = to_json(json_schema())
+    text = to_json(experiment_schema() if experiment else json_schema())
     if output is None:
         say(text)
         return

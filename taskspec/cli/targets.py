@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec import ids, registry
+from taskspec import ids, registry, scan
 from taskspec.cli.failures import misuse, refuse
 from taskspec.diagnostics import suggest
 
@@ -75,6 +75,27 @@ def files_of(targets: Sequence[str], parameters: Sequence[str] = ()) -> list[Fil
     return [file.at(values) for file in found for values in settings(parameters)]
 
 
+def experiments_of(targets: Sequence[str]) -> list[Path]:
+    """The experiments among files, in folders and suites, each once; those that come with the suites for no targets."""
+    from taskspec.experiments.reading import shipped
+
+    if not targets:
+        return list(map(near, shipped().values()))
+    return list(dict.fromkeys(path for target in targets for path in _experiments(target)))
+
+
+def _experiments(target: str) -> list[Path]:
+    from taskspec.experiments.reading import shipped
+
+    path = Path(target)
+    if path.is_file():
+        return [path] if scan.is_experiment(path.read_text(encoding="utf-8", errors="replace")) else []
+    if not path.is_dir():
+        return [near(at) for at in shipped().values() if at.parent.parent.name == target]
+    below = [path, *(p for depth in ("*", "*/*") for p in sorted(path.glob(depth)) if p.is_dir() and p.name[0] != ".")]
+    return [found for folder in below for found in registry.experiment_files(folder)]
+
+
 def _files(target: str) -> list[File]:
     path = Path(target)
     if path.is_dir():
@@ -83,7 +104,7 @@ def _files(target: str) -> list[File]:
     if asked.parameters:
         return [file.at(asked.parameters) for file in _files(asked.name)]
     if registry.is_path(target) or ("/" in target and path.exists()):
-        return [File(path, registry.suite_of(path))]
+        return [] if _experiments(target) else [File(path, registry.suite_of(path))]
     suite = [e for e in registry.known().values() if e.suite == target]
     if suite:
         return _of_entries(suite, whole=True)
@@ -104,7 +125,7 @@ def _of_folder(folder: Path) -> list[File]:
         for each in (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")))
         for path in registry.spec_files(each)
     ]
-    if not found:
+    if not found and not _experiments(str(folder)):
         raise refuse("E710", f"there is no spec (*.yaml) in '{folder}'", "`taskspec new Name` writes one to start from")
     return found
 

@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors, suggest
 from taskspec.lang.basechecker import Poisoned
@@ -29,7 +29,7 @@ from taskspec.task.names import Names, signature
 from taskspec.task.schema import Spec, check_shape, validated
 from taskspec.task.sections import SectionBuilder
 from taskspec.task.taken import check_names
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Component, Parameter, Task
 
 OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "num_envs", "vectorization_mode",
                      "vector_kwargs", "wrappers", "backend", "max_episode_steps", "disable_env_checker"})  # fmt: skip
@@ -56,6 +56,24 @@ def build(
     raise_if_errors(check_shape(document))
     merged = merge(document, variant)
     return _Build(validated(merged), merged, Collector()).checked(dict(parameters or {}), suite)
+
+
+class Bound(NamedTuple):
+    """A task's parameters with their values, and the content hash that the task has at them."""
+
+    parameters: tuple[Parameter, ...]
+    content_hash: str
+
+
+def bind(document: Document, variant: str | None = None, parameters: Mapping[str, Any] | None = None) -> Bound:
+    """The parameters of a document's task, bound to the given values or their defaults; the rest of it is not looked at.
+
+    Raises:
+        SpecError: for a value that a parameter cannot have, or values that may not go together.
+    """
+    raise_if_errors(check_shape(document))
+    merged = merge(document, variant)
+    return _Build(validated(merged), merged, Collector()).bound(dict(parameters or {}))
 
 
 def _reduced(task: Task) -> tuple[Any, ...]:
@@ -122,6 +140,16 @@ class _Build:
             self.collector.raise_if_errors()
             place = self.merged.span(("name",))
             raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
+
+    def bound(self, given: dict[str, Any]) -> Bound:
+        """The parameters alone.
+
+        Raises:
+            SpecError: with every mistake found.
+        """
+        check_names(self.merged, self.collector)
+        self._bind_parameters(given)
+        return Bound(tuple(self.context.parameters), self._hash())
 
     def _declare(self, given: dict[str, Any]) -> float:
         """What the sections stand on: parameters, constants, components, horizon; gives the discount."""

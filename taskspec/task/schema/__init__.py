@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from taskspec.task.schema.check import check_shape as check_shape
 from taskspec.task.schema.check import validated as validated
+from taskspec.task.schema.experiments import Experiment as Experiment
+from taskspec.task.schema.experiments import TaskEntry as TaskEntry
+from taskspec.task.schema.experiments import check_experiment as check_experiment
+from taskspec.task.schema.experiments import experiment_schema as experiment_schema
 from taskspec.task.schema.export import json_schema as json_schema
 from taskspec.task.schema.models import AbstractionEntry as AbstractionEntry
 from taskspec.task.schema.models import ClaimEntry as ClaimEntry

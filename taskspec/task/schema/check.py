@@ -54,11 +54,14 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     collector = Collector()
     for other in document.others.values():
         collector.extend(check_shape(other))
-    if isinstance(document.data, dict):
-        _validate(document, collector, Extension if EXTENDS in document.data else Spec)
+    if isinstance(document.data, dict) and "experiment" in document.data and "taskspec" not in document.data:
+        hint = f"`taskspec sweep {document.origin.name}` runs it"
+        collector.add("E201", document.key_span(("experiment",)), "this is an experiment, and no spec", hint)
+    elif isinstance(document.data, dict):
+        validate(document, collector, Extension if EXTENDS in document.data else Spec)
         found = (*_format(document.data), *_many(document.data), *_bases(document), *_roles(document.data))
         for problem in found:
-            _add(collector, document, problem)
+            add_problem(collector, document, problem)
     else:
         message = f"a spec is a mapping of sections, not {problems.kind(document.data)}"
         collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
@@ -74,26 +77,28 @@ def validated(merged: Merged) -> Spec:
     """
     collector = Collector()
     for problem in _strays(merged):
-        _add(collector, merged, problem)
+        add_problem(collector, merged, problem)
     for section in merged.missing:
         _add_missing(collector, merged, section)
-    found = None if merged.strays else _validate(merged, collector, Spec)
+    found = None if merged.strays else validate(merged, collector, Spec)
     collector.raise_if_errors()
     assert found is not None
     return found
 
 
-def _validate(located: Located, collector: Collector, model: type[Shape]) -> Shape | None:
+def validate(located: Located, collector: Collector, model: type[Shape]) -> Shape | None:
+    """Data as a model; what is wrong with it goes to the collector."""
     try:
         return model.model_validate(located.data)
     except ValidationError as error:
         for details in error.errors(include_url=False):
             for problem in _problems(dict(details), model):
-                _add(collector, located, problem)
+                add_problem(collector, located, problem)
         return None
 
 
-def _add(collector: Collector, located: Located, problem: Problem) -> None:
+def add_problem(collector: Collector, located: Located, problem: Problem) -> None:
+    """Report a problem at its place."""
     place = located.key_span if problem.of_key else located.span
     collector.add(problem.code, place(problem.path), problem.message, problem.hint)
 
@@ -122,8 +127,10 @@ def _missing_key(loc: Path) -> Problem:
         message, hint = "the file does not say in which format it is", "start it with `taskspec: 1`"
         return Problem("E203", (), message, hint)
     owner = f"`{loc[-2]}`" if len(loc) > 1 and isinstance(loc[-2], str) else "this entry"
+    if loc == ("experiment",):
+        return Problem("E203", (), "the file does not say in which format it is", "start it with `experiment: 1`")
     if len(loc) == 1:
-        return Problem("E203", (), f"the spec has no `{loc[-1]}`")
+        return Problem("E203", (), f"the file has no `{loc[-1]}`")
     return Problem("E203", loc, f"{owner} has no `{loc[-1]}`", None, of_key=True)  # at the owner, or what removes it
 
 

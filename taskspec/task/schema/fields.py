@@ -53,21 +53,22 @@ class Shorthand:
         return {self.key: value} if isinstance(value, str) else value
 
 
-def _check(check: Callable[[Any], Iterator[Problem]]) -> BeforeValidator:
+def checked(check: Callable[[Any], Iterator[Problem]]) -> BeforeValidator:
+    """An annotation that checks a value by hand."""
     return BeforeValidator(_checked(check))
 
 
-Expression: TypeAlias = Annotated[Any, _check(values.expression), _refer("Expression")]
-Constant: TypeAlias = Annotated[Any, _check(values.constant), _refer("Constant")]
-Bound: TypeAlias = Annotated[Any, _check(values.bound), _refer("Bound")]
-Shape: TypeAlias = Annotated[Any, _check(values.shape), _refer("Shape")]
-Labels: TypeAlias = Annotated[Any, _check(values.labels), _refer("Labels")]
-Horizon: TypeAlias = Annotated[Any, _check(values.horizon), _refer("Horizon")]
-Expert: TypeAlias = Annotated[Any, _check(values.expert), _refer("Expert")]
-Setting: TypeAlias = Annotated[Any, _check(values.setting), _refer("Setting")]
-Grid: TypeAlias = Annotated[Any, _check(values.grid), _refer("Grid")]
-Observation: TypeAlias = Annotated[Any, _check(values.observation), _refer("Observation")]
-PartialObservation: TypeAlias = Annotated[Any, _check(values.partial_observation), _refer("PartialObservation")]
+Expression: TypeAlias = Annotated[Any, checked(values.expression), _refer("Expression")]
+Constant: TypeAlias = Annotated[Any, checked(values.constant), _refer("Constant")]
+Bound: TypeAlias = Annotated[Any, checked(values.bound), _refer("Bound")]
+Shape: TypeAlias = Annotated[Any, checked(values.shape), _refer("Shape")]
+Labels: TypeAlias = Annotated[Any, checked(values.labels), _refer("Labels")]
+Horizon: TypeAlias = Annotated[Any, checked(values.horizon), _refer("Horizon")]
+Expert: TypeAlias = Annotated[Any, checked(values.expert), _refer("Expert")]
+Setting: TypeAlias = Annotated[Any, checked(values.setting), _refer("Setting")]
+Grid: TypeAlias = Annotated[Any, checked(values.grid), _refer("Grid")]
+Observation: TypeAlias = Annotated[Any, checked(values.observation), _refer("Observation")]
+PartialObservation: TypeAlias = Annotated[Any, checked(values.partial_observation), _refer("PartialObservation")]
 
 LETTER, MORE = r"A-Za-z\u0080-\uffff", "0-9_"
 """The characters of a name, for patterns: `\\w` is ASCII to an editor, so there every other character passes."""

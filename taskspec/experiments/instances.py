@@ -1,0 +1,252 @@
+"""From an experiment to the instances that it is about: each task at each combination of its values."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from taskspec import ids, registry
+from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError
+from taskspec.experiments.reading import Written
+from taskspec.experiments.values import Draw, Setting, count, listed, misplaced
+from taskspec.limits import how_to_raise, limits
+from taskspec.source import Path as Place
+from taskspec.task.build import Bound, bind
+from taskspec.task.parts import Parameter
+from taskspec.task.schema import TaskEntry
+
+Values: TypeAlias = tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Instance:
+    """A task at values of all its parameters, with modifiers.
+
+    `source` and `variant` are what `registry.load` takes; `varied` names the parameters that vary beside it. `problem` says why
+    there is no such task: a value that a parameter cannot have, or values that may not go together.
+    """
+
+    id: str
+    source: str
+    variant: str | None
+    parameters: Mapping[str, Any]
+    modifiers: tuple[str, ...] = ()
+    varied: tuple[str, ...] = ()
+    content_hash: str = ""
+    problem: str | None = None
+    entry: int = 0
+
+
+@dataclass(frozen=True)
+class Expanded:
+    """The instances of an experiment, and what is wrong with what it gives.
+
+    `refused` are the problems of single instances: values that a parameter cannot have, or that may not go together.
+    """
+
+    instances: tuple[Instance, ...]
+    diagnostics: tuple[Diagnostic, ...] = ()
+    refused: tuple[Diagnostic, ...] = ()
+
+
+def expand(written: Written) -> Expanded:
+    """Every instance once, in the order of the file; the last parameter of an entry changes fastest."""
+    collector = Collector()
+    found: dict[str, Instance] = {}
+    refused: list[Diagnostic] = []
+    for i, entry in enumerate(written.experiment.tasks):
+        one = _Entry(written, i, entry, collector)
+        for instance in one.instances():
+            found.setdefault(instance.id, instance)
+        refused += one.refused
+    return Expanded(tuple(found.values()), collector.diagnostics, tuple(refused))
+
+
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    """Parameters that change together: the tuples of their values, or what draws each of them."""
+
+    names: tuple[str, ...]
+    values: Sequence[Values] | Draw
+
+    @property
+    def size(self) -> int:
+        return 0 if callable(self.values) else len(self.values)
+
+
+class _Entry:
+    """One task of an experiment; mistakes go to the collector."""
+
+    def __init__(self, written: Written, index: int, entry: TaskEntry, collector: Collector) -> None:
+        self.written, self.index, self.entry, self.collector = written, index, entry, collector
+        self.document = written.document
+        self.refused: list[Diagnostic] = []
+
+    def instances(self) -> Iterator[Instance]:
+        """The instances; none where something is wrong with the entry itself."""
+        before = len(self.collector.diagnostics)
+        source = self._source()
+        try:
+            self.task = registry.load(source, self.entry.variant)
+            known = bind(self.task.document, self.task.variant).parameters
+        except SpecError as error:
+            self._report(error, ("task",))
+            return
+        axes = list(self._axes(known))
+        if len(self.collector.diagnostics) > before or not self._is_payable(axes):
+            return
+        varied = tuple(name for axis in axes for name in axis.names if axis.size != 1)
+        for chosen in self._settings(axes):
+            names = [name for axis in axes for name in axis.names]
+            given = dict(zip(names, itertools.chain.from_iterable(chosen), strict=True))
+            instance = self._instance(source, known, given, varied)
+            if instance is not None:
+                yield instance
+
+    def _source(self) -> str:
+        """The task as `registry.load` takes it: paths start from the file's folder."""
+        name = self.entry.task
+        return (
+            str(self.written.folder / name)
+            if name.endswith((".yaml", ".yml")) and not Path(name).is_absolute()
+            else name
+        )
+
+    # -- axes -------------------------------------------------------------------------------------------------------
+
+    def _axes(self, known: Sequence[Parameter]) -> Iterator[_Axis]:
+        kinds = {key: p for p in known for key in (p.name, p.alias) if key}
+        for section in ("parameters", "zip"):
+            for name in getattr(self.entry, section):
+                if name not in kinds:
+                    self._unknown((section, name), name, known)
+        for name, values in self.entry.parameters.items():
+            if name not in kinds:
+                continue
+            problem = misplaced(values)
+            if problem is not None:
+                self.collector.add("E214", self._span("parameters", name), problem)
+            elif count(values) > limits().instances:
+                self._too_many(count(values), ("parameters", name))
+            else:
+                found = listed(values, kinds[name].kind)
+                yield _Axis((kinds[name].name,), found if callable(found) else [(v,) for v in found])
+        if self.entry.zip:
+            together = tuple(kinds[name].name for name in self.entry.zip if name in kinds)
+            yield _Axis(together, list(zip(*self.entry.zip.values(), strict=True)))
+
+    def _unknown(self, path: Place, name: str, known: Sequence[Parameter]) -> None:
+        try:
+            bind(self.task.document, self.task.variant, {name: 0})
+        except SpecError as error:
+            place = self.document.key_span(("tasks", self.index, *path))
+            self.collector.extend(replace(d, span=place) for d in error.diagnostics if d.code == "E702")
+
+    def _is_payable(self, axes: Sequence[_Axis]) -> bool:
+        wanted = self.entry.sample
+        many = math.prod(axis.size for axis in axes if not callable(axis.values))
+        many = many if wanted is None else self._count()
+        if many > limits().instances:
+            self._too_many(many, ())
+        return many <= limits().instances
+
+    def _too_many(self, many: int, path: Place) -> None:
+        most = limits().instances
+        message = f"{many:,} instances are too many; the limit is {most:,}"
+        self.collector.add("E314", self._span(*path), message, how_to_raise("instances", many))
+
+    # -- settings ---------------------------------------------------------------------------------------------------
+
+    def _count(self) -> int:
+        wanted = self.entry.sample
+        assert wanted is not None
+        return wanted if isinstance(wanted, int) else wanted.count
+
+    def _settings(self, axes: Sequence[_Axis]) -> Iterator[tuple[Values, ...]]:
+        """One tuple of values for each axis."""
+        if self.entry.sample is None:
+            yield from itertools.product(*(axis.values for axis in axes if not callable(axis.values)))
+            return
+        seed = 0 if isinstance(self.entry.sample, int) else self.entry.sample.seed
+        rng = np.random.default_rng(seed)
+        if any(callable(axis.values) for axis in axes):
+            for _ in range(self._count()):
+                yield tuple(_drawn(axis, rng) for axis in axes)
+            return
+        size = math.prod(axis.size for axis in axes)
+        for i in sorted(rng.permutation(size)[: self._count()].tolist()):
+            yield tuple(_at(axes, i))
+
+    def _instance(
+        self, source: str, known: Sequence[Parameter], given: dict[str, Any], varied: tuple[str, ...]
+    ) -> Instance | None:
+        known = self._settled(known, given)
+        values = Setting(
+            known, given, lambda name, start, end: self._value_span(name, start, end), self.collector
+        ).values()
+        if values is None:
+            return None
+        problem, bound = None, None
+        try:
+            bound = bind(self.task.document, self.task.variant, values)
+        except SpecError as error:
+            problem = "; ".join(d.message for d in error.diagnostics)
+            place, note = self._span("parameters"), f"at {ids.assigned(values.items())}"
+            self.refused += [replace(d, span=place, notes=(*d.notes, note)) for d in error.diagnostics]
+        return self._named(source, values, varied, bound, problem)
+
+    def _settled(self, known: Sequence[Parameter], given: Mapping[str, Any]) -> Sequence[Parameter]:
+        """The parameters with the defaults that they have beside the values that are no expressions."""
+        texts = {p.name for p in known if p.kind != "choice" and isinstance(given.get(p.name), str)}
+        if not texts:
+            return known
+        try:
+            plain = {name: value for name, value in given.items() if name not in texts}
+            return bind(self.task.document, self.task.variant, plain).parameters
+        except SpecError:  # with the others they may be right
+            return known
+
+    def _named(
+        self, source: str, values: Mapping[str, Any], varied: tuple[str, ...], bound: Bound | None, problem: str | None
+    ) -> Instance:
+        all_values = dict(values) if bound is None else {p.name: p.value for p in bound.parameters}
+        name = str(ids.InstanceId(self.task.id, dict(sorted(all_values.items()))))
+        hash_ = "" if bound is None else bound.content_hash
+        return Instance(name, source, self.task.variant, all_values, (), varied, hash_, problem, self.index)
+
+    # -- places -----------------------------------------------------------------------------------------------------
+
+    def _span(self, *path: str | int) -> Span:
+        return self.document.span(("tasks", self.index, *path))
+
+    def _value_span(self, name: str, start: int, end: int) -> Span:
+        path: Place = ("tasks", self.index, "parameters" if name in self.entry.parameters else "zip", name)
+        one = isinstance(self.entry.parameters.get(name), str)
+        return self.document.span(path, start, end) if one else self.document.span(path)
+
+    def _report(self, error: SpecError, path: Place) -> None:
+        """What is wrong with a task, at the place where the experiment names it, unless it has one of its own."""
+        place = self._span(*path)
+        self.collector.extend(replace(d, span=place) if d.span is None else d for d in error.diagnostics)
+
+
+def _drawn(axis: _Axis, rng: np.random.Generator) -> Values:
+    if callable(axis.values):
+        return (axis.values(rng),)
+    return axis.values[int(rng.integers(axis.size))]
+
+
+def _at(axes: Sequence[_Axis], index: int) -> list[Values]:
+    """The combination with an index in the product of all axes, the last one changing fastest."""
+    found: list[Values] = []
+    for axis in reversed(axes):
+        index, i = divmod(index, axis.size)
+        assert not callable(axis.values)
+        found.append(axis.values[i])
+    return found[::-1]

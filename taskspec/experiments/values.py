@@ -1,0 +1,150 @@
+"""Values of parameters, as an experiment writes them: lists, ranges, draws, and expressions over other parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from taskspec.diagnostics import Collector, Span
+from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import Poisoned
+from taskspec.lang.builder import Builder
+from taskspec.lang.check import Checker
+from taskspec.lang.ir import plain
+from taskspec.lang.parse import parse_into
+from taskspec.lang.scope import Binding, Lazy, Scope, Value
+from taskspec.lang.types import Kind, Type
+from taskspec.task.parts import Parameter
+
+Draw = Callable[[np.random.Generator], Any]
+"""A value that is drawn for each setting."""
+KINDS = {"bool": Kind.BOOL, "int": Kind.INT, "real": Kind.REAL}
+
+
+def count(written: Any) -> int:
+    """How many values are written, without listing them."""
+    match written:
+        case {"range": numbers}:
+            start, stop, step = _exact(numbers)
+            return max(math.ceil((stop - start) / step), 0) if step else 0
+        case {"logrange": numbers}:
+            return max(int(numbers[2]), 0)
+        case list():
+            return len(written)
+    return 1
+
+
+def listed(written: Any, kind: str) -> list[Any] | Draw:
+    """Values as a list, or a draw of one; `kind` is that of the parameter."""
+    whole = kind == "int"
+    match written:
+        case {"range": numbers}:
+            start, _, step = _exact(numbers)
+            found = [start + i * step for i in range(count(written))]
+            return [int(x) if x.denominator == 1 and whole else float(x) for x in found]
+        case {"logrange": [first, last, *_]}:
+            spaced = np.geomspace(first, last, count(written))
+            return list(dict.fromkeys(round(x) for x in spaced)) if whole else [float(x) for x in spaced]
+        case {"uniform": [low, high]}:
+            return lambda rng: int(rng.integers(low, high, endpoint=True)) if whole else float(rng.uniform(low, high))
+        case {"loguniform": [low, high]}:
+            return lambda rng: _drawn(rng, low, high, whole)
+        case list():
+            return list(written)
+    return [written]
+
+
+def _drawn(rng: np.random.Generator, low: float, high: float, whole: bool) -> int | float:
+    found = math.exp(rng.uniform(math.log(low), math.log(high)))
+    return round(found) if whole else found
+
+
+def _exact(numbers: Sequence[float]) -> tuple[Fraction, Fraction, Fraction]:
+    """The numbers of a range as they are written, in decimals."""
+    start, stop, *rest = (Fraction(str(x)) for x in numbers)
+    return start, stop, rest[0] if rest else Fraction(1)
+
+
+def misplaced(written: Any) -> str | None:
+    """Why numbers with a rule give no values; None where they do."""
+    match written:
+        case {"range": numbers} if not count(written):
+            return f"this range is empty: it goes from {numbers[0]} on, and ends below {numbers[1]}"
+        case {"logrange": [first, last, n]} if not (first * last > 0 and isinstance(n, int) and n >= 1):
+            return "a `logrange` goes between two numbers above 0, and has a whole number of values"
+        case {"uniform": [low, high]} if low > high:
+            return f"{low} is above {high}"
+        case {"loguniform": [low, high]} if not 0 < low <= high:
+            return "a `loguniform` goes from a number above 0 to one that is no smaller"
+    return None
+
+
+class Setting:
+    """Values for all parameters of a task, those that are expressions worked out from the others.
+
+    Args:
+        known: the parameters of the task at their defaults, for the kinds and values of those that are not given.
+        given: values by name; a text is an expression, but for a choice.
+        span: where a value is written.
+    """
+
+    def __init__(
+        self,
+        known: Sequence[Parameter],
+        given: Mapping[str, Any],
+        span: Callable[[str, int, int], Span],
+        collector: Collector,
+    ) -> None:
+        self.known, self.given, self.span = {p.name: p for p in known}, given, span
+        self.builder = Builder()
+        self.checker = Checker(self.builder, collector)
+        bindings: dict[str, Binding] = {
+            name: Lazy(lambda at, name=name: self._value(name, at))  # type: ignore[misc]
+            for name, p in self.known.items()
+            if p.kind != "choice"
+        }
+        self.scope = Scope(bindings, draws="values of parameters are fixed numbers")
+        self._busy: list[str] = []
+
+    def values(self) -> dict[str, Any] | None:
+        """The given values, worked out; None where one is broken, which is reported."""
+        try:
+            return {name: self._plain(name) for name in self.given}
+        except Poisoned:
+            return None
+
+    def _plain(self, name: str) -> Any:
+        value = self.given[name]
+        return self._worked_out(name) if self._is_expression(name, value) else value
+
+    def _is_expression(self, name: str, value: Any) -> bool:
+        return isinstance(value, str) and name in self.known and self.known[name].kind != "choice"
+
+    def _worked_out(self, name: str) -> Any:
+        text = s.SourceText(self.given[name], lambda start, end: self.span(name, start, end))
+        expr = parse_into(text, self.checker.collector)
+        if expr is None:
+            raise Poisoned
+        if name in self._busy:
+            self.checker.fail("E310", expr, f"'{name}' needs its own value: {' -> '.join([*self._busy, name])}")
+        self._busy.append(name)
+        try:
+            node = self.checker.constant(expr, self.scope, "a value of a parameter")
+        finally:
+            self._busy.pop()
+        if not node.type.is_scalar:
+            self.checker.fail("E307", expr, "a value of a parameter is a single number")
+        return plain(node.value)
+
+    def _value(self, name: str, at: s.Name) -> Value:
+        """A parameter as an expression reads it."""
+        parameter = self.known[name]
+        value = self._plain(name) if name in self.given else parameter.value
+        if isinstance(value, str):
+            self.checker.fail("E306", at, f"'{name}' is a label, no number")
+        kind = {bool: Kind.BOOL, int: Kind.INT}.get(type(value), Kind.REAL)
+        return Value(self.builder.const(value, Type(KINDS[parameter.kind] if kind is Kind.INT else kind)))

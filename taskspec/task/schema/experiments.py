@@ -1,0 +1,192 @@
+"""The shape of an experiment: tasks, values of their parameters, modifiers, and what is to be measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, TypeAlias
+
+from pydantic import Field, TypeAdapter, WithJsonSchema, model_validator
+
+from taskspec.diagnostics import Collector, Diagnostic
+from taskspec.source import Document
+from taskspec.task.schema import problems, values
+from taskspec.task.schema.check import add_problem, validate
+from taskspec.task.schema.fields import Name, checked, fail
+from taskspec.task.schema.problems import Problem, wrong_kind
+from taskspec.task.schema.typed import Strict
+
+FORMAT = 1
+"""The version of the format that is read here."""
+SPANS = {
+    "range": "from the first on, below the second, in steps of the third (1 unless given), as Python's `range`",
+    "logrange": "from the first to the second, the third says how many, each the same multiple of the one before",
+    "uniform": "drawn between the two, for `sample`",
+    "loguniform": "drawn between the two, each order of magnitude as often, for `sample`",
+}
+"""Values that are not listed one by one, by name, with what their numbers mean."""
+LENGTHS = {"range": (2, 3), "logrange": (3, 3), "uniform": (2, 2), "loguniform": (2, 2)}
+
+
+def _values(value: Any) -> Iterator[Problem]:
+    """A value, a list of values, or numbers with a rule."""
+    match value:
+        case dict():
+            yield from _span(value)
+        case []:
+            yield wrong_kind("a value, or a list of some", None)
+        case list():
+            for i, each in enumerate(value):
+                yield from (problem.below(i) for problem in values.setting(each))
+        case _:
+            yield from values.setting(value)
+
+
+def _span(value: dict[str, Any]) -> Iterator[Problem]:
+    key = next(iter(value), "")
+    if key not in SPANS or len(value) > 1:
+        stray = next((name for name in value if name not in SPANS), None)
+        if stray is not None:
+            yield problems.unknown_key(stray, tuple(SPANS)).below(stray)
+        else:
+            yield wrong_kind("one of `range`, `logrange`, `uniform`, `loguniform`", value)
+        return
+    numbers, (least, most) = value[key], LENGTHS[key]
+    if not isinstance(numbers, list) or not least <= len(numbers) <= most:
+        wanted = f"{least} numbers" if least == most else f"{least} or {most} numbers"
+        yield wrong_kind(f"{wanted}: {SPANS[key]}", numbers).below(key)
+        return
+    for i, each in enumerate(numbers):
+        if isinstance(each, bool) or not isinstance(each, int | float):
+            yield wrong_kind("a number", each).below(key, i)
+
+
+def _list(value: Any) -> Iterator[Problem]:
+    if not isinstance(value, list) or not value:
+        yield wrong_kind("a list of values", value)
+        return
+    yield from _values(value)
+
+
+def _modifier(value: Any) -> Iterator[Problem]:
+    """A name, or a name with its arguments."""
+    if isinstance(value, str) or (isinstance(value, dict) and len(value) == 1):
+        return
+    yield wrong_kind("one modifier, such as `sticky: 0.25`", value)
+
+
+_VALUE = {"type": ["string", "number", "boolean"]}
+_NUMBERS: dict[str, Any] = {"type": "array", "items": {"type": "number"}}
+_SPANS: dict[str, Any] = {
+    "type": "object",
+    "properties": {
+        name: {**_NUMBERS, "description": doc, "minItems": LENGTHS[name][0], "maxItems": LENGTHS[name][1]}
+        for name, doc in SPANS.items()
+    },
+    "additionalProperties": False,
+    "minProperties": 1,
+    "maxProperties": 1,
+}
+_LISTED = {"type": "array", "items": _VALUE, "minItems": 1}
+_MODIFIER = {"anyOf": [{"type": "string"}, {"type": "object", "minProperties": 1, "maxProperties": 1}]}
+Values: TypeAlias = Annotated[Any, checked(_values), WithJsonSchema({"anyOf": [_VALUE, _LISTED, _SPANS]})]
+Listed: TypeAlias = Annotated[Any, checked(_list), WithJsonSchema(_LISTED)]
+ModifierEntry: TypeAlias = Annotated[Any, checked(_modifier), WithJsonSchema(_MODIFIER)]
+
+
+class Sample(Strict):
+    """Some of the settings, drawn at random."""
+
+    count: int = Field(ge=1, description="How many settings.")
+    seed: int = Field(0, ge=0, description="Of the drawing.")
+
+
+class TaskEntry(Strict):
+    """A task, at every combination of the values of its parameters."""
+
+    task: str = Field(description="An id, or the path of a spec, from the folder of this file.")
+    variant: str | None = Field(None, description="A variant of the spec.")
+    parameters: dict[Name, Values] = Field(
+        default_factory=dict,
+        description="Values of parameters: one, a list, `{range: [2, 10, 2]}`, `{logrange: [1, 1000, 4]}`, "
+        "or an expression over the others, `L // 2`.",
+    )
+    zip: dict[Name, Listed] = Field(
+        default_factory=dict, description="Lists of values that go together, the first with the first, and so on."
+    )
+    modifiers: list[ModifierEntry] = Field(default_factory=list, description="What is laid over the task, in order.")
+    sample: int | Sample | None = Field(None, description="How many of the settings, drawn at random.")
+
+    @model_validator(mode="after")
+    def _check(self) -> TaskEntry:
+        fail(list(_together(self)))
+        return self
+
+
+def _together(entry: TaskEntry) -> Iterator[Problem]:
+    """What values may not be beside each other."""
+    lengths = {name: len(each) for name, each in entry.zip.items()}
+    for name, length in lengths.items():
+        if name in entry.parameters:
+            yield Problem("E205", ("zip", name), f"`{name}` has values under `parameters`, too", None, of_key=True)
+        if length != next(iter(lengths.values())):
+            told = ", ".join(f"{key} has {n}" for key, n in lengths.items())
+            yield Problem("E214", ("zip", name), f"the lists are not of one length: {told}", None, of_key=True)
+    for name, each in entry.parameters.items():
+        if entry.sample is None and isinstance(each, dict) and {"uniform", "loguniform"} & set(each):
+            hint = "for example `sample: 20`"
+            yield Problem("E214", ("parameters", name), "values are drawn for a `sample` only", hint, of_key=True)
+
+
+class Plot(Strict):
+    """What the picture shows."""
+
+    x: Name | None = Field(None, description="The parameter along the axis; the first that varies unless given.")
+    y: Name | None = Field(None, description="The parameter along the other axis of a heat map.")
+    show: list[str] = Field(default_factory=list, description="What is drawn: columns of the table of results.")
+    log: list[str] = Field(
+        default_factory=list, description="Which axes are logarithmic: names of parameters, or `value`."
+    )
+
+
+class Experiment(Strict):
+    """Which instances of which tasks are measured, and how."""
+
+    experiment: int = Field(description="The version of the format: 1.")
+    name: Annotated[str, Field(description="A short name; files of results are called by it.")]
+    title: str | None = Field(None, description="Its heading.")
+    doc: str | None = Field(None, description="What it is about.")
+    tasks: Annotated[list[TaskEntry], Field(min_length=1, description="The tasks, each at some settings.")]
+    measures: list[str] = Field(default_factory=list, description="Measures of difficulty beside the returns, by name.")
+    policies: list[str] = Field(
+        default_factory=list,
+        description="Policies that are rolled out: random, expert, optimal, soft(1), epsilon(0.1).",
+    )
+    seeds: int = Field(1, ge=1, description="How often each policy is rolled out, each time with another seed.")
+    episodes: int = Field(
+        100, ge=2, description="Episodes of each roll-out, and for what cannot be worked out exactly."
+    )
+    speed: bool = Field(False, description="Whether steps per second are measured.")
+    plot: Plot = Field(default_factory=Plot, description="What the picture shows.")
+
+
+def check_experiment(document: Document) -> tuple[Experiment | None, tuple[Diagnostic, ...]]:
+    """The experiment that a document describes (None where it is not well-formed), and all that is wrong with its shape."""
+    collector = Collector()
+    if not isinstance(document.data, dict):
+        message = f"an experiment is a mapping of sections, not {problems.kind(document.data)}"
+        collector.add("E201", document.span(()), message, "start it with `experiment: 1`")
+        return None, collector.diagnostics
+    found = validate(document, collector, Experiment)
+    version = document.data.get("experiment")
+    if isinstance(version, int) and version != FORMAT:
+        problem = Problem(
+            "E207", ("experiment",), f"format {version} is not known here", f"write `experiment: {FORMAT}`"
+        )
+        add_problem(collector, document, problem)
+    return found, collector.diagnostics
+
+
+def experiment_schema() -> dict[str, Any]:
+    """The JSON Schema (2020-12) of an experiment."""
+    found = TypeAdapter(Experiment).json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found, "title": "taskspec experiment"}
