@@ -47,12 +47,12 @@ def test_show_draws_a_map_as_it_is_written(tmp_path: Path, grid: str) -> None:
 
 def test_list_has_a_row_for_every_task_that_is_known() -> None:
     rows = Done("list").out.splitlines()
-    assert {row.split()[0] for row in rows[1:]} == set(task_ids())
+    assert {row.split()[0] for row in rows[1:] if not row.startswith(" ")} == set(task_ids())
     assert not any(row.endswith(" ") for row in rows)
 
 
 def test_list_fits_into_80_columns_with_the_capability_as_a_heading() -> None:
-    lines = Done("list", columns=80).out.splitlines()
+    lines = Done("list", "derail", columns=80).out.splitlines()
     assert max(map(len, lines)) <= 80
     assert "exploration" in lines
     assert "  derail/Branching-v0              L=10 B=2           21 × 2       10" in lines
@@ -60,7 +60,7 @@ def test_list_fits_into_80_columns_with_the_capability_as_a_heading() -> None:
 
 @pytest.mark.parametrize("columns", [110, 120, 160, 300])
 def test_wide_list_shows_every_column_whole_but_the_summary(columns: int) -> None:
-    lines = Done("list", columns=columns).out.splitlines()
+    lines = Done("list", "derail", columns=columns).out.splitlines()
     assert max(map(len, lines)) <= columns
     row = next(line for line in lines if line.startswith("derail/Branching-v0"))
     assert row.startswith("derail/Branching-v0              exploration             L=10 B=2           21 × 2       10")
@@ -71,7 +71,8 @@ def test_list_takes_folders_suites_files_and_ids_alike() -> None:
     wanted = [entry.id for entry in shipped().values() if entry.path.name == "sort.yaml"]
     for target in (DERAIL / "sort.yaml", "derail/Sort"):
         assert [task["id"] for task in Done("list", target, "--json").data] in (wanted, wanted[:1])
-    assert len(Done("list", DERAIL, "--json").data) == len(Done("list", "derail", "--json").data) == len(shipped())
+    assert len(Done("list", DERAIL, "--json").data) == len(Done("list", "derail", "--json").data)
+    assert len(Done("list", "--json").data) == len(shipped())
 
 
 def test_list_json_says_what_a_program_needs() -> None:

@@ -151,7 +151,7 @@ def test_copies_go_on_alike(case: tuple[str, str | None]) -> None:
             assert all(same(c.reset()[0], first) for c in copies)
 
 
-@pytest.mark.parametrize("task_id", [i for i in task_ids() if "Seals" not in i])
+@pytest.mark.parametrize("task_id", [i for i in task_ids() if "eals" not in i])  # whose spaces have no bounds
 def test_gymnasium_accepts_the_environment(task_id: str) -> None:
     register_shipped()
     with warnings.catch_warnings():

@@ -7,7 +7,7 @@ from functools import partial
 
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
-from taskspec.lang.ir import Node
+from taskspec.lang.ir import Const, Node
 from taskspec.lang.labels import numbered
 from taskspec.lang.scope import Lazy, Scope, Value
 from taskspec.lang.types import Domain, Refused
@@ -27,8 +27,16 @@ def select(
     nodes, domain = unify(checker, values(checker, exprs, scope, want), exprs, want)
     result = nodes[-1]
     for condition, node in zip(reversed(conditions), reversed(nodes[:-1]), strict=True):
-        result = checker.builder.apply("where", condition, node, result)
+        result = _either(checker, condition, node, result)
     return Value(result, domain)
+
+
+def _either(checker: BaseChecker, condition: Node, node: Node, otherwise: Node) -> Node:
+    """One of two values. Between vectors of different shapes a condition decides when the task is built, or it is an error."""
+    shapes = {node.type.shape, otherwise.type.shape}
+    if isinstance(condition, Const) and len(shapes - {()}) == 2:
+        return node if condition.value else otherwise
+    return checker.builder.apply("where", condition, node, otherwise)
 
 
 def values(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Value]:

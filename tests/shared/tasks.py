@@ -19,8 +19,8 @@ ROOT = Path(__file__).parents[2]
 Array = np.ndarray[Any, Any]
 
 
-def shipped(name: str, variant: str | None = None, **parameters: Any) -> Task:
-    return build(source.read(ROOT / "tasks" / "derail" / f"{name}.yaml"), variant, parameters, "derail")
+def shipped(name: str, variant: str | None = None, *, suite: str = "derail", **parameters: Any) -> Task:
+    return build(source.read(ROOT / "tasks" / suite / f"{name}.yaml"), variant, parameters, suite)
 
 
 def model_of(task: Task) -> Model:

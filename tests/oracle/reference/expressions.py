@@ -142,6 +142,8 @@ def choose(condition: Value, x: Value, y: Value) -> Value:
     if x.kind == y.kind == "choice" and x.choice == y.choice:
         picked = x if condition.item else y
         return replace(picked, fixed=picked.fixed and condition.fixed)
+    if condition.fixed and x.shape and y.shape and x.shape != y.shape:
+        return number(x if condition.item else y)
     kind = joint_kind([number(x), number(y)])
     return elementwise(lambda c, p, q: p if c else q, kind, condition, x, y)
 
