@@ -30,6 +30,8 @@ Array = np.ndarray[Any, Any]
 UNKNOWN = 2
 FLOOR = 1e-300
 """More than what products that are too small for a float can lose."""
+DEEPEST = 1e4
+"""Exponents from here on make weights of 0, which are less than `FLOOR` off."""
 FAINT = 1e-20
 
 
@@ -222,14 +224,16 @@ class Bounded:
     def boltzmann(self, q: Bound, beta: float) -> tuple[Policy, Bound]:
         """Actions in proportion to exp(beta Q), and the soft value log sum exp(beta Q) / beta."""
         top = q.value.max(axis=0)
-        depth = beta * (top - q.value)
+        with np.errstate(over="ignore"):  # of floats near the largest
+            depth = np.minimum(beta * (top - q.value), DEEPEST)
         weights = np.exp(-depth)
         total = weights.sum(axis=0)
         value = top + np.log(total) / beta
         # Elementary functions err by less than 4 units, and exp(-x) by 2 x units more for the rounding of its argument.
         worst, units = q.error.max(axis=0), (16 * len(q.value) + 32) * UNIT
         error = worst + units * (1 / beta + np.abs(value))
-        exponent = beta * (q.error + worst)
+        with np.errstate(over="ignore"):
+            exponent = beta * (q.error + worst)
         apart = np.expm1(np.minimum(exponent, 30.0)) + units + 4 * UNIT * depth
         table = weights / total
         off = np.where(exponent > 30, 1.0, np.minimum(table * apart + 1e-300, 1.0))
