@@ -10,6 +10,10 @@ from taskspec.exact.checks.soundness import soundness as soundness
 from taskspec.exact.claims.claims import Verdict as Verdict
 from taskspec.exact.claims.claims import verdicts as verdicts
 from taskspec.exact.claims.examples import wrong_examples as wrong_examples
+from taskspec.exact.difficulty import MEASURES as MEASURES
+from taskspec.exact.difficulty import Difficulty as Difficulty
+from taskspec.exact.difficulty import Measure as Measure
+from taskspec.exact.difficulty import difficulty as difficulty
 from taskspec.exact.lint import sense as sense
 from taskspec.exact.lint.accept import Accepted as Accepted
 from taskspec.exact.model.model import Model as Model
@@ -28,6 +32,6 @@ from taskspec.exact.scoring.yardsticks import Yardsticks as Yardsticks
 from taskspec.exact.scoring.yardsticks import yardsticks as yardsticks
 
 __all__ = [
-    "Accepted", "Expert", "Model", "Report", "Return", "Score", "Scores", "Soundness", "StaleScores", "Verdict", "Yardsticks",
-    "check", "extract", "score", "scores",
+    "Accepted", "Difficulty", "Expert", "Model", "Report", "Return", "Score", "Scores", "Soundness", "StaleScores", "Verdict",
+    "Yardsticks", "check", "difficulty", "extract", "score", "scores",
 ]  # fmt: skip

@@ -44,13 +44,17 @@ class Outcomes:
 
 
 class Steps:
-    """The dynamics, reward and termination of a task whose states are finite, ready to be enumerated."""
+    """The dynamics, reward and termination of a task whose states are finite, ready to be enumerated.
 
-    def __init__(self, task: Task) -> None:
+    The reward is the expected one; `as_paid`: what is paid, with the draws that are only in it.
+    """
+
+    def __init__(self, task: Task, as_paid: bool = False) -> None:
         self.task = task
         self.states = Space(task.state, Role.STATE)
         self.actions = Space(task.action, Role.ACTION)
-        self.reward = expected(task.reward, task.builder, draws((*task.next, task.terminal)))
+        decisive = draws((*task.next, task.terminal))
+        self.reward = task.reward if as_paid else expected(task.reward, task.builder, decisive)
         self.roots = lumped((*task.raw_next, self.reward, task.terminal), task.builder)
         self.first = lumped(task.raw_initial, task.builder)
 

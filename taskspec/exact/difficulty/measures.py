@@ -1,0 +1,130 @@
+"""The measures of difficulty in one table: what each is, in which unit, after whom, and how it is worked out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.exact.difficulty.lengths import mean_length, solution_length
+from taskspec.exact.difficulty.luck import best_chance, reward_chance
+from taskspec.exact.model.failure import refuse
+from taskspec.exact.model.model import Model
+from taskspec.exact.planning.plans import Boltzmann, optimal_plan, uniform_plan
+from taskspec.exact.scoring.returns import Results
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of difficulty. `of` gives its value for the results of a task, and raises SpecError (E712) where it has none.
+
+    `doc` is what it is, in a sentence; `formula` says the same in TeX; `source` is the work that it comes from.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    formula: str
+    source: str
+    of: Callable[[Results], float]
+
+
+def _model(results: Results) -> Model:
+    """The exact model. SpecError (E712): there is none, or the abstraction that it is of is not faithful."""
+    if results.model is None:
+        refuse(results.why_not or "there is no exact model", results.remedy)
+    if results.faith is not None and results.faith.problem is not None:
+        refuse("the abstraction is not faithful")
+    return results.model
+
+
+def _return(results: Results, which: str) -> float:
+    """The optimal or random return. SpecError (E712): it is not known exactly."""
+    _model(results)
+    found = results.enclosure(which)
+    if found is None:
+        refuse(results.unsettled or f"the {which} return is not known")
+    return found.value
+
+
+def _on_model(function: Callable[[Model], float]) -> Callable[[Results], float]:
+    return lambda results: function(_model(results))
+
+
+def _branching(model: Model) -> float:
+    """The mean number of states that one of the actions may lead to, from the states in which episodes act."""
+    step = model.step(0)
+    both = step.going if step.ending is None else step.going + step.ending
+    reached = both[: model.n_states]
+    for a in range(1, model.n_actions):
+        reached = reached + both[a * model.n_states : (a + 1) * model.n_states]
+    reached.eliminate_zeros()
+    return float(np.diff(reached.indptr)[model.acting].mean())
+
+
+def _soft_gap(results: Results) -> float:
+    optimal, random = _return(results, "optimal"), _return(results, "random")
+    if optimal == random:
+        refuse("random actions are optimal")
+    soft = results.solvers.of(Boltzmann(1.0)).value(Boltzmann(1.0)).value
+    return (optimal - soft) / (optimal - random)
+
+
+def _episodes_to_reward(results: Results) -> float:
+    chance = reward_chance(_model(results))
+    if chance == 0:
+        refuse("random actions are never paid")
+    return 1 / chance
+
+
+LAIDLAW = (
+    "C. Laidlaw, S. Russell and A. Dragan, “Bridging RL Theory and Practice with the Effective Horizon” (NeurIPS 2023)"
+)
+ZIEBART = "B. Ziebart, “Modeling Purposeful Adaptive Behavior with the Principle of Maximum Causal Entropy” (2010)"
+
+
+def _table(measures: Iterable[Measure]) -> dict[str, Measure]:
+    return {measure.name: measure for measure in measures}
+
+
+MEASURES: dict[str, Measure] = _table([
+    Measure(
+        "states", "", "How many states episodes can be in.",
+        r"\lvert S \rvert", "", _on_model(lambda model: int(model.entered.sum()))),
+    Measure(
+        "actions", "", "How many actions there are.",
+        r"\lvert A \rvert", "", _on_model(lambda model: model.n_actions)),
+    Measure(
+        "entries", "", "How many transitions have a positive probability, at all times that differ.",
+        r"\lvert \{(s, a, s') : P(s' \mid s, a) > 0\} \rvert", "", _on_model(lambda model: model.entries)),
+    Measure(
+        "branching", "states",
+        "How many states can come next, on average over the states in which episodes act, by the dynamics of the first step.",
+        r"\operatorname{mean}_s \lvert \{s' : \exists a\, P(s' \mid s, a) > 0\} \rvert", "", _on_model(_branching)),
+    Measure(
+        "random_length", "steps", "The expected length of an episode of uniformly random actions.",
+        r"\mathbb{E}_{\text{random}}[T]", "", _on_model(lambda model: mean_length(model, uniform_plan(model)))),
+    Measure(
+        "optimal_length", "steps", "The expected length of an episode of the optimal policy, all best actions alike.",
+        r"\mathbb{E}_{\pi^*}[T]", "", _on_model(lambda model: mean_length(model, optimal_plan(model)))),
+    Measure(
+        "solution_length", "steps",
+        "The least expected number of steps in which an optimal policy comes to where nothing is left to earn or lose.",
+        r"\min_{\pi \in \Pi^*} \mathbb{E}_\pi[\min \{t : \text{no reward is possible from } s_t\}]", "",
+        _on_model(solution_length)),
+    Measure(
+        "best_at_random", "probability",
+        "How likely an episode of uniformly random actions returns at least what the optimal policy is expected to from the "
+        "same first state: in a deterministic task, the best return that is possible.",
+        r"P_{\text{random}}(G \geq V^*(s_0))", LAIDLAW, _on_model(best_chance)),
+    Measure(
+        "episodes_to_reward", "episodes",
+        "The expected number of episodes of uniformly random actions up to the first with a reward other than 0.",
+        r"1 / P_{\text{random}}(\exists t\, r_t \neq 0)", "", _episodes_to_reward),
+    Measure(
+        "soft_gap", "",
+        "What the soft-optimal policy at inverse temperature 1 falls short of the optimal return, where random actions are at 1.",
+        r"(J(\pi^*) - J(\pi_{\text{soft}})) / (J(\pi^*) - J(\text{random}))", ZIEBART, _soft_gap),
+])  # fmt: skip
+"""Every measure by name."""
