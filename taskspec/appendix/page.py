@@ -108,9 +108,9 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
 
 
 def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
-    """The sections, with every line that the values change shown with them too, and the scores side by side."""
+    """The sections, with every line that a few settings change shown with them too, and the scores side by side."""
     shown = sections.all_sections(Writing(task, {}), facts)
-    for each in settings:
+    for each in settings if len(settings) < scores.MOST_COLUMNS else ():
         found = {s.key: s for s in sections.all_sections(Writing(each.task, each.task.values), each.facts)}
         shown = [_beside(s, found.get(s.key)) for s in shown]
     if not settings:
