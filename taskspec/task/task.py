@@ -298,9 +298,7 @@ class Task:
             match node:
                 case Read(role=Role.STATE, name=name):
                     return following[name]
-                case Read(
-                    role=Role.TIME, type=type
-                ):  # steps begin one earlier than they end: the same node as in dynamics
+                case Read(role=Role.TIME, type=type):  # one less than at the end of the step: as in dynamics
                     return b.apply("add", b.read(Role.TIME, "t", type, node.low, node.high - 1), b.scalar(1))
                 case _:
                     return None
@@ -335,12 +333,6 @@ def _free(name: str, components: Iterable[Component]) -> str:
     while name in taken:
         name += "_"
     return name
-
-
-def constant_value(node: Node) -> Any:
-    """The value of a constant node as Python data."""
-    assert isinstance(node, Const)
-    return node.value
 
 
 def _value(node: Const) -> Any:
