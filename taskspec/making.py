@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from taskspec.envs.options import Autoreset
     from taskspec.envs.vector import AutoresetMode, VectorEnvironment
     from taskspec.task.options import Ending, RenderMode
-    from taskspec.task.task import TaskLike
+    from taskspec.task.task import Task, TaskLike
 
 SPEC_ID = "taskspec/Spec-v0"
 ENTRY_POINT = "taskspec.making:make_registered"
@@ -170,10 +170,21 @@ def _of_instances(
 
 
 def make_registered(
-    *, task: str | None = None, path: str | None = None, variant: str | None = None, **options: Any
+    *,
+    task: str | None = None,
+    path: str | None = None,
+    variant: str | None = None,
+    max_episode_steps: int | None = None,
+    **options: Any,
 ) -> Environment:
-    """What `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`."""
-    return make(_source(task, path), variant, **options)
+    """What `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`.
+
+    Raises:
+        SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.
+    """
+    made = make(_source(task, path), variant, **options)
+    _check_horizon(made.task, max_episode_steps)
+    return made
 
 
 def make_vec_registered(
@@ -187,13 +198,18 @@ def make_vec_registered(
     """What `gym.make_vec` calls; options are parameters and those of `make_vec`.
 
     Raises:
-        SpecError: E713, where `max_episode_steps`, as a spec has it that environments are made from again, is not the horizon.
+        SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.
     """
     made = make_vec(_source(task, path), variant, **options)
-    if max_episode_steps not in (None, made.task.horizon):
-        message = f"episodes of {made.task.id} have {made.task.horizon} steps, not {max_episode_steps}"
-        raise SpecError([Diagnostic("E713", None, message, "a parameter of the task may decide it")])
+    _check_horizon(made.task, max_episode_steps)
     return made
+
+
+def _check_horizon(task: Task, max_episode_steps: int | None) -> None:
+    """Refuse a limit on steps that is not the task's: Gymnasium would cut episodes short, without a word."""
+    if max_episode_steps not in (None, task.horizon):
+        message = f"episodes of {task.id} have {task.horizon} steps, not {max_episode_steps}"
+        raise SpecError([Diagnostic("E713", None, message, "a parameter of the task may decide it")])
 
 
 def _source(task: str | None, path: str | None) -> str | Path:

@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 
 import taskspec
 from taskspec.envs import keyboard
@@ -33,6 +34,18 @@ def test_an_environment_made_again_from_its_spec_is_the_same() -> None:
     assert env.reset(seed=1)[0] == again.reset(seed=1)[0]
     for _ in range(4):
         assert env.step(1) == again.step(1)
+
+
+def test_a_spec_limits_steps_once_and_never_to_less_than_the_horizon() -> None:
+    env = gym.make("derail/Branching-v0", L=4)
+    assert env.spec is not None and env.spec.kwargs["L"] == 4
+    for _ in range(3):
+        env = gym.make(env.spec)
+        assert env.unwrapped in (env, getattr(env, "env", None))  # at most one wrapper
+    again = EnvSpec.from_json(env.unwrapped.spec.to_json())
+    assert again.make().unwrapped.task == env.unwrapped.task
+    with pytest.raises(taskspec.SpecError, match=r"E713.*have 20 steps, not 4"):
+        gym.make(again, L=20)
 
 
 def test_a_list_of_frames_is_what_gymnasium_collects() -> None:

@@ -113,6 +113,8 @@ def test_the_spec_tells_the_horizon_and_makes_the_same_again() -> None:
     assert env.spec is not None and env.spec.max_episode_steps == 4
     again = gym.make_vec(env.spec)
     same(env.reset(seed=0), again.reset(seed=0))
+    with pytest.raises(taskspec.SpecError, match=r"E713.*have 7 steps, not 4"):
+        gym.make_vec(env.spec, L=7)
     with pytest.raises(taskspec.SpecError, match=r"E713.*have 4 steps, not 7"):
         gym.make_vec("derail/Branching-v0", num_envs=2, L=4, max_episode_steps=7)
 

@@ -241,6 +241,28 @@ def test_published_keywords_are_taken(name: str, options: dict[str, Any]) -> Non
             taskspec.load(f"derail/{name}Seals", **options, **{own: 1})
 
 
+def _given(name: str, ours: str, **options: Any) -> Any:
+    return pytest.param(Case(name, ours, _single), options, id=f"{name}-{options}")
+
+
+@pytest.mark.parametrize(
+    ("case", "options"),
+    [
+        _given("EarlyTermPos", "EarlyTermPosSeals", is_reward_positive=False),
+        _given("EarlyTermNeg", "EarlyTermNegSeals", is_reward_positive=True),
+        *(_given("InitShiftTrain", "InitShiftExpertSeals", initial_state=s) for s in range(7)),
+        _given("InitShiftTest", "InitShiftLearnerSeals", initial_state=0),
+    ],
+)
+def test_published_keywords_change_the_table(case: Case, options: dict[str, Any]) -> None:
+    theirs = original(case.seals, **options).unwrapped
+    ours = gym.make(f"derail/{case.ours}-v0", **options)
+    assert ours.reset(seed=0)[0] == theirs.reset(seed=0)[0]
+    for state, action in np.ndindex(theirs.state_dim, theirs.action_dim):
+        reached = _step_in_table(case, theirs, ours, state, action)
+        assert theirs.transition_matrix[state, action, reached] == 1
+
+
 # What is compared of a start: a few discrete outcomes that together pin the distribution down.
 def _tenths(*indices: int) -> Callable[[Any], tuple[int, ...]]:
     return lambda obs: tuple(min(int(np.floor(obs[i] * 10)), 9) for i in indices)

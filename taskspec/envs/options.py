@@ -37,10 +37,15 @@ def one_of(name: str, value: Any, options: Iterable[str]) -> None:
 
 
 def with_horizon(spec: EnvSpec | None, task: Task) -> EnvSpec | None:
-    """Gymnasium's account of how an environment was made, with the horizon, which it leaves out where no wrapper enforces it."""
-    if spec is None or spec.max_episode_steps is not None:
+    """Gymnasium's account of how an environment was made, with the horizon, which it leaves out where no wrapper enforces it.
+
+    Whoever makes another from it gets Gymnasium's limit of as many steps besides. So the horizon is among the keywords as well:
+    with other parameters it may not hold, and is refused then.
+    """
+    if spec is None or spec.max_episode_steps is not None or task.horizon is None:
         return spec
-    return dataclasses.replace(spec, max_episode_steps=task.horizon)
+    kwargs = {**spec.kwargs, "max_episode_steps": task.horizon}
+    return dataclasses.replace(spec, max_episode_steps=task.horizon, kwargs=kwargs)
 
 
 def uncopied(env: object) -> NoReturn:

@@ -62,13 +62,14 @@ def _missing(c: Component, seen: Array) -> list[str]:
 
 
 def _partners(case: Case, model: Model) -> Iterator[Model]:
-    """The models of the variants in which expert and learner act."""
+    """The models of the variants in which expert and learner act, at their own defaults where this one is at its."""
     roles = case.task.spec.roles if model.task is case.task else None
+    given = {p.name: p.value for p in case.task.parameters if p.value != p.default}
     for variant in dict.fromkeys((roles.expert, roles.learner) if roles is not None else ()):
         if variant in (case.task.name, case.task.variant):
             continue
         try:
-            yield extract(build(case.task.document, str(variant), case.task.values, case.task.suite), reachable=False)
+            yield extract(build(case.task.document, str(variant), given, case.task.suite), reachable=False)
         except SpecError:
             continue
 
