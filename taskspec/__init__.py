@@ -7,6 +7,9 @@ from __future__ import annotations
 
 TYPE_CHECKING = False  # as in `typing`, which is not imported: `taskspec.autoload` runs whenever Python starts
 if TYPE_CHECKING:
+    from taskspec import data as data
+    from taskspec import envs as envs
+    from taskspec import exact as exact
     from taskspec.diagnostics import Diagnostic as Diagnostic
     from taskspec.diagnostics import SpecError as SpecError
     from taskspec.diagnostics import TaskspecError as TaskspecError
@@ -45,22 +48,26 @@ __all__ = [
     "register",
     "task_ids",
 ]
+_ROOMS = ("data", "envs", "exact")
+"""Packages whose names are public, too: `taskspec.data.demonstrations`."""
 __version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> object:
     """Import each public name on first use, so that `import taskspec` costs next to nothing."""
-    if name not in _PUBLIC:
-        raise AttributeError(f"module 'taskspec' has no attribute {name!r}")
     from importlib import import_module
 
+    if name in _ROOMS:
+        return import_module(f"taskspec.{name}")
+    if name not in _PUBLIC:
+        raise AttributeError(f"module 'taskspec' has no attribute {name!r}")
     value: object = getattr(import_module(_PUBLIC[name]), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_PUBLIC])
+    return sorted({*globals(), *_PUBLIC, *_ROOMS})
 
 
 # Importing the package registers its tasks, too. By name: as an import it would put the package above all its layers.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -42,6 +43,33 @@ def whole(place: Path, new: bool = False) -> Iterator[Path]:
         except BaseException:
             file.discard()
             raise
+
+
+@contextmanager
+def whole_folder(place: Path, mark: str) -> Iterator[Path]:
+    """A new folder to write files into, which goes to its place when all went well; otherwise what is there stays.
+
+    Args:
+        place: where the folder is to be. A folder that is there is replaced if it holds a file called `mark`, or nothing.
+
+    Raises:
+        SpecError: E716, it cannot be written, or something else is there.
+    """
+    with refused(place):
+        place = place.resolve()
+        if place.exists() and not (place.is_dir() and ((place / mark).is_file() or not any(place.iterdir()))):
+            raise _failure(f"{str(place)!r} exists already; it was left as it is", "give another place")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        made, old = (place.with_name(f".{os.urandom(8).hex()}") for _ in range(2))
+        made.mkdir()
+        try:
+            yield made
+            if place.exists():
+                place.replace(old)
+            made.replace(place)
+        finally:
+            shutil.rmtree(made, ignore_errors=True)
+            shutil.rmtree(old, ignore_errors=True)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ Gymnasium is imported inside functions only: its plugin hook may load this modul
 from __future__ import annotations
 
 import copy
+import dataclasses
 import functools
 import os
 from collections.abc import Sequence
@@ -17,6 +18,8 @@ from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.registry import entries, load, shipped
 
 if TYPE_CHECKING:
+    from gymnasium.envs.registration import EnvSpec
+
     from taskspec.backends.table import BackendName
     from taskspec.envs import Environment
     from taskspec.envs.instances import InstanceLanes
@@ -167,6 +170,16 @@ def _of_instances(
         raise invalid(f"{len(seeds)} instances for {count} lanes")
     tasks = [load(source, variant, **parameters, instance_seed=seed) for seed in seeds]
     return InstanceLanes([tasks[i % len(tasks)] for i in range(count)], **options)
+
+
+def made_by(task: Task) -> EnvSpec | None:
+    """How Gymnasium makes a task's environment; None where no id that it knows stands for the task."""
+    from gymnasium.envs.registration import registry as known
+
+    found, options = known.get(task.id), dict(task.values)
+    if found is None or task.ending != "terminate" or task.observe_time or load(task.id, **options) != task:
+        return None
+    return dataclasses.replace(found, kwargs=found.kwargs | options)
 
 
 def make_registered(

@@ -13,6 +13,7 @@ from taskspec.cli import failures, listing
 from taskspec.cli.bench import bench
 from taskspec.cli.build import build
 from taskspec.cli.check import check
+from taskspec.cli.data import demos, preferences
 from taskspec.cli.docs import docs, figure
 from taskspec.cli.explain import explain
 from taskspec.cli.mutate import mutate
@@ -40,6 +41,8 @@ COMMANDS = (
     ("play", play, USE),
     ("solve", solve, USE),
     ("score", score, USE),
+    ("demos", demos, USE),
+    ("preferences", preferences, USE),
     ("docs", docs, PRINT),
     ("figure", figure, PRINT),
     ("reference", reference, PRINT),

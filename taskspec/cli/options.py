@@ -39,15 +39,6 @@ def complete_paths(incomplete: str) -> list[tuple[str, str]]:
     return [(f"{head}{slash}{p.name}", "spec") for p in found if p.suffix in (".yaml", ".yml")] + folders
 
 
-def complete_experiments(incomplete: str) -> list[tuple[str, str]]:
-    """The experiments that come with the suites, and files on disk."""
-    from taskspec.experiments.reading import shipped
-
-    return [(name, path.name) for name, path in shipped().items() if name.startswith(incomplete)] + complete_paths(
-        incomplete
-    )
-
-
 def complete_parameters(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """`L=10` for the parameters of the task on the command line: with their defaults, and what they mean."""
     task = _task_in(ctx)
@@ -114,6 +105,13 @@ def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None
     return given
 
 
+def complete_policies(incomplete: str) -> list[tuple[str, str]]:
+    """Names of policies, and files."""
+    from taskspec.exact.scoring.named import NAMES
+
+    return [p for p in NAMES.items() if p[0].startswith(incomplete)] + complete_paths(incomplete)
+
+
 TaskArgument = Annotated[
     str,
     typer.Argument(
@@ -149,3 +147,11 @@ LimitsGiven = Annotated[
     ),
 ]  # fmt: skip
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
+PolicyName = Annotated[
+    str,
+    typer.Option(
+        "--policy", metavar="NAME|FILE", autocompletion=complete_policies,
+        help="random, expert, optimal, soft(1), epsilon(0.1) with any numbers; FILE.py:FUNCTION, from the observation to the "
+        "action; [green]run[/] also takes a .json or .csv file of actions.",
+    ),
+]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Policies that `taskspec run` can roll out: random, the spec's expert, a script of actions."""
+"""Policies that `taskspec run` can roll out: those with a name, a script of actions, a function of a file."""
 
 from __future__ import annotations
 
@@ -11,12 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taskspec.cli.failures import refuse
-from taskspec.diagnostics import suggest
-from taskspec.lang.evaluate import evaluate
-from taskspec.lang.ir import Node, Role
+from taskspec.data.functions import function_of, is_function
+from taskspec.lang.batch import DTYPES
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.layout import WordLayout
-from taskspec.lang.variates.sample import sampler
 from taskspec.task.memory import recall
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, unpack
 from taskspec.task.task import Component, Task
@@ -26,7 +23,7 @@ if TYPE_CHECKING:
 
 Policy = Callable[[Any], Any]
 """The action for the observation just made; raises ScriptEnd where it has none."""
-NAMES = ("random", "expert")
+Flat = tuple[Any, ...]
 SCRIPTS = (".json", ".csv")
 
 
@@ -43,82 +40,48 @@ def policy_for(name: str, env: Environment, seed: int) -> Callable[[int], Policy
     if name == "random":
         env.action_space.seed(seed % 2**32)
         return lambda episode: lambda observation: env.action_space.sample()
-    if name == "expert":
-        expert = expert_policy(env, seed)
-        return lambda episode: expert
     if Path(name).suffix in SCRIPTS:
         return scripted(Path(name), env.task)
-    hint = suggest(name, NAMES) or "random, expert, or a .json or .csv file of actions"
-    raise refuse("E713", f"there is no policy '{name}'", hint)
+    if is_function(name):
+        function = function_of(name)
+        return lambda episode: function
+    known = _knowing(env, seed, name)
+    return lambda episode: known
 
 
-# -- the expert ---------------------------------------------------------------------------------------------------
+def _knowing(env: Environment, seed: int, name: str) -> Policy:
+    """A named policy, which is told the state whatever is observed, and keeps what it remembers."""
+    from taskspec.exact.scoring.named import NAMES, named, unknown
 
-
-def expert_policy(env: Environment, seed: int) -> Policy:
-    """The expert that the spec gives."""
-    match env.task.expert:
-        case None:
-            raise refuse("E713", f"{env.task.id} gives no expert", "an `expert:` section says how it acts")
-        case tuple() as nodes:
-            return _expression_expert(env, nodes, seed)
-        case _:
-            return _planned_expert(env, seed)
-
-
-def _expression_expert(env: Environment, nodes: tuple[Node, ...], seed: int) -> Policy:
-    """Expressions over the state, the time and the expert's memory, by the reference interpreter."""
-    task, layout, memory = env.task, action_layout(env.task), env.task.memory
-    words, rng = WordLayout.of(nodes), np.random.default_rng(seed)
-    kept: list[tuple[Any, ...]] = []
-    done: list[tuple[Any, ...]] = []
+    if name.partition("(")[0] not in {known.partition("(")[0] for known in NAMES}:
+        unknown(name, ("a .json or .csv file of actions", "FILE.py:FUNCTION"))
+    task, layout, policy = env.task, action_layout(env.task), named(env.task, name)
+    memory = task.memory if policy.task.remembers else None
+    rng, kept, done = np.random.default_rng(seed), list[Flat](), list[Flat]()
 
     def act(observation: Any) -> Any:
-        state = env.state
-        reads = {c.read: _state_flat(c, state[c.name]) for c in task.state} | {(Role.TIME, "t"): (env.time,)}
+        state = {c.name: _state_array(c, env.state[c.name]) for c in task.state}
         if memory is not None:
             kept[:] = recall(task, memory, unpack(observation_layout(task), observation), kept, done, env.time)
-            reads |= {c.read: flat for c, flat in zip(memory.components, kept, strict=True)}
-        drawn = [int(w) for w in rng.integers(0, 2**32, words.count)]
-        done[:] = evaluate(nodes, reads, sampler(words, drawn))
+            state |= {c.name: _array(c, flat) for c, flat in zip(memory.components, kept, strict=True)}
+        words = rng.integers(0, 2**32, (policy.words, 1)).astype(np.uint32)
+        chosen = policy.act(state, env.time, words)
+        done[:] = [tuple(np.asarray(chosen[c.name]).reshape(-1).tolist()) for c in task.action]
         return pack(layout, done)
 
     return act
 
 
-def _state_flat(c: Component, value: Any) -> tuple[Any, ...]:
-    """A state component as environments show it, as a flat value."""
-    if c.domain is not None and not c.type.shape:
-        return (c.domain.index(value),)
-    return tuple(np.asarray(value).ravel().tolist())
-
-
-def _planned_expert(env: Environment, seed: int) -> Policy:
-    """The optimal or soft-optimal expert: a plan on the exact model, which knows the state whatever is observed."""
-    from taskspec.exact import Results
-
-    task, layout, results = env.task, action_layout(env.task), Results(env.task)
-    model, plan, rng = results.model, results.expert_plan, np.random.default_rng(seed)
-    if model is None or plan is None:
-        raise refuse(
-            "E712", f"the expert of {task.id} is planned on an exact model, and it has none: {results.why_not}"
-        )
-    stand_in = results.abstraction
-
-    def act(observation: Any) -> Any:
-        state = {c.name: _state_array(c, env.state[c.name]) for c in task.state}
-        known = state if stand_in is None else stand_in.map(state)
-        code, _ = model.states.encode([known[c.name] for c in model.states.components], 1)
-        chances = plan(env.time)[:, int(np.searchsorted(model.codes, code[0]))]
-        chosen = model.actions.decode(np.array([rng.choice(len(chances), p=chances / chances.sum())]))
-        return pack(layout, [tuple(chosen[Role.ACTION, c.name].reshape(-1).tolist()) for c in task.action])
-
-    return act
-
-
 def _state_array(c: Component, value: Any) -> np.ndarray[Any, Any]:
-    """A state component as a batch of one: shape (*shape, 1)."""
-    return np.array(_state_flat(c, value)).reshape(*c.type.shape, 1)
+    """A state component as environments show it, as a batch of one: shape (*shape, 1)."""
+    if c.domain is not None and not c.type.shape:
+        return _array(c, (c.domain.index(value),))
+    return _array(c, tuple(np.asarray(value).ravel().tolist()))
+
+
+def _array(c: Component, flat: Flat) -> np.ndarray[Any, Any]:
+    """A flat value of a component as a batch of one."""
+    return np.array(flat, DTYPES[c.type.kind]).reshape(*c.type.shape, 1)
 
 
 # -- scripts ------------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import typer
 
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
-from taskspec.cli.options import Json, Parameters, TaskArgument, Variant, complete_paths
+from taskspec.cli.options import Json, Parameters, PolicyName, TaskArgument, Variant
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,18 +23,6 @@ BAR_AFTER = 0.3
 """Seconds; what is done sooner needs no progress bar."""
 
 
-def complete_policies(incomplete: str) -> list[tuple[str, str]]:
-    named = [("random", "uniform over the action space"), ("expert", "the spec's own")]
-    return [p for p in named if p[0].startswith(incomplete)] + complete_paths(incomplete)
-
-
-Policy = Annotated[
-    str,
-    typer.Option(
-        "--policy", metavar="NAME|FILE", help="random, expert, or a .json or .csv file of actions.",
-        autocompletion=complete_policies,
-    ),
-]  # fmt: skip
 Episodes = Annotated[
     int | None,
     typer.Option(
@@ -63,7 +51,7 @@ MaxSteps = Annotated[int, typer.Option("--max-steps", min=1, help="Cuts episodes
 
 def run(
     task: TaskArgument,
-    policy: Policy = "random",
+    policy: PolicyName = "random",
     episodes: Episodes = None,
     seed: Seed = 0,
     variant: Variant = None,

@@ -27,8 +27,10 @@ from taskspec.draws.finite import threshold_table as threshold_table
 from taskspec.draws.finite import thresholds as thresholds
 from taskspec.draws.finite import weighted_categorical as weighted_categorical
 from taskspec.draws.finite import weighted_categoricals as weighted_categoricals
+from taskspec.draws.threefry import POLICY as POLICY
 from taskspec.draws.threefry import RESET as RESET
 from taskspec.draws.threefry import STEP as STEP
+from taskspec.draws.threefry import TEACHER as TEACHER
 from taskspec.draws.threefry import block as block
 from taskspec.draws.threefry import lane_seeds as lane_seeds
 from taskspec.draws.threefry import lanes_ahead as lanes_ahead

@@ -4,6 +4,8 @@ A word is a pure function of (seed, phase, n, number of the word), so nothing is
 advances. The key is the seed; the counter is ``(n, slot)``. In phase ``STEP``, n counts the steps
 since ``reset(seed)``; in phase ``RESET`` it counts the episodes, and the slot's top bit is set, so
 the two phases never share a block. Word w of a phase is half ``w & 1`` of slot ``w >> 1``.
+What is drawn beside an environment has phases of its own, high above the slots that a step takes: ``POLICY`` for
+the actions of policies, by step, and ``TEACHER`` for those who compare trajectories, by pair.
 
 Source: Salmon, Moraes, Dror, Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC 2011; the
 rotations, the parity constant and the known answers are those of Random123.
@@ -25,6 +27,8 @@ Words = NDArray[np.uint32]
 Pair = tuple[ArrayLike, ArrayLike]
 
 STEP = 0
+POLICY = 1 << 30
+TEACHER = POLICY + (1 << 29)
 RESET = 1 << 31
 MASK = 0xFFFFFFFF
 PARITY = 0x1BD11BDA

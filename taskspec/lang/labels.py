@@ -20,9 +20,7 @@ def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -
     if value.domain == domain:
         return value.node
     if value.domain is not None and value.domain.values is None:
-        message = f"one of the labels {listed(domain)} is needed here, not a choice between other labels"
-        pairs = ", ".join(f"{a}: {b}" for a, b in zip(value.domain.labels, domain.labels, strict=False))
-        raise Refused(message, hint=f"a table says which goes with which: `{{by: ..., rows: {{{pairs}}}}}`")
+        raise Refused(f"one of the labels {listed(domain)} is needed here, not a choice between other labels")
     node = checker.number_of(value)
     if node.type.kind is Kind.REAL:
         message = f"one of the labels {listed(domain)} is needed here, not a real"
@@ -61,5 +59,4 @@ def listed(domain: Domain) -> str:
 def check_comparable(one: Domain | None, other: Domain | None) -> None:
     """Refuse (E306) to compare labels of two choices by where they stand in them."""
     if one is not None and other is not None and (one.values is None or other.values is None):
-        message = f"labels of one choice ({listed(one)}) are no labels of another ({listed(other)})"
-        raise Refused(message, hint="where their positions are meant, say so with arithmetic: `x + 0 == y + 0`")
+        raise Refused(f"labels of one choice ({listed(one)}) are no labels of another ({listed(other)})")

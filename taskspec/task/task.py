@@ -195,6 +195,10 @@ class Task:
         """The scalar Gymnasium environment of this task (see `taskspec.envs.Environment` for the options)."""
         return taskspec.make(self, render_mode=render_mode, ending=ending, observe_time=observe_time)
 
+    def tabular(self) -> taskspec.data.Tabular:
+        """Its exact model as the arrays that tabular learners take (see `taskspec.data.tabular`)."""
+        return taskspec.data.tabular(self)
+
     def absorbing(self) -> Task:
         """The same task, with terminal states absorbing until the horizon and paying the absorbing reward."""
         if self.ending == "absorb":
@@ -298,7 +302,9 @@ class Task:
             match node:
                 case Read(role=Role.STATE, name=name):
                     return following[name]
-                case Read(role=Role.TIME, type=type):  # one less than at the end of the step: as in dynamics
+                case Read(
+                    role=Role.TIME, type=type
+                ):  # steps begin one earlier than they end: the same node as in dynamics
                     return b.apply("add", b.read(Role.TIME, "t", type, node.low, node.high - 1), b.scalar(1))
                 case _:
                     return None
@@ -333,6 +339,12 @@ def _free(name: str, components: Iterable[Component]) -> str:
     while name in taken:
         name += "_"
     return name
+
+
+def constant_value(node: Node) -> Any:
+    """The value of a constant node as Python data."""
+    assert isinstance(node, Const)
+    return node.value
 
 
 def _value(node: Const) -> Any:

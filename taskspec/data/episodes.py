@@ -1,0 +1,172 @@
+"""Episodes of a policy, recorded: many at once, in several processes, and the same whatever their number.
+
+Episode i is the first one of the scalar environment after `reset(seed=seed + i)`. What a policy draws in it comes from words
+of the same seed, of a phase of their own (`draws.POLICY`).
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from itertools import count, islice
+from typing import Any, NoReturn
+
+import numpy as np
+
+from taskspec import draws
+from taskspec.backends.actions import BadActionError
+from taskspec.backends.numpy.engine import NumpyEngine
+from taskspec.backends.vector import Options
+from taskspec.data.actors import Actor, Now, actor_of
+from taskspec.data.transitions import Transitions, concatenated, mapped
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exact.model.failure import misused
+from taskspec.progress import tell
+from taskspec.task.spaces import observation_layout
+from taskspec.task.task import Task
+
+Array = np.ndarray[Any, Any]
+Part = tuple[int, int]
+"""The first episode and how many."""
+LANES = 256
+"""Episodes that are stepped together, at most."""
+NUMBERS = 2**23
+"""Numbers that are kept of these at once, about."""
+LONGEST = 20_000
+"""Steps after which an episode without a horizon is taken never to end."""
+
+
+def recorded(
+    task: Task, policy: Any, episodes: int | None, transitions: int | None, seed: int, jobs: int
+) -> Transitions:
+    """Whole episodes: so many, or as many as make at least so many transitions.
+
+    Raises:
+        SpecError: E706 for actions that are none, E712 when episodes do not end, E713 for what is no policy.
+    """
+    size = _together(task)
+    with _mapping(jobs) as run:
+        if episodes is not None:
+            whole = [(first, min(size, episodes - first)) for first in range(0, episodes, size)]
+            return concatenated(run(partial(_record, task, policy, seed), iter(whole)))
+        assert transitions is not None
+        endless = ((first, size) for first in count(0, size))
+        parts, total = [], 0
+        while total < transitions:
+            parts += list(run(partial(_record, task, policy, seed), islice(endless, jobs)))
+            total = sum(map(len, parts))
+    found = concatenated(parts)
+    enough = int(np.searchsorted(np.cumsum(found.lengths), transitions)) + 1
+    return found.rows(np.arange(int(found.lengths[:enough].sum())))
+
+
+def _together(task: Task) -> int:
+    """How many episodes are stepped together; a function of the task alone."""
+    numbers = sum(max(1, math.prod(part.shape)) for part in observation_layout(task).parts) + 8
+    return max(1, min(LANES, NUMBERS // (numbers * (task.horizon or 1000))))
+
+
+Run = Callable[[Callable[[Part], Transitions], Iterator[Part]], Iterable[Transitions]]
+
+
+@contextmanager
+def _mapping(jobs: int) -> Iterator[Run]:
+    """A way to record many parts, in order: here or in other processes."""
+    if jobs == 1:
+        yield map
+        return
+    context = multiprocessing.get_context("spawn")  # what is forked from threads may wait for ever
+    with ProcessPoolExecutor(jobs, context) as pool:
+        yield pool.map
+
+
+def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
+    """Some episodes, stepped together until all are over."""
+    first, lanes = part
+    actor, seeds = actor_of(task, policy), draws.lane_seeds(seed, lanes, first)
+    task = actor.task
+    engine = NumpyEngine(task, lanes, Options("same_step"))
+    engine.seed(seeds)
+    engine.reset()
+    b, tape, running = engine.buffers, _Tape(), np.ones(lanes, np.bool_)
+    for t in count():
+        if t >= LONGEST and task.horizon is None:
+            _refuse_endless(task, actor)
+        tell(f"episodes {first + 1:,} to {first + lanes:,}, step {t + 1:,}")
+        seen, state = b.seen.fresh(), {c.name: s for c, s in zip(task.state, b.state, strict=True)}
+        actions = _asked(actor, Now(t, seeds, running, seen, state), policy)
+        _step(engine, actions, task, actor)
+        after = _after(b.seen.fresh(), b.final.view(), b.ended)
+        tape.keep(seen, actions, b.reward.copy(), after, b.terminated.copy(), b.truncated.copy(), running)
+        running = running & ~b.ended
+        if not running.any():
+            return tape.transitions(first)
+    raise AssertionError
+
+
+def _asked(actor: Actor, now: Now, policy: Any) -> Any:
+    """What the policy does. Where a file has it, its mistakes are messages; other mistakes are the caller's to see."""
+    try:
+        return actor.act(now)
+    except SpecError:
+        raise
+    except Exception as error:
+        if not isinstance(policy, str):
+            raise
+        message = f"the policy {actor.name} failed: {type(error).__name__}: {error}"
+        raise SpecError([Diagnostic("E713", None, message)]) from error
+
+
+def _step(engine: NumpyEngine, actions: Any, task: Task, actor: Actor) -> None:
+    try:
+        engine.step(actions)
+    except BadActionError:
+        message = f"the policy {actor.name} gave what is no action of {task.id}, among {_shown(actions)}"
+        raise SpecError([Diagnostic("E706", None, message, f"an action is one of {task.action_space}")]) from None
+
+
+def _shown(actions: Any) -> str:
+    return np.array2string(np.asarray(actions)[:3], separator=", ", threshold=12).replace("\n", "")
+
+
+def _after(seen: Any, final: Any, ended: Array) -> Any:
+    """The observations that a step leads to: where an episode has ended, its last one."""
+    if isinstance(seen, dict):
+        return {name: _after(seen[name], final[name], ended) for name in seen}
+    seen[ended] = final[ended]
+    return seen
+
+
+class _Tape:
+    """What every step did in every lane, as long as its first episode lasts."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[Any, ...]] = []
+
+    def keep(self, *row: Any) -> None:
+        """Observations, actions, rewards, observations after, terminated, truncated, and which lanes were running."""
+        self.rows.append(row)
+
+    def transitions(self, first: int) -> Transitions:
+        """The transitions lane by lane; the lanes' episodes are numbered from `first`."""
+        *kept, running = (_stacked([row[i] for row in self.rows]) for i in range(7))
+        seen, actions, rewards, after, terminated, truncated = (mapped(each, lambda a: a[running]) for each in kept)
+        lane, time = np.nonzero(running)
+        return Transitions(seen, actions, rewards, after, terminated, truncated, lane + first, time)
+
+
+def _stacked(steps: list[Any]) -> Any:
+    """Arrays (lanes, *shape) of each step as one (lanes, steps, *shape); dicts of arrays as a dict of them."""
+    if isinstance(steps[0], dict):
+        return {name: _stacked([step[name] for step in steps]) for name in steps[0]}
+    return np.stack([np.asarray(step) for step in steps], axis=1)
+
+
+def _refuse_endless(task: Task, actor: Actor) -> NoReturn:
+    misused(
+        f"episodes of {actor.name} on {task.id} are still running after {LONGEST:,} steps", "give the task a horizon"
+    )

@@ -1,0 +1,193 @@
+"""Data in files: NumPy's npz, Parquet, and the datasets of imitation and of Minari. Written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+
+from taskspec.data.demonstrations import Demonstrations
+from taskspec.data.minari import write_minari
+from taskspec.data.parquet import read_parquet, write_parquet
+from taskspec.data.preferences import Preferences
+from taskspec.data.transitions import COLUMNS, Transitions, columns
+from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.exact.model.failure import misused
+from taskspec.extras import need
+from taskspec.files import whole, whole_folder
+
+Array = np.ndarray[Any, Any]
+Data = Demonstrations | Preferences
+MARK = "taskspec.json"
+"""The file of a dataset's folder that holds the metadata."""
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A way to keep data. `suffix` of its files; "" where it is a folder, and then `pairs` says whether it holds preferences."""
+
+    name: str
+    suffix: str
+    doc: str
+    write: Callable[[Path, Any], None]
+    read: Callable[[Path], tuple[dict[str, Any], dict[str, Any]]] | None = None
+
+
+def _write_npz(path: Path, data: Data) -> None:
+    with path.open("wb") as file:
+        held: dict[str, Any] = {**flat(data), "metadata": np.array(json.dumps(data.metadata))}
+        np.savez_compressed(file, **held)
+
+
+def _read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    with np.load(path, allow_pickle=False) as held:
+        found = {name: held[name] for name in held.files}
+    return found, json.loads(str(found.pop("metadata")))
+
+
+def _write_imitation(path: Path, data: Data) -> None:
+    if isinstance(data, Preferences):
+        misused("imitation keeps no preferences in files of its own", "`--format npz`, and `read(path).imitation()`")
+    if isinstance(data.obs, dict):
+        misused("imitation keeps no observations that are dicts", "`--format npz`")
+    serialize = need("imitation.data.serialize", "imitation", "this format")
+    with whole_folder(path, MARK) as folder:
+        serialize.save(folder, data.imitation())
+        (folder / MARK).write_text(json.dumps(data.metadata, indent=2) + "\n", encoding="utf-8")
+
+
+def _write_minari(path: Path, data: Data) -> None:
+    if isinstance(data, Preferences):
+        misused("Minari keeps no preferences", "`--format npz` or `--format parquet`")
+    with whole_folder(path, MARK) as folder:
+        write_minari(folder, path, data)
+        (folder / MARK).write_text(json.dumps(data.metadata, indent=2) + "\n", encoding="utf-8")
+
+
+def _write_parquet(path: Path, data: Data) -> None:
+    write_parquet(path, *_table(data), data.metadata)
+
+
+FORMATS = {
+    each.name: each
+    for each in (
+        Format("npz", ".npz", "arrays of NumPy", _write_npz, _read_npz),
+        Format("parquet", ".parquet", "a table, a row for each transition", _write_parquet, read_parquet),
+        Format("imitation", "", "a folder, for `imitation.data.serialize.load`", _write_imitation),
+        Format("minari", "", "a folder, for `minari.MinariDataset`", _write_minari),
+    )
+}
+"""The formats by name."""
+
+
+def write(data: Data, path: str | PathLike[str], format: str | None = None) -> None:
+    """Keep data in a file, or in a folder.
+
+    Args:
+        path: where. What is there is replaced; a folder only if it holds such data.
+        format: "npz", "parquet", "imitation" or "minari"; None goes by the suffix of the path.
+
+    Raises:
+        SpecError: E705 where a package is not installed, E713 for a format that there is not, E716 where it cannot be written.
+    """
+    place = Path(path)
+    kind = format_of(place, format)
+    if not kind.suffix:
+        kind.write(place, data)
+        return
+    with whole(place) as unfinished:
+        kind.write(unfinished, data)
+
+
+def format_of(path: Path, name: str | None = None) -> Format:
+    """The format of a name, or of the suffix of a path.
+
+    Raises:
+        SpecError: E713, for one that there is not.
+    """
+    if name is not None and name not in FORMATS:
+        misused(f"there is no format '{name}'", suggest(name, FORMATS) or ", ".join(FORMATS))
+    found = FORMATS.get(name or "") or next((f for f in FORMATS.values() if f.suffix and f.suffix == path.suffix), None)
+    if found is None:
+        misused(f"'{path}' does not say in which format to write", f"--format {' | '.join(FORMATS)}")
+    if found.suffix and path.suffix != found.suffix:
+        misused(f"'{path}' is no {found.suffix} file", f"{path.with_suffix(found.suffix)}")
+    return found
+
+
+def read(path: str | PathLike[str]) -> Data:
+    """Demonstrations or preferences from an npz or a Parquet file.
+
+    Raises:
+        SpecError: E705 where a package is not installed, E710 or E711 where there is no such file, or it holds no such data.
+    """
+    place = Path(path)
+    if not place.is_file():
+        raise SpecError([Diagnostic("E710", None, f"there is no file '{place}'")])
+    reader = FORMATS["parquet" if place.suffix == ".parquet" else "npz"].read
+    assert reader is not None
+    try:
+        found, metadata = reader(place)
+        return _data(found, metadata)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        _unreadable(place, error)
+
+
+def _unreadable(place: Path, error: Exception) -> NoReturn:
+    raise SpecError(
+        [Diagnostic("E711", None, f"'{place}' holds neither demonstrations nor preferences: {error}")]
+    ) from None
+
+
+# -- as flat arrays -----------------------------------------------------------------------------------------------
+
+PAIRS = {"preferences": "preference", "returns": "return", "queries": "query"}
+"""What preferences have for each pair, by the name that a table has for it."""
+
+
+def flat(data: Data) -> dict[str, Array]:
+    """The arrays of data by name; those of a dict of observations are `obs.NAME`."""
+    segments = data.segments if isinstance(data, Preferences) else data
+    found: dict[str, Array] = {}
+    for name, value in columns(segments).items():
+        found |= {f"{name}.{key}": part for key, part in value.items()} if isinstance(value, dict) else {name: value}
+    return found | ({name: getattr(data, name) for name in PAIRS} if isinstance(data, Preferences) else {})
+
+
+def _table(data: Data) -> tuple[dict[str, Array], dict[str, list[int]]]:
+    """The columns of a table with a row for each transition, and the shapes of their values."""
+    found = flat(data)
+    if isinstance(data, Preferences):
+        pair, second = np.divmod(data.segments.episode, 2)
+        returns = found.pop("returns")[pair, second]
+        found |= {name: found[name][pair] for name in ("preferences", "queries")} | {"returns": returns}
+        found = {PAIRS.get(name, name): value for name, value in found.items()}
+    return found, {name: list(value.shape[1:]) for name, value in found.items()}
+
+
+def _data(found: Mapping[str, Any], metadata: dict[str, Any]) -> Data:
+    """What was kept as flat arrays, or as columns of a table."""
+    transitions = Transitions(**{name: _nested(found, name) for name in COLUMNS})
+    if metadata["kind"] == "demonstrations":
+        return Demonstrations(**columns(transitions), metadata=metadata)
+    if "preference" in found:
+        first = transitions.starts
+        per_pair = {"preferences": found["preference"][first][::2], "queries": found["query"][first][::2],
+                    "returns": found["return"][first].reshape(-1, 2)}  # fmt: skip
+    else:
+        per_pair = {name: found[name] for name in PAIRS}
+    return Preferences(transitions, **per_pair, metadata=metadata)
+
+
+def _nested(found: Mapping[str, Any], name: str) -> Any:
+    if name in found:
+        return found[name]
+    parts = {key.removeprefix(f"{name}."): value for key, value in found.items() if key.startswith(f"{name}.")}
+    if not parts:
+        raise KeyError(name)
+    return parts

@@ -1,0 +1,210 @@
+"""The exact model of a task as the arrays that tabular learners take."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.backends.buffers import Values
+from taskspec.backends.numpy.engine import write
+from taskspec.data.transitions import EXTRA, Seen, mapped
+from taskspec.exact.abstraction.abstraction import abstraction
+from taskspec.exact.model.extract import extract
+from taskspec.exact.model.failure import misused, refuse, scipy_sparse
+from taskspec.exact.model.model import Model, Sparse
+from taskspec.exact.scoring.named import named
+from taskspec.extras import need
+from taskspec.lang.batch import evaluate
+from taskspec.lang.ir import Const, Role, draws, reads
+from taskspec.registry import load
+from taskspec.task.spaces import SpaceLayout, observation_layout
+from taskspec.task.task import Task, TaskLike
+
+Array = np.ndarray[Any, Any]
+LARGEST = 2**27
+"""Numbers that a dense array of transitions may have: a gigabyte."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tabular:
+    """A finite task as arrays, over S states and A actions.
+
+    Attributes:
+        task: the task, or its abstraction, with ends that absorb.
+        model: its exact model, which states and actions are numbered as in: `model.state(i)`, `model.state_name(i)`.
+        p0: float64 (S,), the probabilities of the states at the beginning.
+        R: float64 (S, A), the expected reward of an action in a state.
+        absorbed: bool (S,), the states in which an episode has ended: they lead to themselves.
+        horizon: the steps of an episode, or None.
+        discount: of rewards, for each step.
+    """
+
+    task: Task
+    model: Model
+    p0: Array
+    R: Array
+    absorbed: Array
+    horizon: int | None
+    discount: float
+
+    @property
+    def n_states(self) -> int:
+        return len(self.p0)
+
+    @property
+    def n_actions(self) -> int:
+        return int(self.R.shape[1])
+
+    @cached_property
+    def sparse(self) -> tuple[Sparse, ...]:
+        """For each action the probabilities of the next states, A sparse matrices (S, S) (`scipy.sparse.csr_array`)."""
+        going = self.model.step(0).going
+        parts = (going[a * self.n_states : (a + 1) * self.n_states] for a in range(self.n_actions))
+        found = tuple(scipy_sparse().csr_array(part) for part in parts)
+        for part in found:
+            part.sum_duplicates()
+        return found
+
+    @cached_property
+    def P(self) -> Array:  # noqa: N802  # the letter that everyone uses
+        """float64 (S, A, S): the probability of the third, where the action is taken in the first.
+
+        Raises:
+            SpecError: E712, where it would not fit in memory; `sparse` does.
+        """
+        if self.n_states**2 * self.n_actions > LARGEST:
+            refuse(f"dense transitions of {self.n_states:,} states would take gigabytes", "`tabular().sparse`")
+        return np.stack([part.toarray() for part in self.sparse], axis=1)
+
+    @cached_property
+    def observations(self) -> Seen:
+        """What is seen in each state, (S, *shape), as the environment shows it.
+
+        Raises:
+            SpecError: E712, where what is seen is drawn anew at every step, or depends on the time.
+        """
+        nodes = self.task.observation.nodes
+        if draws(nodes) or any(role is Role.TIME for role, _ in reads(nodes)):
+            refuse(f"what is seen in {self.task.id} is no function of the state", "take the states instead")
+        layout, held = observation_layout(self.task), Values.empty(observation_layout(self.task), self.n_states)
+        values = evaluate(nodes, self.model.reads())
+        flats = [np.broadcast_to(v, (*v.shape[:-1], self.n_states)) for v in values]
+        write(layout, held.segments(), flats, np.arange(self.n_states))
+        found: Seen = mapped(held.view(), np.array)
+        return found
+
+    @cached_property
+    def features(self) -> Array:
+        """float32 (S, D): the observations as flat vectors, discrete ones one-hot.
+
+        Raises:
+            SpecError: as for `observations`.
+        """
+        layout, seen = observation_layout(self.task), self.observations
+        parts = [part.reshape(self.n_states, -1) for part in (seen.values() if isinstance(seen, dict) else [seen])]
+        if layout.form in ("discrete", "multi_discrete"):
+            each = zip(parts[0].T, layout.counts, _lowest(layout), strict=True)
+            parts = [np.eye(count)[column - low] for column, count, low in each]
+        return np.hstack(parts).astype(np.float32)
+
+    def index(self, observations: Any) -> Array:
+        """int64 (N,): the states that show these observations (N, *shape); of an episode that goes on.
+
+        Raises:
+            SpecError: E713, where two states look alike, or an observation is none of the task's.
+        """
+        known: dict[bytes, int] = {}
+        for i, row in enumerate(_rows(self.observations)):
+            if not self.absorbed[i] and known.setdefault(row, i) != i:
+                twin, name = self.model.state_name(known[row]), self.model.state_name(i)
+                misused(f"{twin} and {name} look alike in {self.task.id}", "give `occupancy()` instead")
+        found = [known.get(row) for row in _rows(observations)]
+        if None in found:
+            misused(f"observation {found.index(None)} is none of {self.task.id}")
+        return np.array(found, np.int64)
+
+    def occupancy(self, policy: str = "expert") -> Array:
+        """float64 (S,): how often a named policy is expected to be in each state, the last one of an episode included.
+
+        Discounted as the task says; without a discount it sums to horizon + 1, as imitation's MCE IRL has it.
+
+        Raises:
+            SpecError: E712 for tasks without a horizon, E713 for a policy that the task does not have.
+        """
+        if self.horizon is None:
+            refuse(f"episodes of {self.task.id} have no horizon", "give the task one")
+        plan, going = named(self.task, policy).plan(self.model), self.model.step(0).going
+        now, total, factor = self.p0, self.p0.copy(), 1.0
+        for t in range(self.horizon):
+            now, factor = going.T @ (plan(t) * now).reshape(-1), factor * self.discount
+            total += factor * now
+        return total
+
+    # -- for others ---------------------------------------------------------------------------------------------------
+
+    def seals(self) -> Any:
+        """The same as a `seals.base_envs.TabularModelMDP`, whose observations are the numbers of states.
+
+        Raises:
+            SpecError: E705 where seals is not installed.
+        """
+        base = need("seals.base_envs", "bench", "this")
+        return base.TabularModelMDP(
+            transition_matrix=self.P, reward_matrix=self.R, horizon=self.horizon, initial_state_dist=self.p0
+        )
+
+    def imitation(self) -> Any:
+        """What `imitation.algorithms.mce_irl.MCEIRL` takes: a `seals.base_envs.TabularModelPOMDP` that shows `features`.
+
+        Raises:
+            SpecError: E705 where seals, which comes with imitation, is not installed.
+        """
+        base = need("seals.base_envs", EXTRA, "this")
+        return base.TabularModelPOMDP(
+            transition_matrix=self.P, observation_matrix=self.features, reward_matrix=self.R, horizon=self.horizon,
+            initial_state_dist=self.p0,
+        )  # fmt: skip
+
+
+def tabular(task: TaskLike) -> Tabular:
+    """The exact model of a task as arrays; where episodes may end early, states that absorb stand for their ends.
+
+    All states that are declared are there, where that is cheap and none of them leads out of the state space; else those that
+    episodes enter.
+
+    Where the spec gives an `abstraction`, it is that which is tabulated.
+
+    Raises:
+        SpecError: E712 where there is no exact model, or where what happens depends on the time.
+    """
+    task = load(task)
+    found = abstraction(task)
+    task = task if found is None else found.stand_in
+    ends = not (isinstance(task.terminal, Const) and not task.terminal.value)
+    task = task.absorbing() if ends else task
+    model = extract(task, True if ends else None)
+    if any(step.escaping is not None and step.escaping.any() for step in model.steps):
+        model = extract(task, True)
+    if model.is_timed:
+        refuse(f"what happens in {task.id} depends on the time", "a state that counts the steps tells it")
+    rewards = model.step(0).reward.reshape(model.n_actions, model.n_states).T
+    absorbed = np.zeros(model.n_states, np.bool_)
+    if ends:
+        absorbed = np.broadcast_to(model.reads()[task.state[-1].read], absorbed.shape)
+    return Tabular(task, model, model.start, np.ascontiguousarray(rewards), absorbed, task.horizon, task.discount)
+
+
+def _rows(observations: Any) -> list[bytes]:
+    """Observations (N, *shape), or a dict of them, one by one, as keys."""
+    parts = observations.values() if isinstance(observations, dict) else [observations]
+    held = [np.asarray(part, np.float64) for part in parts]
+    return [b"".join(part[i].tobytes() for part in held) for i in range(len(held[0]))]
+
+
+def _lowest(layout: SpaceLayout) -> Sequence[int]:
+    """The lowest value of each number of a discrete observation, as the environment shows it."""
+    return layout.starts if layout.form == "discrete" else [0] * len(layout.counts)

@@ -1,0 +1,86 @@
+"""Labels of pairs beside B-Pref's teacher (Lee et al. 2021, algorithm 1), written anew, pair by pair, from the paper."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from taskspec.data import Teacher, preferences
+from taskspec.data.transitions import Trajectory
+
+pytest.importorskip("scipy")
+RANGE = {"RiskyPath": (-247.5, 4.0), "NoisyObs": (0.0, 12.0)}
+
+
+def expected(
+    first: Trajectory, second: Trajectory, myopic: float = 1, skip: float = -math.inf, equal: float = 0
+) -> float:
+    """The label of a teacher without chance: None where it skips."""
+    sums = [sum(t.rews) for t in (first, second)]
+    if max(sums) <= skip:
+        return math.nan
+    if abs(sums[0] - sums[1]) < equal:
+        return 0.5
+    seen = [sum(myopic ** (len(t) - 1 - k) * r for k, r in enumerate(t.rews)) for t in (first, second)]
+    return 0.5 if seen[0] == seen[1] else float(seen[0] > seen[1])
+
+
+@pytest.mark.parametrize("task", RANGE)
+@pytest.mark.parametrize("length", [None, 1, 4])
+def test_labels_follow_the_true_returns(task: str, length: int | None) -> None:
+    low, high = RANGE[task]
+    horizon = {"RiskyPath": 5, "NoisyObs": 15}[task]
+    share = 1 if length is None else length / horizon
+    cases = {
+        "noiseless": {}, "myopic(0.5)": {"myopic": 0.5},
+        "equal(0.3)": {"equal": 0.3 * share * (high - low)},
+        "skipping(0.4)": {"skip": share * (low + 0.4 * (high - low))},
+    }  # fmt: skip
+    shown = preferences(task, 300, policy="epsilon(0.5)", length=length)
+    for teacher, given in cases.items():
+        data = preferences(task, 300, policy="epsilon(0.5)", length=length, teacher=teacher)
+        labels = [expected(first, second, **given) for first, second in shown.pairs]
+        assert data.queries.tolist() == [i for i, label in enumerate(labels) if not math.isnan(label)]
+        assert data.preferences.tolist() == [label for label in labels if not math.isnan(label)], teacher
+        assert data.metadata["shown"] - data.metadata["skipped"] == len(data)
+        first, second = data.pairs[-1]
+        assert data.returns[-1].tolist() == [first.rews.sum(), second.rews.sum()]
+        assert length is None or {len(t) for t in data.trajectories} == {length}
+
+
+def test_a_stochastic_teacher_prefers_as_bradley_and_terry_have_it() -> None:
+    data = preferences("NoisyObs", 4000, policy="epsilon(0.5)", teacher="boltzmann(0.2)", seed=2)
+    ahead = (data.returns[:, 0] - data.returns[:, 1]) / (0.2 * 12)
+    assert data.metadata["range"] == list(RANGE["NoisyObs"])
+    for low, high in ((-4, -1), (-1, 0), (0, 1), (1, 4)):
+        here = (ahead >= low) & (ahead < high)
+        chances = 1 / (1 + np.exp(-ahead[here]))
+        error = math.sqrt((chances * (1 - chances)).sum()) / here.sum()
+        assert here.sum() > 200 and abs(data.preferences[here].mean() - chances.mean()) < 4 * error
+
+
+def test_mistakes_turn_answers_round() -> None:
+    plain, wrong = (
+        preferences("NoisyObs", 3000, policy="epsilon(0.5)", teacher=t) for t in ("noiseless", "mistaken(0.25)")
+    )
+    decided = plain.preferences != 0.5
+    turned = wrong.preferences != plain.preferences
+    assert not turned[~decided].any() and abs(turned[decided].mean() - 0.25) < 0.04
+    assert np.array_equal(wrong.returns, plain.returns)
+
+
+def test_irrationalities_add_up() -> None:
+    both = preferences("NoisyObs", 200, policy="epsilon(0.5)", teacher="myopic(0.5) + mistaken(1)")
+    myopic = preferences("NoisyObs", 200, policy="epsilon(0.5)", teacher=Teacher(myopic=0.5))
+    assert both.metadata["teacher"] == "myopic(0.5) + mistaken(1)"
+    assert np.array_equal(both.preferences, 1 - myopic.preferences)
+
+
+def test_labels_do_not_depend_on_how_many_pairs_there_are() -> None:
+    few, many = (
+        preferences("RiskyPath", n, length=2, teacher="boltzmann(0.1) + mistaken(0.3)", seed=8) for n in (50, 500)
+    )
+    assert np.array_equal(few.preferences, many.preferences[:50]) and np.array_equal(few.returns, many.returns[:50])
+    assert len(set(many.segments.time[many.segments.starts].tolist())) == 4  # where segments of two of five steps begin
