@@ -91,7 +91,7 @@ def rehashed(kernel: Path) -> None:
 
 
 def with_another_key(kernel: Path) -> None:
-    kept = store.Store(os.open(kernel.parent, os.O_RDONLY), b"k" * 32)
+    kept = store.KernelStore(os.open(kernel.parent, os.O_RDONLY), b"k" * 32)
     kept.write(kernel.name, b"foreign code")
 
 

@@ -31,7 +31,9 @@ def reported() -> Iterator[None]:
             raise
         _say(_words(error))
         raise typer.Exit(1) from None
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
+        if str(error):
+            _say(str(error))
         raise typer.Exit(130) from None
     except Exception as error:
         if type(error).__name__ in OUR_OWN or hasattr(error, "exit_code") or os.environ.get(DEBUG):

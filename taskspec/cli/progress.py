@@ -1,15 +1,20 @@
-"""A line at the foot of the terminal that says what takes so long, and goes when it is done."""
+"""What is at the foot of the terminal while something takes long: a line that says what it is, or a bar; gone when it is done."""
 
 from __future__ import annotations
 
 import shutil
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import timedelta
+from typing import TYPE_CHECKING
 
 from taskspec.progress import told_to
 from taskspec.visible import visible
+
+if TYPE_CHECKING:
+    from taskspec.runs import Standing
 
 PATIENCE, EVERY = 1.0, 0.1
 """Seconds before the line is shown, and between its changes."""
@@ -27,6 +32,29 @@ def progress(name: str) -> Iterator[None]:
             yield
     finally:
         line.clear()
+
+
+@contextmanager
+def bar(name: str) -> Iterator[Callable[[Standing], None]]:
+    """A function that shows on standard error how far a run is, within the block: a bar, a rate, and the time left."""
+    if not sys.stderr.isatty():
+        yield lambda standing: None
+        return
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    from taskspec.cli.console import console
+
+    name_column = TextColumn("{task.description}", markup=False)
+    columns = (name_column, BarColumn(), "{task.completed}/{task.total}", "{task.fields[words]}")
+    with Progress(*columns, console=console(err=True), transient=True) as shown:
+        row = shown.add_task(visible(name), total=None, words="")
+        yield lambda s: shown.update(row, total=s.total, completed=s.over, words=_words(s))
+
+
+def _words(standing: Standing) -> str:
+    failed = f"{standing.failed} failed" if standing.failed else ""
+    rate = "" if standing.left is None else f"{standing.rate:.3g}/s, {timedelta(seconds=round(standing.left))} left"
+    return ", ".join(filter(None, (failed, rate)))
 
 
 class _Line:

@@ -195,4 +195,37 @@ taskspec run Branching --render gif --output branching.gif
 ```
 """,
     ),
+    Code(
+        "E721",
+        "not-results",
+        "a file that holds no results of this version",
+        """
+Results are kept in a file that taskspec made itself, with tables of one version. The file is another program's, or that of
+another version of taskspec. It is left as it is.
+""",
+    ),
+    Code(
+        "E722",
+        "results-in-use",
+        "a file of results that another process is writing to",
+        """
+One run at a time writes to a file of results; any number may read it. Wait until the other run is done, or give this one
+another file. A run that was killed holds nothing back.
+""",
+    ),
+    Code(
+        "E723",
+        "no-cluster",
+        "a Dask cluster that does not answer",
+        """
+No scheduler answers at the address, it has no workers, or it was lost in the middle of a run. Workers need taskspec and loky
+installed, in the same versions. What was done is kept, and the same command goes on from there.
+
+```console
+dask scheduler
+dask worker tcp://10.0.0.1:8786
+taskspec sweep noise.yaml --cluster tcp://10.0.0.1:8786
+```
+""",
+    ),
 )

@@ -24,7 +24,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from taskspec.backends.numba import store
-from taskspec.backends.numba.store import Store
+from taskspec.backends.numba.store import KernelStore
 from taskspec.backends.numba.target import target_machine
 from taskspec.visible import visible
 
@@ -62,7 +62,7 @@ def load(source: str) -> LoadedKernel:
 
 
 @contextmanager
-def _kept() -> Iterator[Store | None]:
+def _kept() -> Iterator[KernelStore | None]:
     """What earlier processes compiled; None where nothing can be kept. If that is for safety, it is said."""
     with ExitStack() as stack:
         found = None

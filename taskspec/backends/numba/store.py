@@ -30,7 +30,7 @@ class NotPrivateError(Exception):
 
 
 @dataclass(frozen=True)
-class Store:
+class KernelStore:
     """An open folder, as a file descriptor, and its key."""
 
     _folder: int
@@ -53,7 +53,7 @@ class Store:
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Store]:
+def opened(path: Path) -> Iterator[KernelStore]:
     """The store in a folder, which is made if it does not exist.
 
     Raises:
@@ -62,7 +62,7 @@ def opened(path: Path) -> Iterator[Store]:
     """
     folder = _private(path)
     try:
-        yield Store(folder, _key_of(folder))
+        yield KernelStore(folder, _key_of(folder))
     finally:
         os.close(folder)
 

@@ -1,0 +1,178 @@
+"""Results in one SQLite file: written by one process at a time, read by any, whole after every `kill -9`."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.runs.job import JobResult
+
+APPLICATION, SCHEMA = 0x74736B73, 1
+"""What the header of a file says that is ours, and the version of its tables."""
+AT_ONCE = 500
+"""Keys in one question; SQLite takes about a thousand at least."""
+COLUMNS = "key, name, status, result, message, seconds, attempts, ended, versions"
+TABLES = f"""
+begin immediate;
+pragma application_id = {APPLICATION};
+pragma user_version = {SCHEMA};
+create table results (
+    key text primary key not null,
+    name text not null,
+    status text not null check (status in ('done', 'failed', 'timed_out', 'quarantined')),
+    result text,
+    message text,
+    seconds real not null,
+    attempts integer not null,
+    ended text not null,
+    versions text not null
+);
+commit;
+"""
+RECORD = f"""
+insert into results ({COLUMNS}) values (?, ?, ?, ?, ?, ?, ?, ?, ?)
+on conflict (key) do update set name = excluded.name, status = excluded.status, result = excluded.result,
+    message = excluded.message, seconds = excluded.seconds, attempts = excluded.attempts, ended = excluded.ended,
+    versions = excluded.versions
+where results.status != 'done'
+"""
+
+
+class Store:
+    """A file of results, made if it is not there.
+
+    What is recorded is in the write-ahead log at once, and survives the end of any process. Nobody waits for the disk: a power
+    failure may cost the last results, but not the file.
+
+    Raises:
+        SpecError: E716, the file cannot be read or written; E721, it is of another program or version.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        self._is_writing = False
+        with self._reported():
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self._database = sqlite3.connect(self.path, isolation_level=None)
+            try:
+                self._open()
+            except BaseException:
+                self._database.close()
+                raise
+
+    def _open(self) -> None:
+        if self._number("select count(*) from sqlite_master") == 0 and self._number("pragma application_id") == 0:
+            with self.writing():
+                if self._number("select count(*) from sqlite_master") == 0:
+                    self._database.executescript(TABLES)
+        if self._number("pragma application_id") != APPLICATION:
+            raise self._foreign("holds no results of taskspec", "give another place")
+        version = self._number("pragma user_version")
+        if version != SCHEMA:
+            raise self._foreign(
+                f"has tables of version {version}, and this taskspec reads {SCHEMA}", "use the one that wrote it"
+            )
+        self._database.execute("pragma journal_mode = wal")
+        self._database.execute("pragma synchronous = normal")
+
+    def results(self, keys: Iterable[str] | None = None) -> dict[str, JobResult]:
+        """What is kept of these jobs, in their order, or of all, in the order in which they were recorded first."""
+        with self._reported():
+            if keys is None:
+                return _results(self._database.execute(f"select {COLUMNS} from results order by rowid"))
+            wanted, found = list(keys), dict[str, JobResult]()
+            for start in range(0, len(wanted), AT_ONCE):
+                part = wanted[start : start + AT_ONCE]
+                marks = ", ".join("?" * len(part))
+                found |= _results(self._database.execute(f"select {COLUMNS} from results where key in ({marks})", part))
+        return {key: found[key] for key in wanted if key in found}
+
+    def missing(self, keys: Iterable[str]) -> list[str]:
+        """Those of the keys, each once, that nothing is kept of."""
+        wanted = list(dict.fromkeys(keys))
+        found = self.results(wanted)
+        return [key for key in wanted if key not in found]
+
+    def record(self, rows: Sequence[JobResult]) -> None:
+        """Keep results, all or none. They replace earlier ones of jobs that were not done, and no others.
+
+        Raises:
+            SpecError: E716; E722, another process is writing.
+        """
+        if not rows:
+            return
+        entries = [
+            (r.key, r.name, r.status, r.result, r.message, r.seconds, r.attempts, r.when, json.dumps(dict(r.versions)))
+            for r in rows
+        ]
+        with self.writing(), self._reported(), self._database:
+            self._database.execute("begin immediate")
+            self._database.executemany(RECORD, entries)
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Within the block, nobody else writes.
+
+        The lock is SQLite's own, on an empty file beside this one; it goes with the process, however that ends.
+
+        Raises:
+            SpecError: E722, another process is writing.
+        """
+        if self._is_writing:
+            yield
+            return
+        with ExitStack() as stack:
+            with self._reported():
+                lock = sqlite3.connect(f"{self.path}-lock", timeout=0, isolation_level=None)
+                stack.enter_context(closing(lock))
+            try:
+                lock.execute("begin exclusive")
+            except sqlite3.OperationalError as error:
+                message = f"another process is writing to {str(self.path)!r}"
+                raise SpecError(
+                    [Diagnostic("E722", None, message, "wait until it is done, or give another place")]
+                ) from error
+            self._is_writing = True
+            stack.callback(setattr, self, "_is_writing", False)
+            yield
+
+    def close(self) -> None:
+        """Close the file."""
+        self._database.close()
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _number(self, question: str) -> int:
+        return int(self._database.execute(question).fetchone()[0])
+
+    def _foreign(self, what: str, hint: str) -> SpecError:
+        return SpecError([Diagnostic("E721", None, f"{str(self.path)!r} {what}; it was left as it is", hint)])
+
+    @contextmanager
+    def _reported(self) -> Iterator[None]:
+        """What SQLite or the system says is a message."""
+        try:
+            yield
+        except sqlite3.OperationalError as error:
+            raise SpecError([Diagnostic("E716", None, f"cannot use {str(self.path)!r}: {error}")]) from error
+        except sqlite3.DatabaseError as error:
+            raise self._foreign(f"holds no results of taskspec ({error})", "give another place") from error
+        except OSError as error:
+            message = f"cannot use {str(self.path)!r}: {error.strerror or error}"
+            raise SpecError([Diagnostic("E716", None, message)]) from error
+
+
+def _results(found: Iterable[tuple[Any, ...]]) -> dict[str, JobResult]:
+    return {entry[0]: JobResult(*(*entry[:-1], json.loads(entry[-1]))) for entry in found}
