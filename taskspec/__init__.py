@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from taskspec.making import make as make
     from taskspec.making import make_vec as make_vec
     from taskspec.making import register as register
+    from taskspec.modifiers import modify as modify
     from taskspec.registry import load as load
     from taskspec.registry import task_ids as task_ids
     from taskspec.task.task import Task as Task
@@ -32,6 +33,7 @@ _PUBLIC = {
     "load": "taskspec.registry",
     "make": "taskspec.making",
     "make_vec": "taskspec.making",
+    "modify": "taskspec.modifiers",
     "register": "taskspec.making",
     "task_ids": "taskspec.registry",
 }
@@ -45,6 +47,7 @@ __all__ = [
     "load",
     "make",
     "make_vec",
+    "modify",
     "register",
     "task_ids",
 ]

@@ -9,7 +9,7 @@ import copy
 import dataclasses
 import functools
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from taskspec.envs.instances import InstanceLanes
     from taskspec.envs.options import Autoreset
     from taskspec.envs.vector import AutoresetMode, VectorEnvironment
+    from taskspec.modifiers import Written
     from taskspec.task.options import Ending, RenderMode
     from taskspec.task.task import Task, TaskLike
 
@@ -40,12 +41,13 @@ def make(
     render_mode: RenderMode | None = None,
     ending: Ending = "terminate",
     observe_time: bool = False,
+    modifiers: Iterable[Written] = (),
     **parameters: Any,
 ) -> Environment:
     """The scalar environment of a task: `load` and `taskspec.envs.Environment` in one call."""
     from taskspec.envs import Environment
 
-    task = load(source, variant, **parameters)
+    task = load(source, variant, modifiers=modifiers, **parameters)
     return Environment(task, render_mode=render_mode, ending=ending, observe_time=observe_time)
 
 
@@ -92,7 +94,7 @@ def _add(task_id: str, kwargs: dict[str, Any]) -> None:
 
 
 def _take_instances() -> None:
-    """Let `gym.make` and `gym.make_vec` take ids with values of parameters, such as `derail/NoisyObs-v0?L=50&M=7`.
+    """Let `gym.make` and `gym.make_vec` take ids with parameters and modifiers, such as `derail/NoisyObs-v0?L=50+delay=2`.
 
     Gymnasium's pattern for ids has no room for them, and what is registered is looked up before anything of ours runs: so the
     function that looks it up is wrapped. All other ids go to it as they are.
@@ -112,6 +114,8 @@ def _take_instances() -> None:
         if spec is None or spec.entry_point != ENTRY_POINT:
             return find(env_id)
         spec.kwargs.update(asked.parameters)
+        if asked.modifiers:
+            spec.kwargs["modifiers"] = asked.modifiers
         return spec
 
     registration._find_spec = found
@@ -130,6 +134,7 @@ def make_vec(
     ending: Ending = "terminate",
     observe_time: bool = False,
     render_mode: RenderMode | None = None,
+    modifiers: Iterable[Written] = (),
     instance_seed: int | Sequence[int] | None = None,
     **parameters: Any,
 ) -> VectorEnvironment:
@@ -148,8 +153,9 @@ def make_vec(
         "ending": ending, "observe_time": observe_time, "render_mode": render_mode,
     }  # fmt: skip
     if isinstance(instance_seed, Sequence):
-        return _of_instances(source, variant, instance_seed, num_envs, parameters, options)
-    given = parameters if instance_seed is None else {**parameters, "instance_seed": instance_seed}
+        return _of_instances(source, variant, instance_seed, num_envs, {**parameters, "modifiers": modifiers}, options)
+    given = {**parameters, "modifiers": modifiers}
+    given |= {} if instance_seed is None else {"instance_seed": instance_seed}
     return VectorEnvironment(load(source, variant, **given), 1 if num_envs is None else num_envs, **options)
 
 

@@ -18,6 +18,7 @@ from taskspec import ids, scan
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 
 if TYPE_CHECKING:
+    from taskspec.modifiers import Written
     from taskspec.source import Document
     from taskspec.task.task import Task, TaskLike
 
@@ -102,18 +103,32 @@ def task_ids() -> list[str]:
 # -- loading ------------------------------------------------------------------------------------------------------
 
 
-def load(source: TaskLike, variant: str | None = None, /, **parameters: Any) -> Task:
+def load(
+    source: TaskLike, variant: str | None = None, /, *, modifiers: Iterable[Written] = (), **parameters: Any
+) -> Task:
     """The task of an id, of a spec's file, or the task itself, with parameters bound.
 
     Args:
         source: `suite/Name-vN` (the version, and the suite when the name is unique, may be left out), a path, or a task.
-            Values of parameters may stand behind an id or a path: `derail/NoisyObs-v0?L=50&M=7`.
+            Values of parameters and modifiers may stand behind an id or a path: `derail/NoisyObs-v0?L=50&M=7+sticky=0.25`.
         variant: for a path or a task, the variant to load, by its key or its task's name.
+        modifiers: what to change of the task, in order (see `taskspec.modify`), after those that it has.
         **parameters: values of the task's parameters; the others keep their defaults, or the values that a given task has.
 
     Raises:
-        SpecError: unknown id, or any mistake in the spec, each with its place.
+        SpecError: unknown id, or any mistake in the spec, each with its place; modifiers that the task cannot be given.
     """
+    found = _found(source, variant, parameters)
+    wanted = [*(instance(source).modifiers if isinstance(source, str) else ()), *modifiers]
+    if not wanted:
+        return found
+    from taskspec.modifiers import modify
+
+    return modify(found, *wanted)
+
+
+def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:
+    """What `load` gives before any more modifiers."""
     from taskspec.task.task import Task
 
     if not isinstance(source, Task | str | os.PathLike):
@@ -133,7 +148,7 @@ def load(source: TaskLike, variant: str | None = None, /, **parameters: Any) -> 
 
 
 def instance(source: str) -> ids.InstanceId:
-    """What an id or a path names, and the values of parameters behind it; a file that is there is called as it is called.
+    """What an id or a path names, with the parameters and modifiers behind it; a file that is there is called as it is called.
 
     Raises:
         SpecError: E713 for something else than values behind it.
@@ -153,14 +168,13 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
     """A task with other values of parameters; in another variant the others have their defaults."""
     if variant is None and not parameters:
         return task
+    from taskspec.modifiers import modify
     from taskspec.task.build import build
 
     names = {p.alias: p.name for p in task.parameters}
     given = {names.get(name, name): value for name, value in parameters.items()}
     values = {**({} if variant else task.values), **given}
-    found = build(task.document, variant or task.variant, values, task.suite)
-    found = found.absorbing() if task.ending == "absorb" else found
-    return found.observing_time() if task.observe_time else found
+    return modify(build(task.document, variant or task.variant, values, task.suite), *task.modifiers)
 
 
 def is_path(name: str) -> bool:

@@ -101,9 +101,9 @@ def test_what_is_no_task_is_refused_with_a_code(name: str, tmp_path: Path) -> No
 def test_a_task_is_loaded_with_other_parameters_and_keeps_its_conventions() -> None:
     task = taskspec.load("derail/Branching-v0", L=4, B=3)
     assert taskspec.load(task, L=5) == taskspec.load("derail/Branching-v0", L=5, B=3)
-    assert (
-        taskspec.load(task.absorbing().observing_time(), L=5) == taskspec.load(task, L=5).absorbing().observing_time()
-    )
+    changes = ("absorbing", "sticky=0.25", "time_observed")
+    changed = taskspec.load(task, modifiers=changes)
+    assert taskspec.load(changed, L=5) == taskspec.modify(taskspec.load(task, L=5), *changes) != changed
     assert taskspec.load(task, "seals") == taskspec.load("derail/BranchingSeals-v0")
     assert taskspec.make(task, L=5).task.values == {"L": 5, "B": 3}
 

@@ -35,7 +35,7 @@ def test_roles_are_the_variants_of_expert_and_learner() -> None:
 
 
 def test_spaces_follow_the_conventions() -> None:
-    task = taskspec.load("Branching").observing_time()
+    task = taskspec.load("Branching", modifiers=["time_observed"])
     assert task.observation_space == taskspec.make("Branching", observe_time=True).observation_space
 
 

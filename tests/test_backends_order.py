@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import read
@@ -74,8 +75,8 @@ def task_of(dynamics: str, reward: str, terminal: str, observation: str, number:
     lines = [f"dynamics: {dynamics}", f"reward: {reward}", f"terminal: {terminal}", f"horizon: {3 + number % 4}"]
     lines += [f"observation: {observation}"] * bool(observation)
     task = build(read(HEAD + "\n".join(lines)), None, {}, "")
-    task = task.absorbing() if number % 5 == 4 else task
-    return task.observing_time() if number % 7 == 6 else task
+    wanted = {"absorbing": number % 5 == 4, "time_observed": number % 7 == 6}
+    return taskspec.modify(task, *(name for name, given in wanted.items() if given))
 
 
 def identical(found: Any, expected: Any) -> bool:

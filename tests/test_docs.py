@@ -43,6 +43,7 @@ DOCS = ROOT / "docs"
 GENERATED: dict[str, Callable[[], str]] = {
     "language.md": manual.language,
     "errors.md": manual.errors,
+    "modifiers.md": manual.modifiers,
     "names.md": manual.public,
 }
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]

@@ -11,7 +11,7 @@ from taskspec.appendix.page import Page
 from taskspec.appendix.sections import Section
 
 _KEPT = frozenset({
-    "parameters", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
+    "parameters", "modifiers", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
     "termination", "initial", "scores",
 })  # fmt: skip
 

@@ -87,8 +87,10 @@ def anchor(name: str) -> str:
 
 
 def make_line(task: Task) -> str:
-    """The line of Python that makes the environment, with the parameters that differ from their defaults."""
+    """The line of Python that makes the environment, with the parameters that differ from their defaults and the modifiers."""
     changed = "".join(f", {p.name}={p.value!r}" for p in task.parameters if p.value != p.default)
+    given = [str(m) for m in task.modifiers]
+    changed += f", modifiers={given!r}" if given else ""
     return visible(f"gymnasium.make({json.dumps(task.id, ensure_ascii=False)}{changed})", keep="")
 
 

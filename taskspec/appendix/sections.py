@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from taskspec.appendix import claims, examples, lines, scores
+from taskspec.appendix import claims, examples, lines, modifiers, scores
 from taskspec.appendix.abstraction import abstraction
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import CellTable, Cite, Inline, Inlines, Mark, Text, inlines
@@ -52,11 +52,14 @@ _SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
 
 def all_sections(w: Writing, facts: Facts) -> list[Section]:
     """Every section that has something to say."""
+    changed = modifiers.modifiers(w.task)
+    told = Section("modifiers", "Modifiers, in this order", tuple(map(SectionLine, changed)), False)
+    w = replace(w, task=modifiers.as_written(w.task))
     found = [Section(key, title, tuple(SectionLine(x) for x in make(w)), lead) for key, title, make, lead in _SECTIONS]
     grids = Section(
         "maps", "Maps", tuple(SectionLine((Text(name),), verbatim=text) for name, text in lines.grids(w)), False
     )
-    found.insert(1, grids)
+    found[1:1] = [told, grids]
     found += [
         Section(
             "scores", scores.title(facts), tuple(map(SectionLine, scores.lines(w.task, facts))), False, run_on=True

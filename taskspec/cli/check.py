@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.cli.console import say
-from taskspec.cli.options import Json, LimitsGiven, Parameters, Targets, Variant
+from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, Targets, Variant
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -36,6 +36,7 @@ def check(
     targets: Targets = None,
     variant: Variant = None,
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
     format: Format = "text",
     json: Json = False,
     strict: Strict = False,
@@ -56,7 +57,7 @@ def check(
 
     start = time.perf_counter()
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
-    files = files_of(targets or [], parameters or [])
+    files = files_of(targets or [], parameters or [], modifiers or [])
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
     reports = [check_experiment_file(path) for path in experiments_of(targets or [])]

@@ -10,7 +10,7 @@ import typer
 
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
-from taskspec.cli.options import Json, Parameters, Targets, TaskArgument, Variant
+from taskspec.cli.options import Json, Modifiers, Parameters, Targets, TaskArgument, Variant
 
 if TYPE_CHECKING:
     from taskspec.appendix import Facts
@@ -53,6 +53,7 @@ def docs(
     format: Format = None,
     output: Output = Path("build/docs"),
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
     results: Results = True,
     brief: Brief = False,
     title: Title = "",
@@ -72,7 +73,7 @@ def docs(
     from taskspec.cli.targets import near, settings
     from taskspec.exact.lint.accept import set_aside
 
-    tasks = tasks_of(targets or [])
+    tasks = tasks_of(targets or [], modifiers or [])
     wanted = _named("--format", format or ["html"], FORMATS)
     written = appendix.write(
         tasks,
@@ -96,6 +97,7 @@ def figure(
     overlays: Overlays = None,
     variant: Variant = None,
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
 ) -> None:
     """Draw the figure of a task, as SVG, TikZ, PNG or PDF.
 
@@ -104,13 +106,13 @@ def figure(
     from taskspec import appendix
     from taskspec.cli.targets import beside, tasks_of
 
-    found = tasks_of(task, variant, parameters or [])
+    found = tasks_of(task, variant, parameters or [], modifiers or [])
     wanted = _named("--overlay", overlays or [], appendix.OVERLAYS)
     for each in found:
         say(f"wrote {appendix.figure(each, output if len(found) == 1 else beside(output, each), wanted)}")
 
 
-def tasks_of(targets: Sequence[str]) -> list[Task]:
+def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> list[Task]:
     """All tasks of ids, files and folders.
 
     Raises:
@@ -119,7 +121,7 @@ def tasks_of(targets: Sequence[str]) -> list[Task]:
     from taskspec.cli.specs import task_in, variants_of
     from taskspec.cli.targets import files_of
 
-    return [task_in(file, variant) for file in files_of(targets) for variant in variants_of(file)]
+    return [task_in(file, variant) for file in files_of(targets, modifiers=modifiers) for variant in variants_of(file)]
 
 
 def facts_of(tasks: Sequence[Task]) -> dict[str, Facts]:

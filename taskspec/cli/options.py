@@ -87,6 +87,13 @@ def _task_in(ctx: typer.Context) -> Any:
         return None
 
 
+def complete_modifiers(incomplete: str) -> list[tuple[str, str]]:
+    """`sticky=` and the others: with what they do."""
+    from taskspec.modifiers import MODIFIERS
+
+    return [(n + "=" * bool(e.arguments), e.doc) for n, e in MODIFIERS.items() if n.startswith(incomplete)]
+
+
 def complete_limits(incomplete: str) -> list[tuple[str, str]]:
     """`seconds=10` for the limits that can be changed: with their defaults, and what they are about."""
     from taskspec.limits import table
@@ -137,6 +144,13 @@ Parameters = Annotated[
         "-p", "--param", metavar="NAME=VALUE,...",
         help="A parameter, such as [green]-p L=20[/], or several values, [green]-p L=5,10,20[/]; may be repeated.",
         autocompletion=complete_parameters,
+    ),
+]  # fmt: skip
+Modifiers = Annotated[
+    list[str] | None,
+    typer.Option(
+        "-m", "--modifier", metavar="NAME=VALUE", autocompletion=complete_modifiers,
+        help="A change of the task, such as [green]-m sticky=0.25[/]; may be repeated, the order counts.",
     ),
 ]  # fmt: skip
 LimitsGiven = Annotated[

@@ -18,6 +18,7 @@ from taskspec.cli.records import domain_words, show_value, space_words
 from taskspec.cli.targets import near
 from taskspec.cli.terminal import VisibleText
 from taskspec.lang.dists import CATEGORICAL, DISTS
+from taskspec.modifiers import sentences
 from taskspec.printers import text as written
 from taskspec.task.schema import Erratum, Source
 from taskspec.task.spaces import action_layout, observation_layout
@@ -44,8 +45,9 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
     yield from _section("Parameters", _parameters(task.parameters))
     yield from _section("State", _components(task.state))
     yield from _section("Action", _components(task.action), space_words(action_layout(task)))
-    yield from _section("Observation", _observation(task), space_words(observation_layout(task)))
-    yield from _section("Equations", _equations(task))
+    yield from _section("Observation", _observation(task.unmodified), space_words(observation_layout(task)))
+    yield from _section("Modifiers", _modifiers(task), "in this order; the equations are those of the task as written")
+    yield from _section("Equations", _equations(task.unmodified))
     yield from _section("Claims", _claims(task))
     yield from _section("Examples", _examples(task))
     yield from _section("Errata", _errata(spec.errata))
@@ -126,10 +128,20 @@ def _components(components: Sequence[Component]) -> RenderableType:
 
 def _observation(task: Task) -> RenderableType:
     if task.observation.is_state:
-        clock = ", and the time" if task.observe_time else ""
-        return VisibleText(f"the state{clock}", style="quiet")
+        return VisibleText("the state", style="quiet")
     expressions = task.surface.sections.get("observation", {})
     return _lines(_named(expressions))
+
+
+def _modifiers(task: Task) -> RenderableType | None:
+    if not task.modifiers:
+        return None
+    table = Table.grid(padding=(0, 2, 0, 0))
+    for style in ("cyan", "default"):
+        table.add_column(style=style, overflow="fold")
+    for each, said in sentences(task):
+        table.add_row(visible(str(each)), _words(said).replace("`", ""))
+    return table
 
 
 # -- equations ----------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.cli.console import say
-from taskspec.cli.options import Parameters, TaskArgument, Variant
+from taskspec.cli.options import Modifiers, Parameters, TaskArgument, Variant
 
 if TYPE_CHECKING:
     from taskspec.task.task import Task
@@ -17,6 +17,7 @@ def play(
     task: TaskArgument,
     variant: Variant = None,
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
     seed: Annotated[int | None, typer.Option("--seed", help="Of the first episode; random unless given.")] = None,
     fps: Annotated[int, typer.Option("--fps", min=1, help="Steps per second while a key is held.")] = 4,
 ) -> None:
@@ -25,7 +26,7 @@ def play(
     from taskspec.envs import Environment, keyboard
     from taskspec.envs.options import seed_of
 
-    found = task_of(task, variant, parameters or [])
+    found = task_of(task, variant, parameters or [], modifiers or [])
     env = Environment(found, render_mode="rgb_array")
     _print_keys(found)
     try:

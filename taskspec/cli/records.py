@@ -29,6 +29,7 @@ def record(task: Task) -> dict[str, Any]:
         "summary": spec.summary,
         "capability": spec.capability,
         "parameters": [parameter(p) for p in task.parameters],
+        "modifiers": [str(m) for m in task.modifiers],
         "states": count(task.state),
         "actions": count(task.action),
         "state": [component(c) for c in task.state],
@@ -199,8 +200,9 @@ def _end(value: float) -> str:
 
 
 def defaults(task: Task) -> str:
-    """`L=10 B=2`"""
-    return " ".join(f"{p.name}={show_value(p.value)}" for p in task.parameters)
+    """`L=10 B=2 + sticky=0.25`"""
+    values = " ".join(f"{p.name}={show_value(p.value)}" for p in task.parameters)
+    return " ".join([*filter(None, [values]), *(f"+ {m}" for m in task.modifiers)])
 
 
 def show_value(value: Any) -> str:

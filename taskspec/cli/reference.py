@@ -17,6 +17,7 @@ class ReferencePage(StrEnum):
 
     language = "language"
     errors = "errors"
+    modifiers = "modifiers"
 
 
 Which = Annotated[ReferencePage, typer.Argument(help="Which page.", show_default=False)]
@@ -27,10 +28,11 @@ Output = Annotated[
 
 
 def reference(page: Which, output: Output = None) -> None:
-    """Print the language reference, or the guide to all errors, as Markdown."""
+    """Print the language reference, the guide to all errors, or the table of modifiers, as Markdown."""
     from taskspec.cli import manual
 
-    text = manual.language() if page is ReferencePage.language else manual.errors()
+    pages = {"language": manual.language, "errors": manual.errors, "modifiers": manual.modifiers}
+    text = pages[page.value]()
     if output is None:
         say(text, nl=False)
         return

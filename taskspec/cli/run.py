@@ -10,7 +10,7 @@ import typer
 
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
-from taskspec.cli.options import Json, Parameters, PolicyName, TaskArgument, Variant
+from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -56,6 +56,7 @@ def run(
     seed: Seed = 0,
     variant: Variant = None,
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
     render: Render = None,
     output: FilmFile = None,
     max_steps: MaxSteps = MAX_STEPS,
@@ -73,7 +74,7 @@ def run(
     kind = film.kind_of(render, output)
     if json and kind == "ansi":
         raise misuse("--json and --render ansi do not go together")
-    found = tasks_of(task, variant, parameters or [])
+    found = tasks_of(task, variant, parameters or [], modifiers or [])
     count, records = episodes or (1 if kind else EPISODES), []
     for each in found:
         path = output or Path(f"{each.name}.{kind}")
@@ -147,7 +148,14 @@ def _with_bar(done: Iterator[Episode], count: int) -> Iterator[Episode]:
 
 
 def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Episode]) -> dict[str, Any]:
-    about: dict[str, Any] = {"id": task.id, "parameters": task.values, "policy": policy, "seed": seed}
+    given = [str(m) for m in task.modifiers]
+    about: dict[str, Any] = {
+        "id": task.id,
+        "parameters": task.values,
+        "modifiers": given,
+        "policy": policy,
+        "seed": seed,
+    }
     found = dataclasses.asdict(summary)
     half = found.pop("half")
     interval = None if half is None else [summary.mean - half, summary.mean + half]
@@ -163,7 +171,7 @@ def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
     from taskspec.cli.terminal import VisibleText
 
     out = console()
-    settings = f" {defaults(task)}" if task.parameters else ""
+    settings = f" {defaults(task)}".rstrip()
     who = policy if "." in policy else f"{policy} policy"
     out.print(line((task.id, "name"), (settings, "value"), (f"  {who}, seed {seed}", "quiet")))
     table = Table.grid(padding=(0, 2, 0, 0))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.cli.failures import refuse
-from taskspec.cli.options import Json, LimitsGiven, Parameters, TaskArgument, Variant
+from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, TaskArgument, Variant
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -46,6 +46,7 @@ def solve(
     task: TaskArgument,
     variant: Variant = None,
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
     episodes: Episodes = 1000,
     seed: Seed = 0,
     output: Output = None,
@@ -63,7 +64,7 @@ def solve(
     from taskspec.exact import Results, scores, yardsticks
 
     records = []
-    found = tasks_of(task, variant, parameters or [])
+    found = tasks_of(task, variant, parameters or [], modifiers or [])
     for each in found:
         with progress(each.instance_id):
             measured = scores(each, episodes, seed)
@@ -83,6 +84,7 @@ def score(
     returns: Returns,
     variant: Variant = None,
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
     scores: Known = None,
     json: Json = False,
 ) -> None:
@@ -94,7 +96,7 @@ def score(
     from taskspec.cli.console import write_json
     from taskspec.cli.targets import task_of
 
-    found = task_of(task, variant, parameters or [])
+    found = task_of(task, variant, parameters or [], modifiers or [])
     known = None if scores is None else _known(scores, found)
     result = exact.score(found, returns=read_returns(returns), known=known)
     if json:

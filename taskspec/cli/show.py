@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.cli.console import say
-from taskspec.cli.options import Json, Parameters, TaskArgument, Variant
+from taskspec.cli.options import Json, Modifiers, Parameters, TaskArgument, Variant
 
 if TYPE_CHECKING:
     from taskspec.task.task import Task
@@ -17,6 +17,7 @@ def show(
     task: TaskArgument,
     variant: Variant = None,
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
     source: Annotated[bool, typer.Option("--source", help="The code generated for its environment.")] = False,
     json: Json = False,
 ) -> None:
@@ -25,7 +26,7 @@ def show(
     from taskspec.cli.page import print_page
     from taskspec.cli.targets import tasks_of
 
-    found = tasks_of(task, variant, parameters or [])
+    found = tasks_of(task, variant, parameters or [], modifiers or [])
     if json:
         write_records([_source_record(each) if source else _record(each) for each in found])
         return

@@ -49,11 +49,12 @@ def name_of(file: File, variant: str | None) -> str:
 
 
 def task_in(file: File, variant: str | None) -> Task:
-    """One task of a file, at the values that the file is asked for at.
+    """One task of a file, at the values and with the modifiers that the file is asked for.
 
     Raises:
         SpecError: with every mistake found.
     """
+    from taskspec.modifiers import modify
     from taskspec.task.build import build
 
-    return build(_document(str(file.path)), variant, file.parameters, file.suite)
+    return modify(build(_document(str(file.path)), variant, file.parameters, file.suite), *file.modifiers)

@@ -18,15 +18,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """A spec's file, the variants that were asked for (None: all that are complete), and values of their parameters."""
+    """A spec's file, the variants asked for (None: all that are complete), values of their parameters, and modifiers."""
 
     path: Path
     suite: str
     variants: tuple[str | None, ...] | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    modifiers: tuple[str, ...] = ()
 
-    def at(self, values: Mapping[str, Any]) -> File:
-        """The same file, with more values of parameters.
+    def at(self, values: Mapping[str, Any], modifiers: Sequence[str] = ()) -> File:
+        """The same file, with more values of parameters and more modifiers.
 
         Raises:
             SpecError: E713 for one that has a value.
@@ -34,35 +35,35 @@ class File:
         for name in values:
             if name in self.parameters:
                 raise refuse("E713", f"'{name}' is given in the id and beside it; give it once")
-        return replace(self, parameters={**self.parameters, **values})
+        return replace(self, parameters={**self.parameters, **values}, modifiers=(*self.modifiers, *modifiers))
 
 
-def tasks_of(target: str, variant: str | None, parameters: Sequence[str]) -> list[Task]:
+def tasks_of(target: str, variant: str | None, parameters: Sequence[str], modifiers: Sequence[str] = ()) -> list[Task]:
     """The task that a command is about, once for each setting of its parameters.
 
     Raises:
-        SpecError: no such task, a folder, a bad parameter, or any mistake in the spec.
+        SpecError: no such task, a folder, a bad parameter or modifier, or any mistake in the spec.
     """
     if Path(target).is_dir():
         raise refuse(
             "E711", f"'{target}' is a folder; this command takes one task", "`taskspec list FOLDER` shows what is in it"
         )
-    return [registry.load(target, variant, **values) for values in settings(parameters)]
+    return [registry.load(target, variant, modifiers=modifiers, **values) for values in settings(parameters)]
 
 
-def task_of(target: str, variant: str | None, parameters: Sequence[str]) -> Task:
+def task_of(target: str, variant: str | None, parameters: Sequence[str], modifiers: Sequence[str] = ()) -> Task:
     """The one task that a command is about, with one setting of its parameters.
 
     Raises:
         SpecError: as `tasks_of`, and E713 for several values of a parameter.
     """
-    found = tasks_of(target, variant, parameters)
+    found = tasks_of(target, variant, parameters, modifiers)
     if len(found) > 1:
         raise refuse("E713", "this command takes one value of each parameter")
     return found[0]
 
 
-def files_of(targets: Sequence[str], parameters: Sequence[str] = ()) -> list[File]:
+def files_of(targets: Sequence[str], parameters: Sequence[str] = (), modifiers: Sequence[str] = ()) -> list[File]:
     """The files behind ids, paths, folders and suites, each once for each setting; all known tasks for none.
 
     Raises:
@@ -72,7 +73,7 @@ def files_of(targets: Sequence[str], parameters: Sequence[str] = ()) -> list[Fil
         found = _joined([file for target in targets for file in _files(target)])
     else:
         found = _joined(_of_entries(registry.known().values(), whole=True))
-    return [file.at(values) for file in found for values in settings(parameters)]
+    return [file.at(values, modifiers) for file in found for values in settings(parameters)]
 
 
 def experiments_of(targets: Sequence[str]) -> list[Path]:
@@ -101,8 +102,8 @@ def _files(target: str) -> list[File]:
     if path.is_dir():
         return _of_folder(path)
     asked = registry.instance(target)
-    if asked.parameters:
-        return [file.at(asked.parameters) for file in _files(asked.name)]
+    if asked.parameters or asked.modifiers:
+        return [file.at(asked.parameters, asked.modifiers) for file in _files(asked.name)]
     if registry.is_path(target) or ("/" in target and path.exists()):
         return [] if _experiments(target) else [File(path, registry.suite_of(path))]
     suite = [e for e in registry.known().values() if e.suite == target]
@@ -146,7 +147,7 @@ def _joined(files: Iterable[File]) -> list[File]:
     """Each file once for each setting, with all that was asked of it, in order of first mention."""
     merged: dict[tuple[Path, str], File] = {}
     for file in files:
-        key = (file.path.resolve(), repr(file.parameters))
+        key = (file.path.resolve(), repr((file.parameters, file.modifiers)))
         old = merged.get(key)
         if old is None:
             merged[key] = file

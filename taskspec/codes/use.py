@@ -196,6 +196,47 @@ taskspec run Branching --render gif --output branching.gif
 """,
     ),
     Code(
+        "E718",
+        "unknown-modifier",
+        "a modifier that does not exist",
+        """
+No modifier has this name; `taskspec reference modifiers` has them all. One is written as a text or as a mapping of its name.
+
+```python
+taskspec.load("Branching", modifiers=["stiky=0.25"])    # wrong
+taskspec.load("Branching", modifiers=["sticky=0.25"])    # right
+taskspec.load("Branching", modifiers=[{"sticky": 0.25}])    # the same
+```
+""",
+    ),
+    Code(
+        "E719",
+        "wrong-modifier-argument",
+        "an argument that a modifier does not take",
+        """
+The modifier has no argument of this name, needs one that is missing, or takes other values. The first argument may be given
+without its name.
+
+```python
+taskspec.load("Branching", modifiers=["sticky=2"])    # wrong: a probability is at most 1
+taskspec.load("Branching", modifiers=["distractors=3,kind=normal"])    # right
+```
+""",
+    ),
+    Code(
+        "E720",
+        "inapplicable-modifier",
+        "a modifier that the task cannot be given",
+        """
+The modifier needs something that this task does not have, such as finite actions or a component of that name; the message
+says what. Modifiers are applied in order, so that one may also be in the way of another.
+
+```python
+taskspec.load("Parabola", modifiers=["relabelled"])    # wrong: what is observed has infinitely many values
+```
+""",
+    ),
+    Code(
         "E721",
         "not-results",
         "a file that holds no results of this version",

@@ -20,6 +20,7 @@ from taskspec.exact.scoring.named import named
 from taskspec.extras import need
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Const, Role, draws, reads
+from taskspec.modifiers import modify
 from taskspec.registry import load
 from taskspec.task.spaces import SpaceLayout, observation_layout
 from taskspec.task.task import Task, TaskLike
@@ -185,7 +186,7 @@ def tabular(task: TaskLike) -> Tabular:
     found = abstraction(task)
     task = task if found is None else found.stand_in
     ends = not (isinstance(task.terminal, Const) and not task.terminal.value)
-    task = task.absorbing() if ends else task
+    task = modify(task, "absorbing") if ends else task
     model = extract(task, True if ends else None)
     if any(step.escaping is not None and step.escaping.any() for step in model.steps):
         model = extract(task, True)

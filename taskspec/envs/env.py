@@ -24,6 +24,7 @@ from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.variates.sample import sampler
+from taskspec.modifiers import with_options
 from taskspec.registry import load
 from taskspec.task.options import Ending, RenderMode
 from taskspec.task.spaces import action_layout, observation_layout
@@ -66,9 +67,7 @@ class Environment(gymnasium.Env[Any, Any]):
         one_of("ending", ending, ENDINGS)
         if render_mode not in (None, "ansi"):
             window.require()
-        task = load(task)
-        task = task.absorbing() if ending == "absorb" else task
-        self.task = task.observing_time() if observe_time else task
+        self.task = with_options(load(task), ending, observe_time)
         self.render_mode = render_mode
         self._window: window.Window | None = None
         self._frames: list[window.Frame] = []

@@ -38,6 +38,7 @@ from taskspec.envs.options import (
 )
 from taskspec.envs.spaces import space
 from taskspec.extras import install_package
+from taskspec.modifiers import with_options
 from taskspec.registry import load
 from taskspec.task.options import Ending, RenderMode
 from taskspec.task.task import TaskLike
@@ -100,9 +101,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         if not isinstance(autoreset_mode, AutoresetMode):
             one_of("autoreset_mode", autoreset_mode, _MODES)
         mode = AutoresetMode(autoreset_mode)
-        task = load(task)
-        task = task.absorbing() if ending == "absorb" else task
-        self.task = task.observing_time() if observe_time else task
+        self.task = with_options(load(task), ending, observe_time)
         self.num_envs = lanes_of(self.task, num_envs)
         self.backend = select.choose(self.task, backend)
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 4, "autoreset_mode": mode}

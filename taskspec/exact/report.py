@@ -23,6 +23,7 @@ from taskspec.exact.scoring.saved import read
 from taskspec.exact.simulation.points import Method
 from taskspec.extras import install, is_installed
 from taskspec.files import write_text
+from taskspec.modifiers import is_as_written
 from taskspec.notebook import html_table
 from taskspec.progress import tell
 from taskspec.registry import load
@@ -104,7 +105,7 @@ def check(
         return Report(task, in_order(found), sound.method, cases, skipped=skipped, wrong_examples=wrong)
     results = Results(task) if task.claims else Results(task, limit=MODERATE)
     said: tuple[Verdict, ...] = ()
-    if with_sense and not _SENSELESS & {d.code for d in sound.diagnostics}:
+    if with_sense and is_as_written(task) and not _SENSELESS & {d.code for d in sound.diagnostics}:
         found += _sense(task, results)
     if claims and not sound.diagnostics:
         said = tuple(verdicts(task, results))
@@ -153,6 +154,7 @@ class Scores:
     states: int | None = None
     actions: int | None = None
     why_not_exact: str | None = None
+    modifiers: tuple[str, ...] = ()
 
     @property
     def gap(self) -> float | None:
@@ -225,7 +227,7 @@ def scores(task: TaskLike, episodes: int = EPISODES, seed: int = 0) -> Scores:
     return Scores(
         task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
         None if model is None else int(model.entered.sum()), None if model is None else model.n_actions,
-        results.why_not,
+        results.why_not, tuple(map(str, task.modifiers)),
     )  # fmt: skip
 
 

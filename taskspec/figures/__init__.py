@@ -56,8 +56,11 @@ def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
 
 
 def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
-    """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can."""
-    task, over = load(task), over or Overlay()
+    """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can.
+
+    It shows the task as its spec has it: modifiers change none.
+    """
+    task, over = load(task).unmodified, over or Overlay()
     found = KINDS["graph" if task.figure is None else task.figure.kind](task, over)
     return found if found is None else with_legend(found, over.legend)
 

@@ -38,6 +38,9 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
     if not wanted:
         return Overlay()
     task = load(task)
+    if task.modifiers:
+        message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
+        raise SpecError((Diagnostic("E713", None, message),))
     model = extract(task)
     optimal = plans.optimal_plan(model)
     acting = plans.expert_plan(model) or optimal

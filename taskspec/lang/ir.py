@@ -104,9 +104,9 @@ def walk(roots: Iterable[Node], known: Container[int] = frozenset()) -> Iterator
 
 
 def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:
-    """The draws below the roots, by site: the order in which random words are handed out."""
+    """The draws below the roots, by site, except that those which others depend on come before them."""
     found = {n.site: n for n in walk(roots) if isinstance(n, Draw)}
-    return tuple(found[site] for site in sorted(found))
+    return tuple(n for n in walk(found[site] for site in sorted(found)) if isinstance(n, Draw))
 
 
 def reads(roots: Iterable[Node]) -> frozenset[tuple[Role, str]]:

@@ -38,7 +38,7 @@ def same_task(one: Task, other: Task) -> bool:
 
 def shell(task: Task, ranges: bool = True) -> tuple[Any, ...]:
     """What a task is around its expressions, with or without the ranges of its state."""
-    about = (task.horizon, task.discount, task.ending, task.observation.space, task.observation.is_state)
+    about = (task.horizon, task.discount, task.modifiers, task.observation.space, task.observation.is_state)
     known = [(p.name, p.kind, p.default, p.low, p.high, p.values) for p in task.parameters]
     state = [_declared(c, ranges) for c in task.state]
     seen = [_declared(c, ranges) for c in task.observation.components]

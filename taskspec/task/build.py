@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import taskspec
 from taskspec.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors, suggest
 from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Const
@@ -29,10 +30,11 @@ from taskspec.task.names import Names, signature
 from taskspec.task.schema import Spec, check_shape, validated
 from taskspec.task.sections import SectionBuilder
 from taskspec.task.taken import check_names
-from taskspec.task.task import Component, Parameter, Task
+from taskspec.task.task import Component, Modifier, Parameter, Task
 
-OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "num_envs", "vectorization_mode",
-                     "vector_kwargs", "wrappers", "backend", "max_episode_steps", "disable_env_checker"})  # fmt: skip
+OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "modifiers", "num_envs",
+                     "vectorization_mode", "vector_kwargs", "wrappers", "backend", "max_episode_steps",
+                     "disable_env_checker"})  # fmt: skip
 """Keyword arguments of `gym.make`, `gym.make_vec` and our own makers, which no parameter may be called."""
 
 SEMANTIC = (
@@ -77,8 +79,8 @@ def bind(document: Document, variant: str | None = None, parameters: Mapping[str
 
 
 def _reduced(task: Task) -> tuple[Any, ...]:
-    """A task travels as its spec's text and its parameter values, and is built again on arrival."""
-    options = (task.suite, task.ending, task.observe_time, task.remembers)
+    """A task travels as its spec's text, its parameter values and its modifiers, and is built again on arrival."""
+    options = (task.suite, task.modifiers, task.remembers)
     return _rebuilt, (packed(task.document), task.variant, task.values, *options)
 
 
@@ -87,14 +89,11 @@ def _rebuilt(
     variant: str | None,
     values: dict[str, Any],
     suite: str,
-    ending: str,
-    observe_time: bool,
+    modifiers: tuple[Modifier, ...],
     remembers: bool,
 ) -> Task:
     """A task from the text it was built from."""
-    task = build(unpacked(pack), variant, values, suite)
-    task = task.absorbing() if ending == "absorb" else task
-    task = task.observing_time() if observe_time else task
+    task = taskspec.modify(build(unpacked(pack), variant, values, suite), *modifiers)
     return task.remembering() if remembers else task
 
 
@@ -111,11 +110,10 @@ def build_abstract(task: Task) -> Task | None:
     if merged is None:
         return None
     try:
-        found = _Build(validated(merged), merged, Collector()).checked(task.values, task.suite)
+        return _Build(validated(merged), merged, Collector()).checked(task.values, task.suite)
     except SpecError as error:
         note = "this is about the abstraction, which takes from the task what it does not give itself"
         raise SpecError(replace(d, notes=(*d.notes, note)) for d in error.diagnostics) from None
-    return found.absorbing() if task.ending == "absorb" else found
 
 
 class _Build:

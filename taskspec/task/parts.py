@@ -150,6 +150,27 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Modifier:
+    """A change that a task was given, by its name in the table of modifiers, with its arguments in the order of that table.
+
+    Written as on the command line: `sticky=0.25`, `distractors=3,kind=normal`, or the name alone.
+    """
+
+    name: str
+    arguments: tuple[tuple[str, Any], ...] = ()
+
+    def __str__(self) -> str:
+        if not self.arguments:
+            return self.name
+        (_, first), *others = self.arguments
+        return ",".join([f"{self.name}={_argument(first)}", *(f"{key}={_argument(value)}" for key, value in others)])
+
+
+def _argument(value: Any) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+@dataclass(frozen=True)
 class Figure:
     """How the task is drawn: the kind, and what it shows as nodes over STATE.
 

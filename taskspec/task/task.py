@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import taskspec
-from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.ids import InstanceId
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
-from taskspec.lang.types import BOOL, Kind, Type
+from taskspec.lang.types import Kind
 from taskspec.lang.variates.layout import WordLayout
 from taskspec.notebook import html_table
 from taskspec.source import Document
@@ -28,6 +25,7 @@ from taskspec.task.parts import Example as Example
 from taskspec.task.parts import ExpertMemory as ExpertMemory
 from taskspec.task.parts import Figure as Figure
 from taskspec.task.parts import Followed as Followed
+from taskspec.task.parts import Modifier as Modifier
 from taskspec.task.parts import Observation as Observation
 from taskspec.task.parts import Parameter as Parameter
 from taskspec.task.parts import Soft as Soft
@@ -86,10 +84,29 @@ class Task:
     """The values of the constants, those that are drawn as they are for this instance."""
     figure: Figure | None = None
     memory: ExpertMemory | None = None
-    ending: Ending = "terminate"
-    observe_time: bool = False
     remembers: bool = False
     """Whether the expert's memory is part of the state (`remembering`)."""
+    modifiers: tuple[Modifier, ...] = ()
+    """What was changed since, in order (`taskspec.modify`); all else is as changed, except the spec and its surface."""
+    written_as: Task | None = field(default=None, repr=False)
+
+    @property
+    def unmodified(self) -> Task:
+        """The task as its spec has it."""
+        return self.written_as or self
+
+    @property
+    def ending(self) -> Ending:
+        """What becomes of terminal states."""
+        return "absorb" if self._has("absorbing") else "terminate"
+
+    @property
+    def observe_time(self) -> bool:
+        """Whether the number of steps taken was added to the observation."""
+        return self._has("time_observed")
+
+    def _has(self, modifier: str) -> bool:
+        return any(m.name == modifier for m in self.modifiers)
 
     @property
     def id(self) -> str:
@@ -99,8 +116,11 @@ class Task:
 
     @property
     def instance_id(self) -> str:
-        """The id with the values of all parameters by name, `suite/Name-vN?L=50&M=7`: `load` and `gym.make` take it."""
-        return str(InstanceId(self.id, dict(sorted(self.values.items()))))
+        """The id with the values of all parameters by name and with the modifiers, as `load` and `gym.make` take it.
+
+        `suite/Name-vN?L=50&M=7+sticky=0.25`.
+        """
+        return str(InstanceId(self.id, dict(sorted(self.values.items())), tuple(map(str, self.modifiers))))
 
     @property
     def title(self) -> str:
@@ -164,12 +184,12 @@ class Task:
         return hash(self._identity)
 
     @cached_property
-    def _identity(self) -> tuple[str, str, str, bool, bool]:
-        return (self.id, self.content_hash, self.ending, self.observe_time, self.remembers)
+    def _identity(self) -> tuple[str, str, bool]:
+        return (self.id, self.content_hash, self.remembers)
 
     def __repr__(self) -> str:
         arguments = "".join(f", {p.name}={p.value!r}" for p in self.parameters)
-        return f"<Task {self.id}{arguments}>"
+        return f"<Task {self.id}{arguments}{''.join(f' + {m}' for m in self.modifiers)}>"
 
     def _repr_html_(self) -> str:
         """What it is called, and what it has, for notebooks."""
@@ -177,6 +197,7 @@ class Task:
         rows += [("state", c.name, c.type, c.doc or "") for c in self.state]
         rows += [("action", c.name, c.type, c.doc or "") for c in self.action]
         rows += [("horizon", "", self.horizon, ""), ("observations", "", self.observation_space, "")]
+        rows += [("modifier", m, "", "") for m in self.modifiers]
         return html_table(f"{self.id}: {self.summary}", (), rows)
 
     def _repr_svg_(self) -> str | None:
@@ -199,60 +220,13 @@ class Task:
         """Its exact model as the arrays that tabular learners take (see `taskspec.data.tabular`)."""
         return taskspec.data.tabular(self)
 
-    def absorbing(self) -> Task:
-        """The same task, with terminal states absorbing until the horizon and paying the absorbing reward."""
-        if self.ending == "absorb":
-            return self
-        b = self.builder
-        name = _free("absorbed", (*self.state, *self.action))
-        over = b.read(Role.STATE, name, BOOL, 0, 1)
-
-        def following(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-            reads = (b.read(*c.read, c.type, min(c.low), max(c.high)) for c in self.state)
-            held = (b.apply("where", over, read, node) for read, node in zip(reads, nodes, strict=True))
-            return (*held, b.apply("or", over, self.terminal))
-
-        flag = Component(name, BOOL, (0,), (1,), doc="whether the episode has ended")
-        return dataclasses.replace(
-            self,
-            state=(*self.state, flag),
-            initial=(*self.initial, b.scalar(False)),
-            next=following(self.next),
-            raw_initial=(*self.raw_initial, b.scalar(False)),
-            raw_next=following(self.raw_next),
-            reward=b.cast(b.apply("where", over, self.absorbing_reward, self.reward), Kind.REAL),
-            terminal=b.scalar(False),
-            ending="absorb",
-        )
-
-    def observing_time(self) -> Task:
-        """The same task with the time, as steps taken, added to the observation.
-
-        Raises:
-            SpecError: (E713) when observations are declared finite and there is no horizon.
-        """
-        if self.observe_time:
-            return self
-        if self.horizon is None and self.observation.space in FINITE_SPACES:
-            message = f"without a horizon the time does not fit into a `{self.observation.space}` observation"
-            raise SpecError([Diagnostic("E713", None, message)])
-        high = float(self.horizon) if self.horizon is not None else math.inf
-        time = self.builder.read(Role.TIME, "t", Type(Kind.INT), 0, high)
-        clock = Component(_free("t", self.observation.components), Type(Kind.INT), (0,), (high,), doc="steps taken")
-        seen = Observation(
-            (*self.observation.components, clock),
-            (*self.observation.nodes, time),
-            "multi_discrete" if self.observation.space == "discrete" else self.observation.space,
-        )
-        return dataclasses.replace(self, observation=seen, observe_time=True)
-
     def remembering(self) -> Task:
         """The same task with the expert's memory in its state, of which the expert is a function; itself without a memory."""
         memory = self.memory
         if memory is None:
             return self
         first, later = self.first_observation, self.next_observation
-        return dataclasses.replace(
+        return replace(
             self,
             state=(*self.state, *memory.components),
             initial=(*self.initial, *self._seeing(memory.initial, first)),
@@ -331,20 +305,6 @@ class Task:
 
 TaskLike: TypeAlias = Task | str | PathLike[str]
 """What stands for a task wherever one is wanted: the task itself, its id, or the path of its spec."""
-
-
-def _free(name: str, components: Iterable[Component]) -> str:
-    """A name that no component has."""
-    taken = {c.name for c in components}
-    while name in taken:
-        name += "_"
-    return name
-
-
-def constant_value(node: Node) -> Any:
-    """The value of a constant node as Python data."""
-    assert isinstance(node, Const)
-    return node.value
 
 
 def _value(node: Const) -> Any:

@@ -21,6 +21,7 @@ from taskspec.exact.simulation.rollout import reads_of
 from taskspec.lang.batch import evaluate
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node
+from taskspec.modifiers import stand_in as modified_stand_in
 from taskspec.registry import load
 from taskspec.task.assign import assign
 from taskspec.task.build import build_abstract
@@ -68,7 +69,8 @@ def abstraction(task: Task) -> Abstraction | None:
     if task.memory is not None or task.remembers:  # what is remembered is no function of the state that the map reads
         task = replace(task, expert=None, memory=None)
     written = task.surface.sections.get("abstraction")
-    stand_in = build_abstract(task) if written else None
+    as_written = build_abstract(task) if written else None
+    stand_in = None if as_written is None else modified_stand_in(task, as_written)
     if stand_in is None or not isinstance(written, dict):
         return None
     checker, scope = Checker(task.builder, Collector()), task.surface.scopes["abstraction"]

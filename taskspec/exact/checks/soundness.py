@@ -20,6 +20,7 @@ from taskspec.exact.checks.phases import phases
 from taskspec.exact.checks.wording import parameters, report
 from taskspec.exact.simulation.points import Method
 from taskspec.limits import limits
+from taskspec.modifiers import modify
 from taskspec.progress import tell
 from taskspec.registry import load
 from taskspec.task.build import build
@@ -27,8 +28,8 @@ from taskspec.task.task import Parameter, Task, TaskLike
 
 RANGE_POINTS = 50_000
 MAX_CASES = 8
-FORBIDDEN = ("E703", "E704")
-"""What a build says of parameter values that the spec does not allow."""
+FORBIDDEN = ("E703", "E704", "E720")
+"""What is said of parameter values that the spec, or a modifier of the task, does not allow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +92,7 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
     tried = []
     for values in cases(task):
         try:
-            other = build(task.document, task.variant, values, task.suite)
+            other = modify(build(task.document, task.variant, values, task.suite), *task.modifiers)
         except SpecError as error:
             wrong: Iterable[Diagnostic] = [
                 replace(d, notes=(*d.notes, parameters(values))) for d in error.diagnostics if d.code not in FORBIDDEN

@@ -18,6 +18,7 @@ from taskspec.exact.model.space import words
 from taskspec.exact.scoring.returns import EPISODES, Results
 from taskspec.exact.scoring.statuses import CLAIMS, OfClaim
 from taskspec.lang import syntax as s
+from taskspec.modifiers import modify
 from taskspec.progress import tell
 from taskspec.registry import load
 from taskspec.task.build import build
@@ -76,7 +77,7 @@ def _results(task: Task, values: dict[str, Any]) -> Results | SpecError:
         other = build(task.document, task.variant, values, task.suite)
     except SpecError as error:
         return error
-    return Results(other.absorbing() if task.ending == "absorb" else other)
+    return Results(modify(other, *task.modifiers))
 
 
 def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None) -> Verdict:

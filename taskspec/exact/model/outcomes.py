@@ -88,7 +88,7 @@ def is_finite(draw: Draw) -> bool:
 def branches(
     draws: Sequence[Draw], reads: Reads, lanes: int, numbers: ProbabilityArithmetic = FLOATS
 ) -> Iterator[Branch]:
-    """All outcomes of the finite draws among `draws` (in order of site) at `lanes` points."""
+    """All outcomes of the finite draws among `draws` (as `ir.draws` orders them) at `lanes` points."""
     start = Branch(numbers.ratio(np.ones(1, np.int64), np.ones(1, np.int64)), None, {}, numbers)
     yield from _expand([d for d in draws if is_finite(d)], reads, lanes, start)
 

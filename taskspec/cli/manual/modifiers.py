@@ -1,0 +1,73 @@
+"""The page on modifiers: its table is that of the package."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from taskspec.cli.manual.markdown import code, table
+from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
+
+_HEAD = """\
+# Modifiers
+
+A modifier makes a task harder, or just different, without editing its spec. Each is a function from tasks to tasks, so that
+environments, backends, exact models, pages and the content hash all follow from what it gives:
+
+```python
+import taskspec
+
+task = taskspec.load("derail/RiskyPath", modifiers=["sticky=0.25", {"delay": 2}])
+print(task, taskspec.exact.scores(task).optimal.value)
+```
+
+```text
+<Task derail/RiskyPath-v0 + sticky=0.25 + delay=2> 4.0
+```
+
+Modifiers are applied one after the other, and the order means something: a shift before a scale is scaled as well. They are
+written
+
+| where | how |
+|---|---|
+| in Python | `taskspec.load(id, modifiers=["sticky=0.25", "delay=2"])`, and so with `make`, `make_vec`, `gymnasium.make` |
+| of a task | `taskspec.modify(task, "sticky=0.25")` |
+| on the command line | `taskspec solve RiskyPath -m sticky=0.25 -m delay=2` |
+| in ids | `derail/RiskyPath-v0+sticky=0.25+delay=2` |
+| in YAML | `modifiers: [{sticky: 0.25}, time_observed, {distractors: {count: 3, kind: uniform}}]` |
+
+The first argument needs no name. What a spec says about its task goes where it may no longer be true: claims and examples with
+all modifiers but `absorbing` and `time_observed`, and an expert that is written out where it need no longer be a best one; one
+that is `optimal` or `soft(b)` is planned for the task as modified. What a modifier draws comes after the draws of the task, which
+stay what they are for a seed. Figures show the task as written.
+
+What a modifier keeps is proved by the tests, on the exact models of finite tasks: *every policy's return* is that of all
+functions of the state, as it was before, and the time.
+
+## The table
+
+"""
+
+
+def modifiers() -> str:
+    """The page, as Markdown."""
+    rows = ((code(name), entry.doc, _arguments(entry), _keeps(entry), entry.needs) for name, entry in MODIFIERS.items())
+    return _HEAD + table(("modifier", "what it does", "arguments", "what it keeps", "what it needs"), rows) + "\n"
+
+
+def _arguments(entry: ModifierEntry) -> str:
+    return "; ".join(_argument(a) for a in entry.arguments)
+
+
+def _argument(argument: ModifierArgument) -> str:
+    default = "" if argument.default is None else f", {str(argument.default).lower()} unless given"
+    return f"{code(argument.name)}: {argument.doc} ({argument.range}{default})"
+
+
+def _keeps(entry: ModifierEntry) -> str:
+    return "".join(_kept(entry)) if entry.keeps != "nothing" else ""
+
+
+def _kept(entry: ModifierEntry) -> Iterator[str]:
+    yield entry.keeps
+    if entry.condition:
+        yield f", where {entry.condition}"

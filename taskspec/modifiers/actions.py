@@ -1,0 +1,141 @@
+"""Modifiers of actions: repeated, replaced at random, with other meanings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from taskspec import draws
+from taskspec.lang.dists import DISTS
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.types import BOOL, Kind
+from taskspec.modifiers.core import (
+    AddedState,
+    acting,
+    apart,
+    combinations,
+    free_state,
+    inside,
+    joint,
+    present,
+    step_draws,
+    with_state,
+)
+from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry
+from taskspec.task.task import Component, Task
+
+
+def _sticky(task: Task, given: Arguments) -> Task:
+    b = task.builder
+    name = free_state(task, "acted")
+    begun = b.read(Role.STATE, name, BOOL, 0, 1)
+    kept = [_previous(task, c) for c in task.action]
+    with step_draws(task) as with_draws:
+        repeated = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
+    again = b.apply("and", begun, repeated)
+    executed = {
+        c.name: b.apply("where", again, present(task, old), present(task, c, Role.ACTION))
+        for c, old in zip(task.action, kept, strict=True)
+    }
+    added = [AddedState(old, inside(task, c), executed[c.name]) for c, old in zip(task.action, kept, strict=True)]
+    flag = Component(name, BOOL, (0,), (1,), doc="whether an action was taken before")
+    begins = AddedState(flag, b.scalar(False), b.scalar(True))
+    return with_draws(with_state(acting(task, executed), [*added, begins]))
+
+
+def _previous(task: Task, c: Component) -> Component:
+    """What keeps an action."""
+    return replace(c, name=free_state(task, f"last_{c.name}"), symbol=None, doc=f"`{c.name}` as it was executed last")
+
+
+def _random(task: Task, given: Arguments) -> Task:
+    b = task.builder
+    for c in task.action:
+        if not all(map(math.isfinite, (*c.low, *c.high))):
+            raise Inapplicable(f"actions are drawn from ranges with ends, and '{c.name}' has none")
+    with step_draws(task) as with_draws:
+        slipped = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
+        drawn = {c.name: _any(task, c) for c in task.action}
+    executed = {c.name: b.apply("where", slipped, drawn[c.name], present(task, c, Role.ACTION)) for c in task.action}
+    return with_draws(acting(task, executed))
+
+
+def _any(task: Task, c: Component) -> Node:
+    """A uniformly random value of a component."""
+    b = task.builder
+    if c.type.kind is Kind.BOOL:
+        return DISTS["Bernoulli"].build(b, {"p": b.scalar(0.5)}, c.type.shape)
+    flat = [[v if c.type.kind is Kind.REAL else int(v) for v in ends] for ends in (c.low, c.high)]
+    low, high = (b.const(ends if c.type.shape else ends[0], c.type) for ends in flat)
+    name = "Uniform" if c.type.kind is Kind.REAL else "UniformInt"
+    return DISTS[name].build(b, {"low": low, "high": high}, c.type.shape)
+
+
+def _permuted(task: Task, given: Arguments) -> Task:
+    """The table has a row of actions for every state, or one row for all."""
+    b = task.builder
+    count = combinations(task.action, "the actions")
+    states = combinations(task.state, "the states", max(1, MOST_ROWS // count)) if given["per_state"] else 1
+    table = permutations(given["seed"], states, count)
+    row = joint(b, task.state, [present(task, c) for c in task.state]) if states > 1 else b.scalar(0)
+    start = b.apply("mul", row, b.scalar(count))
+
+    def through(codes: np.ndarray[tuple[int, ...], np.dtype[np.int64]], actions: list[Node]) -> list[Node]:
+        at = b.apply("add", start, joint(b, task.action, actions))
+        return apart(b, task.action, codes.reshape(-1).tolist(), at)
+
+    meant = through(table, [present(task, c, Role.ACTION) for c in task.action])
+    expert = task.expert
+    if isinstance(expert, tuple):
+        expert = tuple(through(np.argsort(table, axis=1), list(expert)))
+    executed: Mapping[str, Node] = {c.name: n for c, n in zip(task.action, meant, strict=True)}
+    plain = tuple(replace(c, domain=None) for c in task.action)  # a label would say what an action no longer does
+    return replace(acting(task, executed), action=plain, expert=expert)
+
+
+MOST_ROWS = 1_000_000
+
+
+def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    """Random permutations (rows, count) of 0, ..., count - 1, for a seed the same everywhere; a single one changes something."""
+    found = np.argsort(draws.block(seed, draws.RESET, 0, rows, count), axis=1, kind="stable").astype(np.int64)
+    if rows == 1 and count > 1 and bool((found[0] == np.arange(count)).all()):
+        return np.roll(found, 1, axis=1)
+    return found
+
+
+def _says_permuted(task: Task, given: Arguments) -> str:
+    where = "in every state" if given["per_state"] else "all along"
+    which = "anew for each state" if given["per_state"] else "once for all states"
+    return (
+        f"what the actions do is permuted {which}, by the seed {given['seed']}: each does {where} what another one did"
+    )
+
+
+_P = ModifierArgument("probability", "real", "how likely it is in each step", low=0, high=1, sample=lambda task: 0.25)
+SEED = ModifierArgument("seed", "int", "which permutation", 0, low=0, high=2**32 - 1)
+TABLE = (
+    ModifierEntry(
+        "sticky", (_P,), "With this probability the action executed in the step before is executed again (Machado et al., 2018).",
+        _sticky,
+        lambda task, given: f"with probability ${given['probability']:g}$ the action executed in the step before is executed "
+        "again, in place of the one chosen; the state keeps that action, which is not observed",
+    ),
+    ModifierEntry(
+        "random_actions", (_P,), "With this probability a uniformly random action is executed in place of the one chosen.",
+        _random,
+        lambda task, given: f"with probability ${given['probability']:g}$ a uniformly random action is executed in place of "
+        "the one chosen",
+        needs="actions that have ranges with ends", abstraction="modified as well",
+    ),
+    ModifierEntry(
+        "permuted_actions", (
+            SEED, ModifierArgument("per_state", "bool", "whether each state has a permutation of its own", False),
+        ),
+        "What the actions do is permuted by a seed: once for all states, or in each state anew.",
+        _permuted, _says_permuted, keeps="all returns", needs="finite actions; finite states as well where each has its own",
+    ),
+)  # fmt: skip

@@ -1,0 +1,203 @@
+"""What modifiers do to the parts of a task: state added, actions and observations replaced, draws made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Draw, Node, Read, Role, reads, rewrite
+from taskspec.lang.types import INT, Kind, Type
+from taskspec.modifiers.entry import Inapplicable
+from taskspec.task.task import Component, Observation, SpaceKind, Task
+
+MOST = 100_000
+"""Combinations of values that are numbered in one table, at the most."""
+
+
+# -- state --------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class AddedState:
+    """A component that the state gets, with its first and its next value."""
+
+    component: Component
+    initial: Node
+    following: Node
+
+
+def free(name: str, components: Iterable[Component]) -> str:
+    """A name that no component has."""
+    taken = {c.name for c in components}
+    while name in taken:
+        name += "_"
+    return name
+
+
+def free_state(task: Task, name: str) -> str:
+    """A name for a component that the state gets."""
+    return free(name, (*task.state, *task.action))
+
+
+def with_state(task: Task, added: Sequence[AddedState]) -> Task:
+    """The task with more components of the state; it does not observe them."""
+    initial, following = tuple(a.initial for a in added), tuple(a.following for a in added)
+    return replace(
+        task,
+        state=(*task.state, *(a.component for a in added)),
+        initial=(*task.initial, *initial),
+        raw_initial=(*task.raw_initial, *initial),
+        next=(*task.next, *following),
+        raw_next=(*task.raw_next, *following),
+        observation=replace(task.observation, is_state=False),
+    )
+
+
+def present(task: Task, c: Component, role: Role = Role.STATE) -> Node:
+    """The present value of a component."""
+    return task.builder.read(role, c.name, c.type, min(c.low), max(c.high))
+
+
+def inside(task: Task, c: Component) -> Node:
+    """A fixed value of a component: the one nearest to 0."""
+    flat = [min(max(0, a), b) for a, b in zip(c.low, c.high, strict=True)]
+    numbers = flat if c.type.kind is Kind.REAL else [int(v) for v in flat]
+    return task.builder.const(numbers if c.type.shape else numbers[0], c.type)
+
+
+# -- steps --------------------------------------------------------------------------------------------------------
+
+
+def acting(task: Task, executed: Mapping[str, Node]) -> Task:
+    """The task in which other actions are executed than those that are chosen, by name."""
+
+    def leaf(node: Node) -> Node | None:
+        return executed[node.name] if isinstance(node, Read) and node.role is Role.ACTION else None
+
+    count = len(task.state)
+    roots = (*task.next, *task.raw_next, task.reward, task.terminal)
+    found = rewrite(roots, leaf, task.builder.remake)
+    return replace(task, next=found[:count], raw_next=found[count : 2 * count], reward=found[-2], terminal=found[-1])
+
+
+@contextmanager
+def step_draws(task: Task) -> Iterator[Callable[[Task], Task]]:
+    """What is drawn inside is drawn in steps; gives what adds these draws to a task."""
+    with task.builder.written(apart=True) as found:
+        yield lambda changed: replace(changed, step_draws=(*changed.step_draws, *found.values()))
+
+
+def last(task: Task) -> Node:
+    """Whether a step is the last of an episode."""
+    b = task.builder
+    if task.horizon is None:
+        return task.terminal
+    time = b.read(Role.TIME, "t", INT, 0, task.horizon - 1)
+    return b.apply("or", task.terminal, b.apply("eq", time, b.scalar(task.horizon - 1)))
+
+
+def after_step(task: Task, node: Node) -> Node:
+    """A function of the state as one of the state that a step leads to."""
+    following = {c.name: n for c, n in zip(task.state, task.next, strict=True)}
+
+    def leaf(part: Node) -> Node | None:
+        return following[part.name] if isinstance(part, Read) and part.role is Role.STATE else None
+
+    return rewrite([node], leaf, task.builder.remake_late)[0]
+
+
+def reads_time(task: Task) -> bool:
+    """Whether anything depends on the time."""
+    expert = task.expert if isinstance(task.expert, tuple) else ()
+    roots = (*task.next, task.reward, task.terminal, task.absorbing_reward, *task.observation.nodes, *expert)
+    return (Role.TIME, "t") in reads(roots)
+
+
+def paying(task: Task, reward: Node) -> Task:
+    """The task with another reward."""
+    return replace(task, reward=task.builder.cast(reward, Kind.REAL))
+
+
+# -- observations -------------------------------------------------------------------------------------------------
+
+
+def observing(
+    task: Task, components: Sequence[Component], nodes: Sequence[Node], space: SpaceKind, drawn: Mapping[int, Draw]
+) -> Task:
+    """The task with other observations, for which more is drawn at resets and in steps."""
+    return replace(
+        task,
+        observation=Observation(tuple(components), tuple(nodes), space),
+        reset_draws=(*task.reset_draws, *drawn.values()),
+        step_draws=(*task.step_draws, *drawn.values()),
+    )
+
+
+def real_space(task: Task) -> SpaceKind:
+    """The space of observations that hold reals: a dictionary where they are one, else a box."""
+    return "dict" if task.observation.space == "dict" else "box"
+
+
+# -- joint indices ------------------------------------------------------------------------------------------------
+
+
+def combinations(components: Sequence[Component], what: str, most: int = MOST) -> int:
+    """How many values some components have together.
+
+    Raises:
+        Inapplicable: infinitely many, or more than `most`.
+    """
+    for c in components:
+        if not c.is_finite:
+            raise Inapplicable(f"{what} must be finite, and '{c.name}' has infinitely many values")
+    size = math.prod(n for c in components for n in c.counts)
+    if size > most:
+        raise Inapplicable(f"{what} can take {size:,} values; the limit is {most:,}")
+    return size
+
+
+def joint(b: Builder, components: Sequence[Component], nodes: Sequence[Node]) -> Node:
+    """The number of a combination of values, the first element of the first component slowest."""
+    code: Node = b.scalar(0)
+    for c, node in zip(components, nodes, strict=True):
+        for element, low, count in zip(elements(b, node), c.low, c.counts, strict=True):
+            digit = b.within(b.apply("sub", b.cast(element, Kind.INT), b.scalar(int(low))), 0, count - 1)
+            code = b.apply("add", b.apply("mul", code, b.scalar(count)), digit)
+    return code
+
+
+def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row: Node) -> list[Node]:
+    """Values of the components whose number a table (N,) has at a row."""
+    rest, found = math.prod(n for c in components for n in c.counts), []
+    for c in components:
+        digits = []
+        for low, count in zip(c.low, c.counts, strict=True):
+            rest //= count
+            values = [int(low) + code // rest % count for code in table]
+            digit = looked_up(b, values, row)
+            digits.append(b.apply("lt", b.scalar(0), digit) if c.type.kind is Kind.BOOL else digit)
+        found.append(shaped(b, digits, c.type))
+    return found
+
+
+def looked_up(b: Builder, values: Sequence[Any], row: Node, kind: Kind = Kind.INT) -> Node:
+    """The value at a row of a table of constants."""
+    table = b.const(tuple(values), Type(kind, (len(values),)))
+    return b.structure("index", [table, b.position(row, len(values))])
+
+
+def elements(b: Builder, node: Node) -> list[Node]:
+    """The elements of a value, row-major."""
+    if node.type.is_scalar:
+        return [node]
+    flat = b.structure("reshape", [node], (node.type.size,))
+    return [b.structure("element", [flat], (i,)) for i in range(node.type.size)]
+
+
+def shaped(b: Builder, flat: Sequence[Node], type: Type) -> Node:
+    """Elements, row-major, as a value of a type."""
+    return flat[0] if type.is_scalar else b.structure("reshape", [b.structure("vector", flat)], type.shape)

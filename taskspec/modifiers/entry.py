@@ -1,0 +1,142 @@
+"""What an entry of the table of modifiers says, and how its arguments are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, Literal, TypeAlias, get_args
+
+from taskspec.task.task import Task
+
+Arguments: TypeAlias = Mapping[str, Any]
+Kept: TypeAlias = Literal["every policy's return", "all returns", "best policies", "nothing"]
+"""What stays as it was, the most first: the return of every policy of states and times; the optimal, the random and the worst
+return; which policies are best."""
+KEPT = get_args(Kept)
+
+
+class Inapplicable(Exception):
+    """A modifier that a task cannot be given: the reason, as a sentence, and maybe a hint."""
+
+    def __init__(self, reason: str, hint: str | None = None) -> None:
+        super().__init__(reason)
+        self.reason, self.hint = reason, hint
+
+
+@dataclass(frozen=True, slots=True)
+class ModifierArgument:
+    """An argument of a modifier; one without a default must be given.
+
+    A number lies between `low` and `high`; a word is one of `words`, where there are some. `sample` is a value that suits
+    a task, for examples and tests; the default unless it is given.
+    """
+
+    name: str
+    kind: Literal["int", "real", "bool", "word", "expression"]
+    doc: str
+    default: Any = None
+    low: float = -math.inf
+    high: float = math.inf
+    words: tuple[str, ...] = ()
+    sample: Callable[[Task], Any] | None = None
+
+    def read(self, value: Any) -> Any:
+        """A value as it is kept: a number, true or false, or a text.
+
+        Raises:
+            ValueError: says what is needed.
+        """
+        match self.kind:
+            case "bool":
+                return self._bool(value)
+            case "int" | "real":
+                return self._number(value)
+            case _:
+                return self._text(value)
+
+    @property
+    def range(self) -> str:
+        """The values it takes, in words."""
+        match self.kind:
+            case "bool":
+                return "true or false"
+            case "word" if self.words:
+                return " or ".join(self.words)
+            case "word":
+                return "a name"
+            case "expression":
+                return "an expression"
+            case _:
+                return _numbers("an int" if self.kind == "int" else "a number", self.low, self.high)
+
+    def _bool(self, value: Any) -> bool:
+        found = {"true": True, "false": False}.get(str(value).lower())
+        if found is None:
+            raise ValueError(self.range)
+        return found
+
+    def _number(self, value: Any) -> int | float:
+        try:
+            number = Fraction(value.strip()) if isinstance(value, str) else Fraction(value)
+        except (TypeError, ValueError, ZeroDivisionError, OverflowError):
+            raise ValueError(self.range) from None
+        if isinstance(value, bool) or not self.low <= number <= self.high:
+            raise ValueError(self.range)
+        if self.kind == "int" and number.denominator != 1:
+            raise ValueError(self.range)
+        whole = int(number) if number.denominator == 1 and abs(number) < 2**53 else None
+        return float(number) if whole is None else whole
+
+    def _text(self, value: Any) -> str:
+        if self.kind == "expression" and isinstance(value, int | float):
+            value = str(value).lower()
+        if not isinstance(value, str) or not value.strip() or (self.words and value not in self.words):
+            raise ValueError(self.range)
+        return value.strip()
+
+
+def _numbers(kind: str, low: float, high: float) -> str:
+    match math.isfinite(low), math.isfinite(high):
+        case True, True:
+            return f"{kind} from {low:g} to {high:g}"
+        case True, False:
+            return f"{kind}, at least {low:g}"
+        case _:
+            return kind
+
+
+def _always(task: Task, given: Arguments) -> bool:
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class ModifierEntry:
+    """A modifier.
+
+    `change` gives the changed task from a task and all arguments, or raises `Inapplicable`; what it leaves as it is need not be
+    touched. `says` is a sentence about the task before, with the numbers, in Markdown with mathematics. `keeps` holds where
+    `when` says so, which is told by `condition`. With `claims` the claims and examples of the spec are still about the task.
+    """
+
+    name: str
+    arguments: tuple[ModifierArgument, ...]
+    doc: str
+    change: Callable[[Task, Arguments], Task]
+    says: Callable[[Task, Arguments], str]
+    keeps: Kept = "nothing"
+    when: Callable[[Task, Arguments], bool] = _always
+    condition: str = ""
+    needs: str = ""
+    claims: bool = False
+    abstraction: Literal["modified as well", "unaffected", "lost"] = "lost"
+    """What becomes of the finite stand-in of a task that has one."""
+
+    def kept(self, task: Task, given: Arguments) -> Kept:
+        """What it keeps of a task with these arguments."""
+        return self.keeps if self.when(task, given) else "nothing"
+
+    def sample(self, task: Task) -> dict[str, Any]:
+        """Arguments that suit a task, for examples and tests."""
+        return {a.name: a.default if a.sample is None else a.sample(task) for a in self.arguments}

@@ -1,0 +1,140 @@
+"""Rewards that are paid later: after some steps, or when the episode ends.
+
+What is outstanding is part of the state. Where the rewards of a task are known to be few, it is kept in whole numbers, so that a
+finite task stays finite.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+from itertools import pairwise
+
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.types import INT, REAL, Kind, Type
+from taskspec.modifiers.core import AddedState, free_state, last, looked_up, paying, with_state
+from taskspec.modifiers.entry import Arguments, ModifierArgument, ModifierEntry
+from taskspec.modifiers.values import floats
+from taskspec.task.task import Component, Task
+
+MOST_SUMS = 1_000_000
+"""Sums of rewards that are told apart, at the most."""
+
+
+@dataclass(frozen=True)
+class FewRewards:
+    """The rewards of a task, 0 among them, in order; `number` says which one a step pays."""
+
+    values: tuple[float, ...]
+    number: Node
+
+
+def few_rewards(task: Task) -> FewRewards | None:
+    """The rewards where they are known to be few, else None."""
+    b, found = task.builder, floats(task.builder, task.reward)
+    if found is None:
+        return None
+    values = sorted({0.0, *found})
+    number: Node = b.scalar(0)
+    for low, high in pairwise(values):  # half way between them no rounding makes a difference
+        above = b.apply("lt", b.scalar((low + high) / 2), task.reward)
+        number = b.apply("add", number, b.cast(above, Kind.INT))
+    return FewRewards(tuple(values), b.within(number, 0, len(values) - 1))
+
+
+# -- after some steps ---------------------------------------------------------------------------------------------
+
+
+def _delayed(task: Task, given: Arguments) -> Task:
+    b, few, steps = task.builder, few_rewards(task), given["steps"]
+    name = free_state(task, "outstanding")
+    if few is None:
+        c = Component(name, Type(Kind.REAL, (steps,)), (-math.inf,) * steps, (math.inf,) * steps, doc=_QUEUE)
+        queue = b.read(Role.STATE, name, c.type)
+        amounts, entry, nothing = queue, task.reward, b.const([0.0] * steps, c.type)
+    else:
+        most = len(few.values) - 1
+        c = Component(name, Type(Kind.INT, (steps,)), (0,) * steps, (most,) * steps, doc=f"{_QUEUE}, by their numbers")
+        queue = b.read(Role.STATE, name, c.type, 0, most)
+        table = b.const(few.values, Type(Kind.REAL, (most + 1,)))
+        amounts, entry = b.structure("index", [table, queue]), few.number
+        nothing = b.const([few.values.index(0.0)] * steps, c.type)
+    added = AddedState(c, nothing, _moved_up(b, queue, entry))
+    everything = b.apply("add", b.apply("sum", amounts), task.reward)
+    paid = b.apply("where", last(task), everything, b.structure("element", [amounts], (0,)))
+    return with_state(paying(task, paid), [added])
+
+
+_QUEUE = "rewards not paid yet, the oldest first"
+
+
+def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
+    """The queue without its first element, and with another one at its end."""
+    steps, tail = queue.type.size, b.structure("vector", [entry])
+    return tail if steps == 1 else b.structure("concat", [b.structure("slice", [queue], (1, steps - 1, 1)), tail])
+
+
+# -- at the end ---------------------------------------------------------------------------------------------------
+
+
+def _at_end(task: Task, given: Arguments) -> Task:
+    b, few = task.builder, few_rewards(task)
+    name = free_state(task, "earned")
+    counted = None if few is None else _in_units(task, few, name)
+    if counted is None:
+        c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")
+        total = b.apply("add", b.read(Role.STATE, name, REAL), task.reward)
+        added, paid = AddedState(c, b.scalar(0.0), total), total
+    else:
+        added, paid = counted
+    return with_state(paying(task, b.apply("where", last(task), paid, b.scalar(0.0))), [added])
+
+
+def _in_units(task: Task, few: FewRewards, name: str) -> tuple[AddedState, Node] | None:
+    """The sum as a multiple of what all rewards are multiples of; None where that may be too many."""
+    b = task.builder
+    exact = [Fraction(repr(v)) for v in few.values]
+    unit = reduce(_common, exact)
+    if task.horizon is None or unit == 0:
+        return None
+    times = [int(v / unit) for v in exact]
+    low, high = task.horizon * min(times), task.horizon * max(times)
+    if high - low >= MOST_SUMS:
+        return None
+    c = Component(name, INT, (low,), (high,), doc=f"the sum of the rewards so far, in units of {float(unit):g}")
+    total = b.apply("add", b.read(Role.STATE, name, INT, low, high), looked_up(b, times, few.number))
+    following = b.within(total, low, high)
+    return AddedState(c, b.scalar(0), following), b.apply("mul", b.const(unit, REAL), following)
+
+
+def _common(a: Fraction, b: Fraction) -> Fraction:
+    """The largest number that both are multiples of."""
+    return Fraction(math.gcd(a.numerator * b.denominator, b.numerator * a.denominator), a.denominator * b.denominator)
+
+
+def undiscounted(task: Task, given: Arguments) -> bool:
+    return task.discount == 1
+
+
+_STEPS = ModifierArgument("steps", "int", "how many steps later", low=1, high=10_000, sample=lambda task: 2)
+TABLE = (
+    ModifierEntry(
+        "delay", (_STEPS,), "Rewards are paid some steps later, and what is outstanding when the episode ends is paid then.",
+        _delayed,
+        lambda task, given: f"each reward is paid {_times(given['steps'])} later; what is outstanding when the episode ends is "
+        "paid then",
+        keeps="every policy's return", when=undiscounted, condition="the discount is 1",
+    ),
+    ModifierEntry(
+        "reward_at_end", (), "Nothing is paid before the end of the episode, and then the sum of all rewards.",
+        _at_end, lambda task, given: "nothing is paid before the episode ends, and then the sum of all its rewards",
+        keeps="every policy's return", when=undiscounted, condition="the discount is 1",
+    ),
+)  # fmt: skip
+
+
+def _times(steps: int) -> str:
+    return "one step" if steps == 1 else f"${steps}$ steps"

@@ -1,0 +1,154 @@
+"""Modifiers of observations: what is seen is renamed, hidden, noisy, or among what means nothing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from taskspec.diagnostics import suggest
+from taskspec.lang.dists import DISTS
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.types import INT, Kind, Type
+from taskspec.modifiers.actions import SEED, permutations
+from taskspec.modifiers.core import combinations, free, joint, looked_up, observing, real_space
+from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry
+from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
+
+
+def _relabelled(task: Task, given: Arguments) -> Task:
+    b, seen = task.builder, task.observation
+    count = combinations(seen.components, "what is observed")
+    labels = permutations(given["seed"], 1, count)[0].tolist()
+    label = looked_up(b, labels, joint(b, seen.components, seen.nodes))
+    c = Component("label", INT, (0,), (count - 1,), doc="a number for what is observed")
+    return observing(task, [c], [label], "discrete", {})
+
+
+def _distractors(task: Task, given: Arguments) -> Task:
+    b, seen, shape = task.builder, task.observation, (given["count"],)
+    arguments = {"normal": {"mean": 0, "std": 1}, "uniform": {"low": -1, "high": 1}}[given["kind"]]
+    with b.written(apart=True) as drawn:
+        dist = DISTS[given["kind"].capitalize()]
+        node = dist.build(b, {name: b.scalar(v) for name, v in arguments.items()}, shape)
+    low, high = (-1.0, 1.0) if given["kind"] == "uniform" else (-math.inf, math.inf)
+    c = Component(
+        free("distractor", seen.components), Type(Kind.REAL, shape), (low,) * shape[0], (high,) * shape[0],
+        doc="numbers that mean nothing",
+    )  # fmt: skip
+    return observing(task, [*seen.components, c], [*seen.nodes, b.cast(node, Kind.REAL)], real_space(task), drawn)
+
+
+def _noise(task: Task, given: Arguments) -> Task:
+    b, seen, std = task.builder, task.observation, given["std"]
+    with b.written(apart=True) as drawn:
+        nodes = [_noisy(task, node, std) for node in seen.nodes]
+    components = [
+        replace(c, type=Type(Kind.REAL, c.type.shape), domain=None, low=(-math.inf,) * c.type.size,
+                high=(math.inf,) * c.type.size)
+        for c in seen.components
+    ]  # fmt: skip
+    return observing(task, components, nodes, real_space(task), drawn)
+
+
+def _noisy(task: Task, node: Node, std: float) -> Node:
+    b = task.builder
+    noise = DISTS["Normal"].build(b, {"mean": b.scalar(0), "std": b.scalar(std)}, node.type.shape)
+    return b.apply("add", b.cast(node, Kind.REAL), noise)
+
+
+def _dropout(task: Task, given: Arguments) -> Task:
+    b, seen = task.builder, task.observation
+    with b.written(apart=True) as drawn:
+        p = b.scalar(given["probability"])
+        gone = [DISTS["Bernoulli"].build(b, {"p": p}, n.type.shape) for n in seen.nodes]
+    nodes = [
+        b.apply("where", lost, b.stretch(b.const(0, Type(n.type.kind)), n.type.shape), n)
+        for lost, n in zip(gone, seen.nodes, strict=True)
+    ]
+    components = [
+        replace(c, low=tuple(min(v, 0) for v in c.low), high=tuple(max(v, 0) for v in c.high)) for c in seen.components
+    ]
+    return observing(task, components, nodes, seen.space, drawn)
+
+
+def _hidden(task: Task, given: Arguments) -> Task:
+    seen, name = task.observation, given["name"]
+    names = [c.name for c in seen.components]
+    if name not in names:
+        raise Inapplicable(
+            f"'{name}' is not observed", suggest(name, names) or f"what is observed is {', '.join(names)}"
+        )
+    if len(names) == 1:
+        raise Inapplicable(f"'{name}' is all that is observed")
+    kept = [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.name != name]
+    return observing(task, [c for c, _ in kept], [n for _, n in kept], seen.space, {})
+
+
+def _timed(task: Task, given: Arguments) -> Task:
+    if task.observe_time:
+        return task
+    seen = task.observation
+    if task.horizon is None and seen.space in FINITE_SPACES:
+        raise Inapplicable(f"without a horizon the time does not fit into a `{seen.space}` observation")
+    high = float(task.horizon) if task.horizon is not None else math.inf
+    time = task.builder.read(Role.TIME, "t", INT, 0, high)
+    clock = Component(free("t", seen.components), INT, (0,), (high,), doc="steps taken")
+    space = "multi_discrete" if seen.space == "discrete" else seen.space
+    return replace(task, observation=Observation((*seen.components, clock), (*seen.nodes, time), space))
+
+
+def _says_relabelled(task: Task, given: Arguments) -> str:
+    count = combinations(task.observation.components, "what is observed")
+    return f"what is observed is one of ${count}$ numbers, which are dealt out by the seed {given['seed']}"
+
+
+_COUNT = ModifierArgument("count", "int", "how many", low=1, high=100_000, sample=lambda task: 3)
+_KIND = ModifierArgument("kind", "word", "standard normal numbers, or uniform ones from -1 to 1", "normal",
+                         words=("normal", "uniform"))  # fmt: skip
+_LAWS = {"normal": r"\mathcal{N}(0, 1)", "uniform": r"\operatorname{Unif}(-1, 1)"}
+TABLE = (
+    ModifierEntry(
+        "relabelled", (SEED,), "What is observed is one number, and a seed deals out which; nothing tells that two are alike.",
+        _relabelled, _says_relabelled, keeps="every policy's return", abstraction="unaffected", needs="finite observations",
+    ),
+    ModifierEntry(
+        "distractors", (_COUNT, _KIND), "Numbers that mean nothing are observed as well, drawn anew in every step.",
+        _distractors,
+        lambda task, given: f"${given['count']}$ more numbers are observed, independently drawn from ${_LAWS[given['kind']]}$ "
+        "in every step",
+        keeps="every policy's return", abstraction="unaffected",
+    ),
+    ModifierEntry(
+        "observation_noise", (
+            ModifierArgument("std", "real", "the standard deviation", low=0, high=1e9, sample=lambda task: 0.5),
+        ),
+        "Normal noise is added to every number observed.",
+        _noise,
+        lambda task, given: rf"noise from $\mathcal{{N}}(0, {given['std']:g}^2)$ is added to every number observed",
+        keeps="every policy's return", abstraction="unaffected",
+    ),
+    ModifierEntry(
+        "dropout", (
+            ModifierArgument("probability", "real", "how likely each number is lost", low=0, high=1, sample=lambda task: 0.25),
+        ),
+        "Each number observed is 0 with this probability.",
+        _dropout,
+        lambda task, given: f"each number observed is 0 with probability ${given['probability']:g}$, independently",
+        keeps="every policy's return", abstraction="unaffected",
+    ),
+    ModifierEntry(
+        "hidden", (
+            ModifierArgument("name", "word", "which component of the observation",
+                             sample=lambda task: task.observation.components[0].name),
+        ),
+        "A component of the observation is left out.",
+        _hidden, lambda task, given: f"`{given['name']}` is not observed",
+        keeps="every policy's return", abstraction="unaffected", needs="another component that is observed",
+    ),
+    ModifierEntry(
+        "time_observed", (), "The number of steps taken is added to the observation.",
+        _timed, lambda task, given: "the number of steps taken is observed as well",
+        keeps="every policy's return", abstraction="unaffected", claims=True,
+        needs="a horizon, where observations are declared finite",
+    ),
+)  # fmt: skip

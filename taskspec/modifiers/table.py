@@ -1,0 +1,10 @@
+"""The table of modifiers, in the order of the manual."""
+
+from __future__ import annotations
+
+from taskspec.modifiers import actions, episodes, observations, rewards
+from taskspec.modifiers.entry import ModifierEntry
+
+MODIFIERS: dict[str, ModifierEntry] = {
+    entry.name: entry for entry in (*actions.TABLE, *observations.TABLE, *rewards.TABLE, *episodes.TABLE)
+}
