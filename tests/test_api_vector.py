@@ -36,6 +36,29 @@ def same(ours: Any, theirs: Any) -> None:
         np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
+@pytest.mark.parametrize(
+    "task_id", ["derail/RiskyPathSeals", "derail/NoisyObsSeals", "derail/ParabolaSeals", "derail/SortSeals"]
+)
+def test_infos_tell_states_as_gymnasiums_own_do(task_id: str, mode: AutoresetMode) -> None:
+    ours = taskspec.make_vec(task_id, num_envs=LANES, backend="numpy", autoreset_mode=mode)
+    theirs = SyncVectorEnv([partial(taskspec.make, task_id)] * LANES, autoreset_mode=mode)
+    ours.action_space.seed(2)
+    same(ours.reset(seed=5), theirs.reset(seed=5))
+    told = 0
+    for _ in range(30):
+        if mode == AutoresetMode.DISABLED and ours.time.max() >= (ours.task.horizon or 0):
+            mask = {"reset_mask": np.ones(LANES, np.bool_)}
+            same(ours.reset(options=mask), theirs.reset(options=dict(mask)))
+        actions = ours.action_space.sample()
+        found, wanted = ours.step(actions), theirs.step(actions)
+        same(found[0], wanted[0])
+        same(found[4], wanted[4])
+        assert all(found[4][key].dtype == value.dtype for key, value in wanted[4].items())
+        told += found[4]["_new_state"].sum() if found[4] else 0
+    assert told >= 20 * LANES
+
+
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 @pytest.mark.parametrize("task_id", TASKS)
 def test_results_and_infos_are_those_of_gymnasiums_own(task_id: str, mode: AutoresetMode) -> None:

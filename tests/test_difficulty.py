@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -17,106 +14,7 @@ import pytest
 from taskspec import exact, limits, load
 from taskspec.diagnostics import SpecError
 from taskspec.exact.difficulty import MEASURES, difficulty
-
-HALF = Fraction(1, 2)
-
-
-# -- every episode, written out ------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Table:
-    """A random task of S states and A actions in fractions: where each action leads, what that pays, and where it ends."""
-
-    states: int
-    actions: int
-    horizon: int
-    discount: Fraction
-    start: dict[int, Fraction]
-    leads: dict[tuple[int, int], dict[int, Fraction]]
-    pays: dict[tuple[int, int, int], int]
-    ends: frozenset[int]
-
-    def spec(self) -> str:
-        labels = [f"q{s}" for s in range(self.states)]
-
-        def chances(found: dict[int, Fraction]) -> str:
-            return "{" + ", ".join(f"q{s}: {p}" for s, p in found.items()) + "}"
-
-        leads = "".join(
-            f"      q{s}: {{{', '.join(f'a{a}: {chances(self.leads[s, a])}' for a in range(self.actions))}}}\n"
-            for s in range(self.states)
-        )
-        pays = "".join(
-            f"    q{s}:\n"
-            + "".join(
-                f"      a{a}: {{{', '.join(f'q{n}: {self.pays[s, a, n]}' for n in range(self.states))}}}\n"
-                for a in range(self.actions)
-            )
-            for s in range(self.states)
-        )
-        ends = " or ".join(f"s' == q{s}" for s in sorted(self.ends)) or "false"
-        return (
-            f"taskspec: 1\nname: Random\nstate:\n  s: {{type: choice, values: [{', '.join(labels)}]}}\n"
-            f"action:\n  a: {{type: choice, values: [{', '.join(f'a{a}' for a in range(self.actions))}]}}\n"
-            f"horizon: {self.horizon}\ndiscount: {self.discount}\ninitial:\n  s: {chances(self.start)}\n"
-            f"dynamics:\n  s':\n    by: [s, a]\n    rows:\n{leads}"
-            f"reward:\n  by: [s, a, s']\n  rows:\n{pays}terminal: {ends}\n"
-        )
-
-    def episodes(self) -> Iterator[tuple[Fraction, list[tuple[int, int, int, int]]]]:
-        """Every episode of random actions: its probability, and its steps (state, action, next state, reward)."""
-        for state, p in self.start.items():
-            yield from self._going_on(state, p, [])
-
-    def _going_on(self, state: int, p: Fraction, steps: list[Any]) -> Iterator[tuple[Fraction, list[Any]]]:
-        if len(steps) == self.horizon or (steps and state in self.ends):
-            yield p, steps
-            return
-        for action in range(self.actions):
-            for after, chance in self.leads[state, action].items():
-                step = (state, action, after, self.pays[state, action, after])
-                yield from self._going_on(after, p * chance / self.actions, [*steps, step])
-
-    def policies(self) -> Iterator[dict[tuple[int, int], int]]:
-        """Every deterministic policy: an action for each time and state."""
-        places = list(product(range(self.horizon), range(self.states)))
-        for choice in product(range(self.actions), repeat=len(places)):
-            yield dict(zip(places, choice, strict=True))
-
-    def returned(self, steps: list[tuple[int, int, int, int]]) -> Fraction:
-        return sum((self.discount**t * step[3] for t, step in enumerate(steps)), Fraction(0))
-
-    def expected(self, policy: dict[tuple[int, int], int], state: int, t: int = 0) -> Fraction:
-        """The return of a policy from a state."""
-        total = Fraction(0)
-        for after, p in self.leads[state, policy[t, state]].items():
-            total += p * self.pays[state, policy[t, state], after]
-            if t + 1 < self.horizon and after not in self.ends:
-                total += p * self.discount * self.expected(policy, after, t + 1)
-        return total
-
-
-def tables() -> Iterator[Table]:
-    rng = np.random.default_rng(3)
-    for i in range(12):
-        states, actions, horizon = (3, 2, 3) if i % 2 else (2, 2, 4)
-        pairs = list(product(range(states), range(actions)))
-        leads = {pair: somewhere(rng, states) for pair in pairs}
-        rewards = rng.integers(-1, 3, (states, actions, states)) * rng.integers(2, size=(states, actions, states))
-        pays = {(s, a, n): int(rewards[s, a, n]) for (s, a), n in product(pairs, range(states))}
-        start = {0: Fraction(1)} if i % 3 else {0: Fraction(1, 3), 1: Fraction(2, 3)}
-        ends = frozenset({states - 1}) if i % 4 >= 2 else frozenset()
-        yield Table(states, actions, horizon, (Fraction(1), HALF)[i % 5 == 0], start, leads, pays, ends)
-
-
-def somewhere(rng: np.random.Generator, states: int) -> dict[int, Fraction]:
-    """One next state, or two with unequal odds."""
-    places = [int(place) for place in rng.permutation(states)]
-    return {places[0]: Fraction(1)} if rng.integers(2) else {places[0]: Fraction(1, 4), places[1]: Fraction(3, 4)}
-
-
-TABLES = list(tables())
+from tests.written_out import TABLES, Table, best_from
 
 
 @pytest.fixture(params=range(len(TABLES)))
@@ -125,17 +23,6 @@ def written_out(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Table, 
     path = tmp_path / "random.yaml"
     path.write_text(table.spec(), encoding="utf-8")
     return table, exact.Results(load(path))
-
-
-def best_from(table: Table, state: int, t: int = 0) -> Fraction:
-    """The optimal return from a state, by going through what every action leads to."""
-    if t == table.horizon or (t and state in table.ends):
-        return Fraction(0)
-    return max(
-        sum((p * (table.pays[state, a, n] + table.discount * best_from(table, n, t + 1))
-             for n, p in table.leads[state, a].items()), Fraction(0))
-        for a in range(table.actions)
-    )  # fmt: skip
 
 
 def test_luck_and_lengths_are_those_of_every_episode(written_out: tuple[Table, exact.Results]) -> None:

@@ -81,6 +81,11 @@ def test_backends_number_labels_alike(backend: Any) -> None:
         ("dir': dir if x > 0 else a", "E306", "not a choice between other labels"),
         ("x': x * (dir == a)", "E306", "(north, east, south, west) are no labels of another (left, ahead, right)"),
         ("x': x * (dir in {a})", "E306", "no labels of another"),
+        ("x': x * (dir in {a, 1})", "E306", "`x + 0 == y + 0`"),
+        ("x': x * (dir == (a if y > 0 else 1))", "E306", "no labels of another"),
+        ("dir': a if x > 0 else 1", "E306", "no labels of another"),
+        ("tide': a if x > 0 else 1", "E306", "no labels of another"),
+        ("dir': a", "E306", "{left: north, ahead: east, right: south}"),
         ("dir': [dir, dir]", "E307", "'dir' has shape [], but this has [2]"),
         ("level': {by: dir, rows: {0: 2, else: 4}}", "E313", "'0' is not a value of this column"),
     ],
@@ -93,7 +98,7 @@ def test_what_is_no_label_is_said(line: str, code: str, words: str) -> None:
     except SpecError as error:
         found = list(error.diagnostics)
     assert [d.code for d in found if d.code.startswith("E")] == [code]
-    assert words in found[0].message
+    assert words in f"{found[0].message} {found[0].hint}"
 
 
 @pytest.mark.parametrize("values", ["{low: 1, also_low: 1}", "{up: [0, 1], down: [1, 0]}", "{half: 0.5, one: 1}"])

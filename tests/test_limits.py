@@ -16,12 +16,13 @@ from typing import Any
 
 import pytest
 
-from taskspec import limits
+from taskspec import experiments, limits
 from taskspec.diagnostics import SpecError
 from taskspec.exact import check
 from taskspec.exact.model.extract import extract
 from taskspec.exact.scoring.returns import simulate
 from taskspec.exact.simulation.rollout import at_random
+from taskspec.experiments.reading import described
 from taskspec.limits import Limits, changed, count, how_to_raise, table
 from taskspec.progress import told_to
 from taskspec.source import read_text
@@ -63,6 +64,15 @@ def lanes(number: int) -> Any:
     return vector.VectorEnvironment(written(), number, backend="numpy")
 
 
+def instances(entry: str) -> Any:
+    """The instances of an experiment with one task."""
+    expanded = experiments.expand(
+        described(read_text(f"experiment: 1\nname: e\ntasks: [{{task: {entry}}}]\n", "e.yaml"))
+    )
+    expanded.raise_if_wrong()
+    return expanded.instances
+
+
 # For each limit: a value that is too small for what is done, one that is not, and the code of the refusal.
 REACHED: dict[str, tuple[int, int, str, Callable[[], Any]]] = {
     "file": (100, 1000, "E114", written),
@@ -84,6 +94,7 @@ REACHED: dict[str, tuple[int, int, str, Callable[[], Any]]] = {
     "transitions": (19, 20, "E712", lambda: extract(written())),
     "episodes": (9, 10, "E314", lambda: written(claims="[{claim: actions == 2, episodes: 10}]")),
     "lanes": (9, 10, "E713", lambda: lanes(10)),
+    "instances": (9, 10, "E314", lambda: instances("Branching, parameters: {L: {range: [2, 12]}}")),
     "seconds": (0, 1, "E712", lambda: extract(written())),
     "megabytes": (0, 1, "E713", lambda: lanes(10)),
 }  # fmt: skip

@@ -6,6 +6,7 @@ from html.parser import HTMLParser
 from xml.etree import ElementTree
 
 import taskspec
+from taskspec.appendix import page
 from taskspec.exact import check, scores
 from taskspec.source import read
 from taskspec.task.build import build
@@ -18,6 +19,7 @@ class Cells(HTMLParser):
         super().__init__()
         self.rows: list[list[str]] = []
         self.open: list[str] = []
+        self.text = ""
         self.feed(html)
         assert not self.open
 
@@ -32,6 +34,7 @@ class Cells(HTMLParser):
         assert self.open.pop() == tag
 
     def handle_data(self, data: str) -> None:
+        self.text += data
         if self.rows and self.rows[-1]:
             self.rows[-1][-1] += data
 
@@ -83,3 +86,25 @@ def test_nothing_that_a_spec_holds_is_read_as_html() -> None:
         assert "<script" not in html and "<b>" not in html
     assert ["state", "s", "bool", "<b>&"] in Cells(task._repr_html_()).rows
     assert "error E601" in {row[0] for row in Cells(check(task)._repr_html_()).rows}
+
+
+def test_a_page_shows_what_is_printed() -> None:
+    task = taskspec.load("NoisyObs")
+    shown = Cells(page(task)._repr_html_())
+    assert "<h2>NoisyObs" in page(task)._repr_html_()
+    assert "Observations" in shown.text and "Dynamics" in shown.text and "Errata" not in shown.text
+    unsafe = read(SPEC.replace("SUMMARY", "<script>alert(1)</script>"))
+    assert "<script>" not in page(build(unsafe))._repr_html_()
+
+
+SPEC = """
+taskspec: 1
+name: Walk
+summary: SUMMARY
+state: {s: {type: int, low: 0, high: 5}}
+action: {a: {type: bool}}
+horizon: 9
+initial: {s: 0}
+dynamics: {s': "min(s + a, 5)"}
+reward: s'
+"""

@@ -7,6 +7,7 @@ from taskspec.appendix.facts import gather as gather
 from taskspec.appendix.page import Page as Page
 from taskspec.appendix.page import page as page
 from taskspec.appendix.write import FORMATS as FORMATS
+from taskspec.appendix.write import together as together
 from taskspec.appendix.write import write as write
 from taskspec.figures import OVERLAYS as OVERLAYS
 from taskspec.figures import Overlay as Overlay

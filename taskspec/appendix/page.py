@@ -17,6 +17,7 @@ from taskspec.appendix.facts import Facts, gather
 from taskspec.appendix.prose import Block, Cite, Inlines, blocks, inlines
 from taskspec.appendix.sections import Section, SectionLine
 from taskspec.appendix.writing import Writing
+from taskspec.extras import need
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 from taskspec.visible import visible
@@ -53,6 +54,16 @@ class Page:
 
     def section(self, key: str) -> Section | None:
         return next((s for s in self.sections if s.key == key), None)
+
+    def _repr_html_(self) -> str:
+        """What is printed, for notebooks.
+
+        Raises:
+            SpecError: E705 where the packages are not installed that write HTML.
+        """
+        hypertext = need("taskspec.appendix.hypertext", "docs", "a page in a notebook")
+        found: str = hypertext.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
+        return found
 
 
 def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[str, Any]] = ()) -> Page:
@@ -110,9 +121,9 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
 
 
 def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
-    """The sections, with every line that the values change shown with them too, and the scores side by side."""
+    """The sections, with every line that a few settings change shown with them too, and the scores side by side."""
     shown = sections.all_sections(Writing(task, {}), facts)
-    for each in settings:
+    for each in settings if len(settings) < scores.MOST_COLUMNS else ():
         found = {s.key: s for s in sections.all_sections(Writing(each.task, each.task.values), each.facts)}
         shown = [_beside(s, found.get(s.key)) for s in shown]
     if not settings:

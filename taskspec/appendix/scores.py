@@ -23,10 +23,17 @@ def lines(task: Task, facts: Facts) -> Iterator[Inlines]:
         yield (Text(f"{name} "), *value)
 
 
+MOST_COLUMNS = 4
+
+
 def table(settings: Sequence[tuple[str, Task, Facts]]) -> CellTable:
-    """A row for each score, a column for each setting of the parameters."""
+    """A row for each score, a column for each setting of the parameters; the other way round for many settings."""
     found = [dict(_scores(task, facts)) for _, task, facts in settings]
     names = list(dict.fromkeys(name for scores in found for name in scores))
+    if len(settings) > MOST_COLUMNS:
+        turned = zip(settings, found, strict=True)
+        lines = tuple(((Text(head),), *(scores.get(name, ()) for name in names)) for (head, _, _), scores in turned)
+        return CellTable(("", *names), lines)
     rows = tuple(((Text(name),), *(scores.get(name, ()) for scores in found)) for name in names)
     return CellTable(("", *(heading for heading, _, _ in settings)), rows)
 

@@ -50,7 +50,8 @@ def write(
     """Write the printed form of tasks; the same tasks give the same files.
 
     Args:
-        tasks: tasks, ids or paths, in the order in which they are to appear.
+        tasks: tasks, ids or paths, in the order in which they are to appear; a task is printed at the defaults of its
+            parameters, with others that it is given at beside them.
         formats: of `latex`, `html`, `markdown`, `svg` (the figures alone) and `pdf` (LaTeX, compiled).
         folder: made if need be.
         title: of the whole; by default the tasks' suite.
@@ -104,13 +105,29 @@ def gather_pages(
     known = {name for task in tasks for p in task.parameters for name in (p.name, p.alias)}
     for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
         load(tasks[0], **{name: value})  # which says what is wrong
-    made = (page(task, (facts or {}).get(task.id), columns) for task in tasks)
+    made = (page(task, (facts or {}).get(task.id), [*others, *columns]) for task, others in together(tasks))
     pages = _apart(map(briefly, made) if brief else made)
     drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
     scenes = {name: found for name, task in drawn.items() if (found := scene(task)) is not None}
     cited = beside(task.document.origin.name for task in tasks) if references is None else references
     names = dict.fromkeys(task.suite for task in tasks if task.suite)
     return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited, brief)
+
+
+def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]]:
+    """Each task at its defaults, and the other values that it is given at: those of all parameters that vary."""
+    found: dict[str, list[Task]] = {}
+    for task in tasks:
+        found.setdefault(task.id, []).append(task)
+    return [_settings(each) for each in found.values()]
+
+
+def _settings(tasks: Sequence[Task]) -> tuple[Task, list[Mapping[str, Any]]]:
+    defaults = {p.name: p.default for p in tasks[0].parameters}
+    others = [task.values for task in tasks if task.values != defaults]
+    varied = [name for name, value in defaults.items() if any(values[name] != value for values in others)]
+    base = next((task for task in tasks if task.values == defaults), None) or load(tasks[0], **defaults)
+    return base, [{name: values[name] for name in varied} for values in others]
 
 
 def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:

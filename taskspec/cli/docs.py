@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +11,7 @@ import typer
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, Modifiers, Parameters, Targets, TaskArgument, Variant
+from taskspec.diagnostics import raise_if_errors
 
 if TYPE_CHECKING:
     from taskspec.appendix import Facts
@@ -61,7 +62,8 @@ def docs(
 ) -> None:
     """Write the appendix of a paper: every task with its figure.
 
-    With [green]-p[/], equations, scores, claims and figures at these values as well, side by side.
+    Of an experiment, its tasks with all its settings side by side. With [green]-p[/], equations, scores, claims and
+    figures at these values as well.
 
     As a static site (html), files to include in a paper and a document of their own (latex, pdf), or for a
     repository (markdown); what is known of the tasks' returns and claims is worked out now.
@@ -88,7 +90,9 @@ def docs(
     if json:
         write_json([str(path) for path in written])
     else:
-        say(f"wrote {plural(len(written), 'file')} on {plural(len(tasks), 'task')} to {near(output)}")
+        say(
+            f"wrote {plural(len(written), 'file')} on {plural(len({task.id for task in tasks}), 'task')} to {near(output)}"
+        )
 
 
 def figure(
@@ -113,22 +117,37 @@ def figure(
 
 
 def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> list[Task]:
-    """All tasks of ids, files and folders.
+    """All tasks of ids, files and folders, and the instances of experiments that are named.
 
     Raises:
-        SpecError: for the first spec that has a mistake.
+        SpecError: for the first spec, or experiment, that has a mistake.
     """
     from taskspec.cli.specs import task_in, variants_of
-    from taskspec.cli.targets import files_of
+    from taskspec.cli.targets import files_of, is_experiment
 
-    return [task_in(file, variant) for file in files_of(targets, modifiers=modifiers) for variant in variants_of(file)]
+    named = [target for target in targets if is_experiment(target)]
+    others = [target for target in targets if target not in named]
+    files = files_of(others, modifiers=modifiers) if others or not named else []
+    found = [task_in(file, variant) for file in files for variant in variants_of(file)]
+    return [*found, *(task for target in named for task in _instances(target, modifiers))]
+
+
+def _instances(target: str, modifiers: Sequence[str]) -> Iterator[Task]:
+    """The tasks of an experiment."""
+    from taskspec.experiments import expand, read
+    from taskspec.registry import load
+
+    found = expand(read(target))
+    raise_if_errors([*found.diagnostics, *found.refused])
+    for instance in found.instances:
+        yield load(instance.source, instance.variant, modifiers=(*instance.modifiers, *modifiers), **instance.parameters)
 
 
 def facts_of(tasks: Sequence[Task]) -> dict[str, Facts]:
-    """Scores and verdicts by id of the task."""
-    from taskspec.appendix import gather
+    """Scores and verdicts at the defaults, by id of the task; those of other settings are gathered with its page."""
+    from taskspec.appendix import gather, together
 
-    return {task.id: gather(task) for task in tasks}
+    return {task.id: gather(task) for task, _ in together(tasks)}
 
 
 def _named(option: str, texts: Sequence[str], allowed: Sequence[str]) -> list[str]:

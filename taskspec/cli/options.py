@@ -39,6 +39,15 @@ def complete_paths(incomplete: str) -> list[tuple[str, str]]:
     return [(f"{head}{slash}{p.name}", "spec") for p in found if p.suffix in (".yaml", ".yml")] + folders
 
 
+def complete_experiments(incomplete: str) -> list[tuple[str, str]]:
+    """The experiments that come with the suites, and files on disk."""
+    from taskspec.experiments.reading import shipped
+
+    return [(name, path.name) for name, path in shipped().items() if name.startswith(incomplete)] + complete_paths(
+        incomplete
+    )
+
+
 def complete_parameters(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """`L=10` for the parameters of the task on the command line: with their defaults, and what they mean."""
     task = _task_in(ctx)

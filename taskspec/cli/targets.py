@@ -85,12 +85,18 @@ def experiments_of(targets: Sequence[str]) -> list[Path]:
     return list(dict.fromkeys(path for target in targets for path in _experiments(target)))
 
 
+def is_experiment(target: str) -> bool:
+    """Whether a target is the file of an experiment."""
+    path = Path(target)
+    return path.is_file() and scan.is_experiment(path.read_text(encoding="utf-8", errors="replace"))
+
+
 def _experiments(target: str) -> list[Path]:
     from taskspec.experiments.reading import shipped
 
     path = Path(target)
     if path.is_file():
-        return [path] if scan.is_experiment(path.read_text(encoding="utf-8", errors="replace")) else []
+        return [path] if is_experiment(target) else []
     if not path.is_dir():
         return [near(at) for at in shipped().values() if at.parent.parent.name == target]
     below = [path, *(p for depth in ("*", "*/*") for p in sorted(path.glob(depth)) if p.is_dir() and p.name[0] != ".")]

@@ -37,6 +37,7 @@ from taskspec.envs.options import (
     with_horizon,
 )
 from taskspec.envs.spaces import space
+from taskspec.envs.told import states, told
 from taskspec.extras import install_package
 from taskspec.modifiers import with_options
 from taskspec.registry import load
@@ -157,6 +158,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
             ActionError: the actions are not in the batched action space.
             NotRunningError: before the first reset; without autoreset, where an episode is over.
         """
+        before = self._before() if self.task.spec.info and not self._same_step else None
         try:
             ended = self._engine.step(actions)
         except BadActionError:
@@ -164,10 +166,17 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         except LanesNotRunningError:
             raise self._not_running() from None
         infos = self._final() if ended and self._same_step else {}
+        if before is not None:
+            infos = states(self.task, *before, told(self.task, self._engine.buffers.state))
         if self._reuse:
             return (self._seen, *self._results, infos)
         reward, terminated, truncated = self._results
         return self._observation(), reward.copy(), terminated.copy(), truncated.copy(), infos
+
+    def _before(self) -> tuple[Array, Array]:
+        """The states that a step leaves, and in which lanes one will be taken, instead of a reset."""
+        b = self._engine.buffers
+        return told(self.task, b.state), ~b.ended
 
     def render(self) -> tuple[Any, ...] | None:
         """The present state of every lane: texts, or pixels (480, 640, 3) of uint8. None without a render mode."""

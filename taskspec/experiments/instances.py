@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from taskspec import ids, registry
-from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError
+from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors
 from taskspec.experiments.reading import Written
 from taskspec.experiments.values import Draw, Setting, count, listed, misplaced
 from taskspec.limits import how_to_raise, limits
@@ -54,17 +54,30 @@ class Expanded:
     diagnostics: tuple[Diagnostic, ...] = ()
     refused: tuple[Diagnostic, ...] = ()
 
+    def raise_if_wrong(self) -> None:
+        """Raise SpecError with all that is wrong with the experiment itself; single instances may still be refused."""
+        raise_if_errors(self.diagnostics)
 
-def expand(written: Written) -> Expanded:
-    """Every instance once, in the order of the file; the last parameter of an entry changes fastest."""
+
+def expand(written: Written, instead: Sequence[Mapping[str, Any]] = ()) -> Expanded:
+    """Every instance once, in the order of the file; the last parameter of an entry changes fastest.
+
+    `instead` are settings of parameters, each a combination of values that takes the place of those in the file, for the tasks
+    that have the parameters.
+    """
     collector = Collector()
     found: dict[str, Instance] = {}
     refused: list[Diagnostic] = []
+    used: frozenset[str] = frozenset()
     for i, entry in enumerate(written.experiment.tasks):
-        one = _Entry(written, i, entry, collector)
+        one = _Entry(written, i, entry, collector, instead)
         for instance in one.instances():
             found.setdefault(instance.id, instance)
         refused += one.refused
+        used |= one.replaced
+    for name in dict.fromkeys(name for setting in instead for name in setting):
+        if name not in used and not collector.has_errors:
+            collector.add("E702", None, f"no task of the experiment has a parameter '{name}'")
     return Expanded(tuple(found.values()), collector.diagnostics, tuple(refused))
 
 
@@ -75,6 +88,15 @@ class _Axis:
     names: tuple[str, ...]
     values: Sequence[Values] | Draw
 
+    def without(self, names: frozenset[str]) -> _Axis:
+        """The same axis for the other parameters."""
+        kept = [i for i, name in enumerate(self.names) if name not in names]
+        if callable(self.values):
+            return _Axis(self.names if kept else (), self.values)
+        return _Axis(
+            tuple(self.names[i] for i in kept), list(dict.fromkeys(tuple(v[i] for i in kept) for v in self.values))
+        )
+
     @property
     def size(self) -> int:
         return 0 if callable(self.values) else len(self.values)
@@ -83,8 +105,17 @@ class _Axis:
 class _Entry:
     """One task of an experiment; mistakes go to the collector."""
 
-    def __init__(self, written: Written, index: int, entry: TaskEntry, collector: Collector) -> None:
+    def __init__(
+        self,
+        written: Written,
+        index: int,
+        entry: TaskEntry,
+        collector: Collector,
+        instead: Sequence[Mapping[str, Any]] = (),
+    ) -> None:
         self.written, self.index, self.entry, self.collector = written, index, entry, collector
+        self.instead = instead
+        self.replaced: frozenset[str] = frozenset()
         self.document = written.document
         self.refused: list[Diagnostic] = []
 
@@ -98,7 +129,7 @@ class _Entry:
         except SpecError as error:
             self._report(error, ("task",))
             return
-        axes = list(self._axes(known))
+        axes = self._replaced(list(self._axes(known)), known)
         if len(self.collector.diagnostics) > before or not self._is_payable(axes):
             return
         varied = tuple(name for axis in axes for name in axis.names if axis.size != 1)
@@ -140,6 +171,18 @@ class _Entry:
         if self.entry.zip:
             together = tuple(kinds[name].name for name in self.entry.zip if name in kinds)
             yield _Axis(together, list(zip(*self.entry.zip.values(), strict=True)))
+
+    def _replaced(self, axes: list[_Axis], known: Sequence[Parameter]) -> list[_Axis]:
+        """The axes, with those for which other values were given in their place."""
+        keys = {key: p.name for p in known for key in (p.name, p.alias) if key and any(key in s for s in self.instead)}
+        self.replaced = frozenset(keys)
+        if not keys:
+            return axes
+        kept = [found for axis in axes if (found := axis.without(frozenset(keys.values()))).names]
+        return [
+            *kept,
+            _Axis(tuple(keys.values()), list(dict.fromkeys(tuple(s[k] for k in keys) for s in self.instead))),
+        ]
 
     def _unknown(self, path: Place, name: str, known: Sequence[Parameter]) -> None:
         try:

@@ -34,7 +34,15 @@ def read(source: str | os.PathLike[str]) -> Written:
     Raises:
         SpecError: E710 when there is none, or with every mistake in its shape.
     """
-    document = read_file(find(source))
+    return described(read_file(find(source)))
+
+
+def described(document: Document) -> Written:
+    """The experiment that a document describes.
+
+    Raises:
+        SpecError: with every mistake in its shape.
+    """
     found, problems = check_experiment(document)
     raise_if_errors(problems)
     assert found is not None

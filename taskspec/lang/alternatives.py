@@ -8,7 +8,7 @@ from functools import partial
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.labels import numbered
+from taskspec.lang.labels import check_comparable, numbered
 from taskspec.lang.scope import Lazy, Scope, Value
 from taskspec.lang.types import Domain, Refused
 
@@ -70,13 +70,26 @@ def _is_label(expr: s.Expr, scope: Scope) -> bool:
 def unify(
     checker: BaseChecker, values: Sequence[Value], exprs: Sequence[s.Expr], want: Domain | None = None
 ) -> tuple[list[Node], Domain | None]:
-    """Nodes of alternatives that may stand for each other: all of one choice, or all numbers."""
+    """Nodes of alternatives that may stand for each other: all of one choice, or all numbers.
+
+    Beside numbers, labels of another choice than is wanted are refused (E306): as numbers they would pass for its positions.
+    """
     domains = {v.domain for v in values}
     if len(domains) == 1:
         return [v.node for v in values], values[0].domain
     if want is not None and want.values is None and want in domains:
         return [_labelled(checker, v, e, want) for v, e in zip(values, exprs, strict=True)], want
+    for value, expr in zip(values, exprs, strict=True):
+        if value.domain != want:
+            _comparable(checker, value, expr, want)
     return [checker.number_of(v) for v in values], None
+
+
+def _comparable(checker: BaseChecker, value: Value, expr: s.Expr, want: Domain | None) -> None:
+    try:
+        check_comparable(value.domain, want)
+    except Refused as refused:
+        checker.fail(refused.code, expr, refused.message, refused.hint)
 
 
 def _labelled(checker: BaseChecker, value: Value, expr: s.Expr, want: Domain) -> Node:

@@ -20,7 +20,9 @@ def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -
     if value.domain == domain:
         return value.node
     if value.domain is not None and value.domain.values is None:
-        raise Refused(f"one of the labels {listed(domain)} is needed here, not a choice between other labels")
+        message = f"one of the labels {listed(domain)} is needed here, not a choice between other labels"
+        pairs = ", ".join(f"{a}: {b}" for a, b in zip(value.domain.labels, domain.labels, strict=False))
+        raise Refused(message, hint=f"a table says which goes with which: `{{by: ..., rows: {{{pairs}}}}}`")
     node = checker.number_of(value)
     if node.type.kind is Kind.REAL:
         message = f"one of the labels {listed(domain)} is needed here, not a real"
@@ -59,4 +61,5 @@ def listed(domain: Domain) -> str:
 def check_comparable(one: Domain | None, other: Domain | None) -> None:
     """Refuse (E306) to compare labels of two choices by where they stand in them."""
     if one is not None and other is not None and (one.values is None or other.values is None):
-        raise Refused(f"labels of one choice ({listed(one)}) are no labels of another ({listed(other)})")
+        message = f"labels of one choice ({listed(one)}) are no labels of another ({listed(other)})"
+        raise Refused(message, hint="where their positions are meant, say so with arithmetic: `x + 0 == y + 0`")

@@ -276,9 +276,7 @@ class Task:
             match node:
                 case Read(role=Role.STATE, name=name):
                     return following[name]
-                case Read(
-                    role=Role.TIME, type=type
-                ):  # steps begin one earlier than they end: the same node as in dynamics
+                case Read(role=Role.TIME, type=type):  # one less than at the end of the step: as in dynamics
                     return b.apply("add", b.read(Role.TIME, "t", type, node.low, node.high - 1), b.scalar(1))
                 case _:
                     return None

@@ -21,14 +21,15 @@ def mean_length(model: Model, plan: Plan) -> float:
     if model.horizon is not None and all(step.ending is None for step in model.steps):
         return model.horizon
     steps = {id(step): _paid(step, np.ones_like(step.reward)) for step in model.steps}
-    return policy_return(_undiscounted(model, tuple(steps[id(step)] for step in model.steps)), plan)
+    return policy_return(undiscounted(model, tuple(steps[id(step)] for step in model.steps)), plan)
 
 
 def _paid(step: Step, reward: Array) -> Step:
     return replace(step, reward=reward, scale=1.0, spread=None)
 
 
-def _undiscounted(model: Model, steps: tuple[Step, ...]) -> Model:
+def undiscounted(model: Model, steps: tuple[Step, ...]) -> Model:
+    """The model with other steps, without a discount."""
     return replace(model, task=replace(model.task, discount=1.0), steps=steps)
 
 
@@ -62,4 +63,4 @@ def _endless_solution(model: Model, best: Array) -> float:
     ending = None if step.ending is None else step.ending[rows]
     reward = np.where(np.tile(busy, model.n_actions), -1.0, 0.0)
     kept = replace(_paid(step, reward), going=step.going[rows], ending=ending, escaping=None, slots=None)
-    return -Endless(_undiscounted(model, (kept,))).best().value
+    return -Endless(undiscounted(model, (kept,))).best().value

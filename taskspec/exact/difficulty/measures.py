@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from taskspec.exact.difficulty.greedy import effective_horizon, least_lookahead
+from taskspec.exact.difficulty.hidden import hidden_bits
 from taskspec.exact.difficulty.lengths import mean_length, solution_length
 from taskspec.exact.difficulty.luck import best_chance, reward_chance
 from taskspec.exact.model.failure import refuse
@@ -63,6 +65,12 @@ def _branching(model: Model) -> float:
     return float(np.diff(reached.indptr)[model.acting].mean())
 
 
+def _hidden_bits(results: Results) -> float:
+    if results.abstraction is not None and not results.task.observation.is_state:
+        refuse("what is seen is not told of an abstraction")
+    return 0.0 if results.task.observation.is_state else hidden_bits(_model(results))
+
+
 def _soft_gap(results: Results) -> float:
     optimal, random = _return(results, "optimal"), _return(results, "random")
     if optimal == random:
@@ -82,6 +90,7 @@ LAIDLAW = (
     "C. Laidlaw, S. Russell and A. Dragan, “Bridging RL Theory and Practice with the Effective Horizon” (NeurIPS 2023)"
 )
 ZIEBART = "B. Ziebart, “Modeling Purposeful Adaptive Behavior with the Principle of Maximum Causal Entropy” (2010)"
+SHANNON = "C. Shannon, “A Mathematical Theory of Communication” (1948)"
 
 
 def _table(measures: Iterable[Measure]) -> dict[str, Measure]:
@@ -126,5 +135,22 @@ MEASURES: dict[str, Measure] = _table([
         "soft_gap", "",
         "What the soft-optimal policy at inverse temperature 1 falls short of the optimal return, where random actions are at 1.",
         r"(J(\pi^*) - J(\pi_{\text{soft}})) / (J(\pi^*) - J(\text{random}))", ZIEBART, _soft_gap),
+    Measure(
+        "hidden_bits", "bits",
+        "The information about the state that is lost on the way to the observation, in the states that random actions come by: "
+        "0 where observations tell the state.",
+        r"H(S) - I(S; O)", SHANNON, _hidden_bits),
+    Measure(
+        "lookahead", "steps",
+        "The least k by which acting greedily by k - 1 Bellman backups of the action values of random actions is optimal.",
+        r"\min \{k : \operatorname{greedy}(Q^k) \subseteq \Pi^*\}, \; Q^1 = Q^{\text{random}}, \; Q^{k+1} = \mathcal{T} Q^k",
+        LAIDLAW, _on_model(least_lookahead)),
+    Measure(
+        "effective_horizon", "steps",
+        "A bound on the effective horizon of a deterministic task: as many steps of exhaustive search take as many episodes as "
+        "looking k steps ahead does, each time with enough random episodes to choose rightly.",
+        r"\min_k k + \log_{\lvert A \rvert} \max_{t, s}"
+        r" \lceil \tfrac{28}{3} v_{t,s} d_{t,s}^{-2} \log(2 T \lvert A \rvert^k) \rceil",
+        LAIDLAW, _on_model(effective_horizon)),
 ])  # fmt: skip
 """Every measure by name."""
