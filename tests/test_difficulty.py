@@ -14,7 +14,10 @@ import pytest
 from taskspec import exact, limits, load
 from taskspec.diagnostics import SpecError
 from taskspec.exact.difficulty import MEASURES, difficulty
-from tests.written_out import TABLES, Table, best_from
+from taskspec.printers import tex
+from taskspec.printers.mathml import mathml
+from tests.shared.commands import Done
+from tests.shared.written_out import TABLES, Table, best_from
 
 
 @pytest.fixture(params=range(len(TABLES)))
@@ -155,7 +158,8 @@ def test_names_choose_measures() -> None:
 def test_measures_say_what_they_are(name: str) -> None:
     measure = MEASURES[name]
     assert measure.name == name
-    assert measure.doc.endswith(".") and measure.formula
+    assert measure.doc.endswith(".")
+    assert "\\" not in mathml(tex.read(measure.formula))  # nothing is left that the pages could not show
 
 
 def test_measures_that_take_too_long_are_not_begun() -> None:
@@ -167,3 +171,16 @@ def test_measures_that_take_too_long_are_not_begun() -> None:
     for name in ("best_at_random", "episodes_to_reward"):
         assert found[name] is None
         assert "outcomes" in found.why_not[name]
+
+
+def test_solve_prints_the_measures_and_their_reasons() -> None:
+    lines = Done("solve", "RiskyPath", "--difficulty").out.splitlines()
+    told = {
+        line.split()[0]: line.split()[1] for line in lines if line.startswith("  ") and line.strip() != "difficulty"
+    }
+    assert told["best_at_random"] == "0.5"
+    assert told["effective_horizon"] == "unknown"
+    assert any("deterministic tasks" in line for line in lines)
+    assert Done("solve", "RiskyPath", "--difficulty", "--json").data["difficulty"] == difficulty("RiskyPath").record()
+    assert "difficulty" not in Done("solve", "RiskyPath", "--json").data
+    assert Done("solve", "Parabola", "--difficulty", "-n", 50).out.count("infinitely many values") == 1

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from taskspec.exact.difficulty import difficulty
-from tests.written_out import TABLES, Table, best_from
+from tests.shared.written_out import TABLES, Table, best_from
 
 # -- what observations leave open ------------------------------------------------------------------------------------
 

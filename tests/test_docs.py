@@ -44,6 +44,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "language.md": manual.language,
     "errors.md": manual.errors,
     "modifiers.md": manual.modifiers,
+    "difficulty.md": manual.difficulty,
     "names.md": manual.public,
 }
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]

@@ -16,7 +16,7 @@ from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, TaskA
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.exact import Return, Score, Scores, Yardsticks
+    from taskspec.exact import Difficulty, Return, Score, Scores, Yardsticks
     from taskspec.task.task import Task
 
 Episodes = Annotated[int, typer.Option("--episodes", "-n", min=2, help="For what has to be simulated.")]
@@ -41,6 +41,11 @@ Returns = Annotated[
     ),
 ]  # fmt: skip
 
+Hardness = Annotated[
+    bool,
+    typer.Option("--difficulty", help="Measures of difficulty from theory besides: `docs/difficulty.md` lists them."),
+]
+
 
 def solve(
     task: TaskArgument,
@@ -49,6 +54,7 @@ def solve(
     modifiers: Modifiers = None,
     episodes: Episodes = 1000,
     seed: Seed = 0,
+    difficulty: Hardness = False,
     output: Output = None,
     json: Json = False,
     limits: LimitsGiven = None,
@@ -58,23 +64,27 @@ def solve(
     Exactly where the task has an exact model, else from episodes, with a confidence interval. Where observations hide
     the state, the best of those who see no more than that are told besides: with memory, and without.
     """
+    from taskspec import exact
     from taskspec.cli.console import write_records
     from taskspec.cli.progress import progress
     from taskspec.cli.targets import beside, tasks_of
-    from taskspec.exact import Results, scores, yardsticks
 
     records = []
     found = tasks_of(task, variant, parameters or [], modifiers or [])
     for each in found:
         with progress(each.instance_id):
-            measured = scores(each, episodes, seed)
-            seen = yardsticks(Results(each))
+            measured, results = exact.scores(each, episodes, seed), exact.Results(each)
+            seen = exact.yardsticks(results)
+            hard = exact.difficulty(results) if difficulty else None
         if output is not None:
             measured.save(output if len(found) == 1 else beside(output, each))
         if json:
-            records.append(measured.record() | {"yardsticks": None if seen is None else _seen_record(seen)})
+            record = measured.record() | {"yardsticks": None if seen is None else _seen_record(seen)}
+            records.append(record if hard is None else record | {"difficulty": hard.record()})
         else:
             _print_scores(each, measured, seen)
+            if hard is not None:
+                _print_difficulty(hard, measured.why_not_exact)
     if json:
         write_records(records)
 
@@ -241,6 +251,19 @@ def _ground(found: Scores) -> str:
     if found.states is not None:
         return f"  from an exact model of {found.states:,} states and {found.actions:,} actions"
     return f"  no exact model: {found.why_not_exact}"
+
+
+def _print_difficulty(found: Difficulty, known: str | None) -> None:
+    """The measures; the reason that has been given for having no model is not given again."""
+    from taskspec.cli.console import columns, console
+    from taskspec.cli.terminal import VisibleText
+
+    table = columns("  difficulty", "", "", right=(1,), fold=(2,))
+    for name, value, unit, _ in found.rows():
+        shown = "unknown" if value is None else f"{value:.6g}".replace("-", "−")
+        reason = found.why_not.get(name, unit)
+        table.add_row(f"  {name}", shown, VisibleText("" if reason == known else reason, style="quiet"))
+    console().print(table)
 
 
 def _print_score(task: Task, result: Score) -> None:
