@@ -140,7 +140,9 @@ def _instances(target: str, modifiers: Sequence[str]) -> Iterator[Task]:
     found = expand(read(target))
     raise_if_errors([*found.diagnostics, *found.refused])
     for instance in found.instances:
-        yield load(instance.source, instance.variant, modifiers=(*instance.modifiers, *modifiers), **instance.parameters)
+        yield load(
+            instance.source, instance.variant, modifiers=(*instance.modifiers, *modifiers), **instance.parameters
+        )
 
 
 def facts_of(tasks: Sequence[Task]) -> dict[str, Facts]:
