@@ -156,8 +156,8 @@ def test_it_travels() -> None:
     whole = task.remembering()
     assert pickle.loads(pickle.dumps(task)) == task != whole == pickle.loads(pickle.dumps(whole))
     assert whole.remembering() is whole and [c.name for c in whole.state][-1] == "lead"
-    assert Results(task.absorbing()).expert == Results(task).expert
-    assert Expert(task.observing_time()).predict(np.array([0, 0]))[0] == 0
+    assert Results(taskspec.modify(task, "absorbing")).expert == Results(task).expert
+    assert Expert(taskspec.modify(task, "time_observed")).predict(np.array([0, 0]))[0] == 0
 
 
 CLAIMS = """

@@ -6,18 +6,21 @@ import pickle
 from collections.abc import Mapping
 from functools import cache
 from importlib.util import find_spec
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
 
 import taskspec
+from taskspec.appendix.page import page
+from taskspec.appendix.prose import CodeSpan
 from taskspec.backends.table import BACKENDS
 from taskspec.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import Results, score, soundness
 from taskspec.exact.planning.plans import optimal_plan
-from taskspec.modifiers import MODIFIERS
+from taskspec.modifiers import MODIFIERS, sentences
 from taskspec.registry import task_ids
 from taskspec.task.invariants import broken
 from taskspec.task.task import Task
@@ -98,11 +101,51 @@ def test_a_modified_task_is_a_task(task_id: str, name: str) -> None:
 
 
 @pytest.mark.parametrize(("task_id", "name"), GIVEN)
+def test_the_page_prints_the_modifier(task_id: str, name: str) -> None:
+    task = found(task_id, name)
+    printed = page(task)
+    section = printed.section("modifiers")
+    assert section is not None and len(section.lines) == 2
+    assert section.lines[0].content[0] == CodeSpan(str(task.modifiers[0]))
+    assert f"modifiers=[{str(task.modifiers[0])!r}]" in printed.make
+    before = page(small(task_id))
+    assert before.section("modifiers") is None
+    assert printed.section("dynamics") == before.section("dynamics")  # the rest is the task as written
+
+
+@pytest.mark.parametrize(("one", "other"), list(pairwise([*MODIFIERS, *list(MODIFIERS)[:1]])))
+def test_modifiers_stand_on_each_other(one: str, other: str) -> None:
+    """Two neighbours of the table, either way round: a task of its own each time, and printed in order."""
+    base = small("derail/RiskyPath-v0")
+    orders = [
+        [str(m.modifiers[0]) for m in (modified("derail/RiskyPath-v0", n) for n in names) if m is not None]
+        for names in ((one, other), (other, one))
+    ]
+    tasks = []
+    for order in orders:
+        try:
+            tasks.append(taskspec.modify(base, *order))
+        except SpecError as error:  # a horizon stands under what depends on it, and labels are of what is finite
+            assert [d.code for d in error.diagnostics] == ["E720"]
+            assert order[1].partition("=")[0] in ("horizon", "relabelled")
+            continue
+        assert not list(broken(tasks[-1]))
+        assert [str(m) for m, _ in sentences(tasks[-1])] == order
+        walk_together(tasks[-1], 5, 20)
+    assert len(set(tasks)) == len({tuple(order) for order in orders[: len(tasks)]})
+
+
+@pytest.mark.parametrize(("task_id", "name"), GIVEN)
 def test_generated_code_agrees_with_the_reference_interpreter(task_id: str, name: str) -> None:
     walk_together(found(task_id, name), 11, 30)
 
 
-@pytest.mark.parametrize("backend", [b for b in ("numpy", "numba", "jax") if b == "numpy" or find_spec(b)])
+@pytest.mark.parametrize(("task_id", "name"), GIVEN)
+def test_numpy_agrees_with_the_reference_interpreter(task_id: str, name: str) -> None:
+    Agreement(found(task_id, name), "numpy", 3, "NextStep", one=ReferenceEnv, states=True).run(12)
+
+
+@pytest.mark.parametrize("backend", [b for b in ("numba", "jax") if find_spec(b)])
 @pytest.mark.parametrize("name", MODIFIERS)
 def test_backends_agree(name: str, backend: Any) -> None:
     """On the first task of the suite that a modifier applies to; `-m slow` has them all."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taskspec.cli.console import say
-from taskspec.cli.failures import misuse
+from taskspec.cli.failures import misuse, show
 from taskspec.cli.options import Json, Modifiers, Parameters, Targets, TaskArgument, Variant
 from taskspec.diagnostics import raise_if_errors
 
@@ -69,7 +69,6 @@ def docs(
     repository (markdown); what is known of the tasks' returns and claims is worked out now.
     """
     from taskspec import appendix
-    from taskspec.cli import failures
     from taskspec.cli.check import plural
     from taskspec.cli.console import write_json
     from taskspec.cli.targets import near, settings
@@ -86,7 +85,7 @@ def docs(
         columns=settings(parameters) if parameters else (),
         brief=brief,
     )
-    failures.show(each for task in tasks for each in set_aside(task, appendix.undrawn(task))[0])
+    show(each for task in tasks for each in set_aside(task, appendix.undrawn(task))[0])
     if json:
         write_json([str(path) for path in written])
     else:

@@ -24,7 +24,7 @@ from taskspec.modifiers.core import (
     step_draws,
     with_state,
 )
-from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry
+from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
 from taskspec.task.task import Component, Task
 
 
@@ -129,13 +129,15 @@ TABLE = (
         _random,
         lambda task, given: f"with probability ${given['probability']:g}$ a uniformly random action is executed in place of "
         "the one chosen",
-        needs="actions that have ranges with ends", abstraction="modified as well",
+        needs="actions that have ranges with ends", abstraction=as_well,
     ),
     ModifierEntry(
         "permuted_actions", (
             SEED, ModifierArgument("per_state", "bool", "whether each state has a permutation of its own", False),
         ),
         "What the actions do is permuted by a seed: once for all states, or in each state anew.",
-        _permuted, _says_permuted, keeps="all returns", needs="finite actions; finite states as well where each has its own",
+        _permuted, _says_permuted, keeps="all returns",
+        abstraction=lambda given: "lost" if given["per_state"] else "modified as well",
+        needs="finite actions; finite states as well where each has its own",
     ),
 )  # fmt: skip

@@ -50,7 +50,8 @@ def is_as_written(task: Task) -> bool:
 
 def stand_in(task: Task, unmodified: Task) -> Task | None:
     """The finite stand-in of a task from that of the task as written; None where modifiers leave it none."""
-    ways = [(m, MODIFIERS[m.name].abstraction) for m in task.modifiers]
+    entries = [(m, MODIFIERS[m.name]) for m in task.modifiers]
+    ways = [(m, entry.abstraction(arguments(entry, m))) for m, entry in entries]
     if any(way == "lost" for _, way in ways):
         return None
     return modify(unmodified, *(m for m, way in ways if way == "modified as well"))

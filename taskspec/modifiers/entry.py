@@ -100,11 +100,26 @@ class ModifierArgument:
 def _numbers(kind: str, low: float, high: float) -> str:
     match math.isfinite(low), math.isfinite(high):
         case True, True:
-            return f"{kind} from {low:g} to {high:g}"
+            return f"{kind} from {_digits(low)} to {_digits(high)}"
         case True, False:
-            return f"{kind}, at least {low:g}"
+            return f"{kind}, at least {_digits(low)}"
         case _:
             return kind
+
+
+def _digits(value: float) -> str:
+    return f"{int(value):,}" if value == int(value) else f"{value:g}"
+
+
+StandIn: TypeAlias = Literal["modified as well", "unaffected", "lost"]
+
+
+def as_well(given: Arguments) -> StandIn:
+    return "modified as well"
+
+
+def unaffected(given: Arguments) -> StandIn:
+    return "unaffected"
 
 
 def _always(task: Task, given: Arguments) -> bool:
@@ -130,7 +145,7 @@ class ModifierEntry:
     condition: str = ""
     needs: str = ""
     claims: bool = False
-    abstraction: Literal["modified as well", "unaffected", "lost"] = "lost"
+    abstraction: Callable[[Arguments], StandIn] = lambda given: "lost"
     """What becomes of the finite stand-in of a task that has one."""
 
     def kept(self, task: Task, given: Arguments) -> Kept:

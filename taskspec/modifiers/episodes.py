@@ -9,7 +9,7 @@ from taskspec.lang.ir import Node, Read, Role, walk
 from taskspec.lang.types import BOOL
 from taskspec.limits import Limits
 from taskspec.modifiers.core import AddedState, free_state, paying, present, reads_time, with_state
-from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry
+from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
 from taskspec.task.observe import Observed
 from taskspec.task.reach import reach
 from taskspec.task.task import Component, Task
@@ -80,14 +80,14 @@ TABLE = (
         ),
         "Episodes are longer or shorter.",
         _horizon, _says_horizon, needs="a task that does not depend on the time, unless it is given first and shortens episodes",
-        abstraction="modified as well",
+        abstraction=as_well,
     ),
     ModifierEntry(
         "discount", (ModifierArgument("factor", "real", "the discount", low=0, high=1, sample=lambda task: 0.9),),
         "Later rewards are worth less in returns.",
         lambda task, given: replace(task, discount=float(given["factor"])),
         lambda task, given: rf"the discount is $\gamma = {given['factor']:g}$, in place of ${task.discount:g}$",
-        abstraction="modified as well",
+        abstraction=as_well,
     ),
     ModifierEntry(
         "absorbing", (), "Terminal states last until the horizon, and pay the absorbing reward, in place of ending the episode.",

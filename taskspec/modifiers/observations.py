@@ -11,7 +11,7 @@ from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.actions import SEED, permutations
 from taskspec.modifiers.core import combinations, free, joint, looked_up, observing, real_space
-from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry
+from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, unaffected
 from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
 
 
@@ -109,14 +109,14 @@ _LAWS = {"normal": r"\mathcal{N}(0, 1)", "uniform": r"\operatorname{Unif}(-1, 1)
 TABLE = (
     ModifierEntry(
         "relabelled", (SEED,), "What is observed is one number, and a seed deals out which; nothing tells that two are alike.",
-        _relabelled, _says_relabelled, keeps="every policy's return", abstraction="unaffected", needs="finite observations",
+        _relabelled, _says_relabelled, keeps="every policy's return", abstraction=unaffected, needs="finite observations",
     ),
     ModifierEntry(
         "distractors", (_COUNT, _KIND), "Numbers that mean nothing are observed as well, drawn anew in every step.",
         _distractors,
         lambda task, given: f"${given['count']}$ more numbers are observed, independently drawn from ${_LAWS[given['kind']]}$ "
         "in every step",
-        keeps="every policy's return", abstraction="unaffected",
+        keeps="every policy's return", abstraction=unaffected,
     ),
     ModifierEntry(
         "observation_noise", (
@@ -125,7 +125,7 @@ TABLE = (
         "Normal noise is added to every number observed.",
         _noise,
         lambda task, given: rf"noise from $\mathcal{{N}}(0, {given['std']:g}^2)$ is added to every number observed",
-        keeps="every policy's return", abstraction="unaffected",
+        keeps="every policy's return", abstraction=unaffected,
     ),
     ModifierEntry(
         "dropout", (
@@ -134,7 +134,7 @@ TABLE = (
         "Each number observed is 0 with this probability.",
         _dropout,
         lambda task, given: f"each number observed is 0 with probability ${given['probability']:g}$, independently",
-        keeps="every policy's return", abstraction="unaffected",
+        keeps="every policy's return", abstraction=unaffected,
     ),
     ModifierEntry(
         "hidden", (
@@ -143,12 +143,12 @@ TABLE = (
         ),
         "A component of the observation is left out.",
         _hidden, lambda task, given: f"`{given['name']}` is not observed",
-        keeps="every policy's return", abstraction="unaffected", needs="another component that is observed",
+        keeps="every policy's return", abstraction=unaffected, needs="another component that is observed",
     ),
     ModifierEntry(
         "time_observed", (), "The number of steps taken is added to the observation.",
         _timed, lambda task, given: "the number of steps taken is observed as well",
-        keeps="every policy's return", abstraction="unaffected", claims=True,
+        keeps="every policy's return", abstraction=unaffected, claims=True,
         needs="a horizon, where observations are declared finite",
     ),
 )  # fmt: skip

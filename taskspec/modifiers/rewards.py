@@ -8,7 +8,7 @@ from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Const
 from taskspec.lang.types import Kind
 from taskspec.modifiers.core import after_step, last, paying, step_draws
-from taskspec.modifiers.entry import Arguments, ModifierArgument, ModifierEntry
+from taskspec.modifiers.entry import Arguments, ModifierArgument, ModifierEntry, as_well
 from taskspec.modifiers.later import TABLE as LATER
 from taskspec.modifiers.potential import potential
 from taskspec.task.task import Component, Task
@@ -58,7 +58,7 @@ TABLE = (
         lambda task, given: _changed(task, "mul", given["factor"]),
         lambda task, given: f"every reward is multiplied by ${given['factor']:g}$",
         keeps="best policies", when=lambda task, given: given["factor"] > 0, condition="the factor is above 0",
-        abstraction="modified as well",
+        abstraction=as_well,
     ),
     ModifierEntry(
         "reward_shift", (ModifierArgument("by", "real", "what is added", sample=lambda task: -0.5),),
@@ -66,7 +66,7 @@ TABLE = (
         lambda task, given: _changed(task, "add", given["by"]),
         lambda task, given: f"${given['by']:g}$ is added to the reward of every step",
         keeps="best policies", when=lambda task, given: lasts(task), condition="all episodes are equally long",
-        abstraction="modified as well",
+        abstraction=as_well,
     ),
     ModifierEntry(
         "reward_noise", (
@@ -75,7 +75,7 @@ TABLE = (
         "Normal noise is added to every reward.",
         _noise,
         lambda task, given: rf"noise from $\mathcal{{N}}(0, {given['std']:g}^2)$ is added to every reward",
-        keeps="every policy's return", abstraction="modified as well",
+        keeps="every policy's return", abstraction=as_well,
     ),
     ModifierEntry(
         "potential", (

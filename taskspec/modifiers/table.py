@@ -8,3 +8,4 @@ from taskspec.modifiers.entry import ModifierEntry
 MODIFIERS: dict[str, ModifierEntry] = {
     entry.name: entry for entry in (*actions.TABLE, *observations.TABLE, *rewards.TABLE, *episodes.TABLE)
 }
+"""Every modifier by its name: what `modifiers=` and `-m` take."""

@@ -15,9 +15,10 @@ environments, backends, exact models, pages and the content hash all follow from
 
 ```python
 import taskspec
+from taskspec.exact import scores
 
 task = taskspec.load("derail/RiskyPath", modifiers=["sticky=0.25", {"delay": 2}])
-print(task, taskspec.exact.scores(task).optimal.value)
+print(task, scores(task).optimal.value)
 ```
 
 ```text
