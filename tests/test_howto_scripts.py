@@ -18,6 +18,8 @@ SCRIPTS = {
     "train_torch": (("torch",), {"REINFORCE": 0.95}),
     "train_jax": (("jax",), {"REINFORCE": 0.95}),
     "imitate": (("imitation",), {"cloned": 0.95, "DAgger": 0.95}),
+    "clone": (("imitation",), {"cloned": 0.98}),
+    "maxent": (("imitation",), {"learnt": 0.98}),
     "demonstrations": (("minari", "h5py"), {}),
 }
 """The packages that each needs, and the scores that it prints and at least reaches."""
