@@ -183,7 +183,9 @@ def made_by(task: Task) -> EnvSpec | None:
     from gymnasium.envs.registration import registry as known
 
     found, options = known.get(task.id), dict(task.values)
-    if found is None or task.ending != "terminate" or task.observe_time or load(task.id, **options) != task:
+    if task.modifiers:
+        options["modifiers"] = list(map(str, task.modifiers))
+    if found is None or load(task.id, **options) != task:
         return None
     return dataclasses.replace(found, kwargs=found.kwargs | options)
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import taskspec
-from taskspec import appendix, exact
+from taskspec import appendix, data, exact
 from taskspec.envs import Environment
 from taskspec.envs.vector import VectorEnvironment
 
@@ -77,6 +77,9 @@ USES: dict[str, Callable[[Any, Path], Any]] = {
     "scene": lambda x, _: appendix.scene(x),
     "undrawn": lambda x, _: appendix.undrawn(x),
     "render_frame": lambda x, _: appendix.render_frame(x, {"s": 0}).sum(),
+    "demonstrations": lambda x, _: data.demonstrations(x, episodes=2).metadata,
+    "preferences": lambda x, _: data.preferences(x, 2).metadata,
+    "tabular": lambda x, _: data.tabular(x).R.tolist(),
     "write": written,
     "figure": drawn,
 }

@@ -67,6 +67,12 @@ def test_policies_earn_what_the_exact_model_says(policy: str) -> None:
     assert data.metadata["return"]["status"] == "exact"
 
 
+def test_modified_tasks_are_what_is_recorded(tmp_path: Path) -> None:
+    told = Done("demos", "RiskyPath", "-m", "delay=2", "-n", 2, "-o", tmp_path / "x.npz", "--json").data
+    assert told["modifiers"] == ["delay=2"] and told["instance"] == "derail/RiskyPath-v0+delay=2"
+    assert read(tmp_path / "x.npz").rews.tolist() == [0, 0, 0, 1, 3] * 2
+
+
 def test_epsilon_lies_between_the_expert_and_random() -> None:
     expert, sure, never, half = (
         demonstrations("Sort", policy, episodes=300)

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.cli.failures import misuse
-from taskspec.cli.options import Json, Parameters, PolicyName, TaskArgument, Variant
+from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant
 
 if TYPE_CHECKING:
     from taskspec.data import Demonstrations, Preferences
+    from taskspec.task.task import Task
 
     Make = Callable[..., Demonstrations | Preferences]
 
@@ -64,6 +65,7 @@ def demos(
     seed: Seed = 0,
     variant: Variant = None,
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
     jobs: Jobs = 1,
     format: Format = None,
     json: Json = False,
@@ -73,12 +75,13 @@ def demos(
     As arrays of NumPy ([green].npz[/]), as a table ([green].parquet[/]), or as a folder that imitation or Minari loads. Where the
     spec gives roles, they come from where its expert acts.
     """
+    from taskspec.cli.targets import tasks_of
     from taskspec.data import demonstrations
 
     if episodes is not None and transitions is not None:
         raise misuse("--episodes and --transitions do not go together")
     make = partial(demonstrations, policy=policy, episodes=episodes, transitions=transitions, seed=seed, jobs=jobs)
-    _write(task, variant, parameters or [], make, output, format, json)
+    _write(tasks_of(task, variant, parameters or [], modifiers or []), make, output, format, json)
 
 
 def preferences(
@@ -91,6 +94,7 @@ def preferences(
     seed: Seed = 0,
     variant: Variant = None,
     parameters: Parameters = None,
+    modifiers: Modifiers = None,
     jobs: Jobs = 1,
     format: Format = None,
     json: Json = False,
@@ -100,24 +104,23 @@ def preferences(
     The teacher is noiseless, or errs as those of B-Pref do. Temperature and thresholds are in units of the exact range
     of returns. Where the spec gives roles, trajectories come from where its learner acts.
     """
+    from taskspec.cli.targets import tasks_of
     from taskspec.data import preferences as compared
 
     make = partial(compared, pairs=pairs, policy=policy, length=length, teacher=teacher, seed=seed, jobs=jobs)
-    _write(task, variant, parameters or [], make, output, format, json)
+    _write(tasks_of(task, variant, parameters or [], modifiers or []), make, output, format, json)
 
 
-def _write(
-    target: str, variant: str | None, parameters: list[str], make: Make, output: Path, format: str | None, as_json: bool
-) -> None:
-    """Make data of a task and write it, once for each setting of its parameters: in a file each."""
+def _write(found: list[Task], make: Make, output: Path, format: str | None, as_json: bool) -> None:
+    """Make data of tasks and write it, in a file each."""
     from taskspec.cli.console import write_records
     from taskspec.cli.progress import progress
-    from taskspec.cli.targets import beside, tasks_of
+    from taskspec.cli.targets import beside
     from taskspec.data import write
     from taskspec.data.files import format_of
 
     format_of(output, format)
-    records, found = [], tasks_of(target, variant, parameters)
+    records = []
     for task in found:
         place = output if len(found) == 1 else beside(output, task)
         with progress(task.instance_id):

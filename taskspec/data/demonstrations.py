@@ -23,8 +23,8 @@ class Demonstrations(Transitions):
     """Transitions of whole episodes, and what they are of.
 
     Attributes:
-        metadata: plain data: `kind`, `id`, `instance`, `variant`, `parameters`, `content_hash`, `policy`, `seed`, `episodes`,
-            `transitions`, `return` (the policy's expected return, where an exact model tells it), and `versions`.
+        metadata: plain data: `kind`, `id`, `instance`, `variant`, `parameters`, `modifiers`, `content_hash`, `policy`, `seed`,
+            `episodes`, `transitions`, `return` (the policy's expected return, where an exact model tells it), and `versions`.
         task: what was acted in; None for data read from a file.
     """
 
@@ -83,7 +83,7 @@ def described(task: Task, kind: str, actor: Actor, seed: int) -> dict[str, Any]:
     told = None if value is None else {"value": value.value, "bound": value.bound, "status": value.status}
     return {
         "kind": kind, "id": task.id, "instance": task.instance_id, "variant": task.variant, "parameters": dict(task.values),
-        "horizon": task.horizon, "discount": task.discount, "ending": task.ending, "content_hash": task.content_hash,
-        "policy": actor.name, "seed": seed, "return": told,
+        "modifiers": [str(m) for m in task.modifiers], "horizon": task.horizon, "discount": task.discount,
+        "content_hash": task.content_hash, "policy": actor.name, "seed": seed, "return": told,
         "versions": {"taskspec": taskspec.__version__, "numpy": np.__version__},
     }  # fmt: skip
