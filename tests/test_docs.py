@@ -34,7 +34,7 @@ from gymnasium.envs.registration import registry as gym_registry
 
 from taskspec import registry
 from taskspec.cli import manual, specs
-from taskspec.cli.checking import check_file
+from taskspec.cli.checking import check_experiment_file, check_file
 from taskspec.cli.targets import files_of
 from tests.conftest import needs_vectors
 
@@ -181,7 +181,12 @@ def test_snippets_do_what_the_page_says(page: Page, update_golden: bool) -> None
 
 
 def read_spec(block: Block, page: Page) -> None:
-    """Write a spec, or a change of one, and check it."""
+    """Write a spec, an experiment, or a change of a spec, and check it."""
+    if re.search(r"^experiment:", block.body, re.MULTILINE):
+        path = page.folder / (block.value if block.key == "file" else "experiment.yaml")
+        path.write_text(block.body, encoding="utf-8")
+        assert not check_experiment_file(path).diagnostics
+        return
     if re.search(r"^taskspec:", block.body, re.MULTILINE):
         path = page.folder / (block.value if block.key == "file" else "spec.yaml")
         path.parent.mkdir(parents=True, exist_ok=True)

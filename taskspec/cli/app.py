@@ -25,6 +25,7 @@ from taskspec.cli.run import run as run_command
 from taskspec.cli.schema import schema
 from taskspec.cli.scoring import score, solve
 from taskspec.cli.show import show
+from taskspec.cli.sweep import sweep
 from taskspec.limits import limits
 
 READ, WRITE, USE, PRINT = "Read tasks", "Write tasks", "Run and score tasks", "Print tasks"
@@ -41,6 +42,7 @@ COMMANDS = (
     ("play", play, USE),
     ("solve", solve, USE),
     ("score", score, USE),
+    ("sweep", sweep, USE),
     ("demos", demos, USE),
     ("preferences", preferences, USE),
     ("docs", docs, PRINT),

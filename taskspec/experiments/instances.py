@@ -5,19 +5,22 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from taskspec import ids, registry
-from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors
+from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, suggest
+from taskspec.exact.difficulty import MEASURES
+from taskspec.experiments.laid import Option, options
 from taskspec.experiments.reading import Written
 from taskspec.experiments.values import Draw, Setting, count, listed, misplaced
 from taskspec.limits import how_to_raise, limits
+from taskspec.modifiers import modify
 from taskspec.source import Path as Place
-from taskspec.task.build import Bound, bind
+from taskspec.task.build import bind
 from taskspec.task.parts import Parameter
 from taskspec.task.schema import TaskEntry
 
@@ -28,8 +31,9 @@ Values: TypeAlias = tuple[Any, ...]
 class Instance:
     """A task at values of all its parameters, with modifiers.
 
-    `source` and `variant` are what `registry.load` takes; `varied` names the parameters that vary beside it. `problem` says why
-    there is no such task: a value that a parameter cannot have, or values that may not go together.
+    `source` and `variant` are what `registry.load` takes. `varied` has the values of what varies in its entry: parameters, and
+    arguments of modifiers. `problem` says why there is no such task: a value that a parameter cannot have, or values that
+    may not go together.
     """
 
     id: str
@@ -37,10 +41,15 @@ class Instance:
     variant: str | None
     parameters: Mapping[str, Any]
     modifiers: tuple[str, ...] = ()
-    varied: tuple[str, ...] = ()
+    varied: Mapping[str, Any] = field(default_factory=dict)
     content_hash: str = ""
     problem: str | None = None
     entry: int = 0
+
+    @property
+    def task(self) -> str:
+        """The id of the task, without values and modifiers."""
+        return ids.parse(self.id).name
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,7 @@ def expand(written: Written, instead: Sequence[Mapping[str, Any]] = ()) -> Expan
     that have the parameters.
     """
     collector = Collector()
+    _check_measures(written, collector)
     found: dict[str, Instance] = {}
     refused: list[Diagnostic] = []
     used: frozenset[str] = frozenset()
@@ -79,6 +89,13 @@ def expand(written: Written, instead: Sequence[Mapping[str, Any]] = ()) -> Expan
         if name not in used and not collector.has_errors:
             collector.add("E702", None, f"no task of the experiment has a parameter '{name}'")
     return Expanded(tuple(found.values()), collector.diagnostics, tuple(refused))
+
+
+def _check_measures(written: Written, collector: Collector) -> None:
+    for i, name in enumerate(written.experiment.measures or ()):
+        if name not in MEASURES:
+            hint = suggest(name, MEASURES) or f"there are: {', '.join(MEASURES)}"
+            collector.add("E206", written.document.span(("measures", i)), f"there is no measure '{name}'", hint)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,15 +147,29 @@ class _Entry:
             self._report(error, ("task",))
             return
         axes = self._replaced(list(self._axes(known)), known)
-        if len(self.collector.diagnostics) > before or not self._is_payable(axes):
+        laid = self._modifiers()
+        if len(self.collector.diagnostics) > before or not self._is_payable(axes, laid):
             return
         varied = tuple(name for axis in axes for name in axis.names if axis.size != 1)
         for chosen in self._settings(axes):
             names = [name for axis in axes for name in axis.names]
             given = dict(zip(names, itertools.chain.from_iterable(chosen), strict=True))
-            instance = self._instance(source, known, given, varied)
-            if instance is not None:
-                yield instance
+            for over in itertools.product(*laid):
+                instance = self._instance(source, known, given, varied, over)
+                if instance is not None:
+                    yield instance
+
+    def _modifiers(self) -> list[list[Option]]:
+        """What each modifier of the entry may be, in order."""
+        found: list[list[Option]] = []
+        for i, written in enumerate(self.entry.modifiers):
+            try:
+                found.append(options(written))
+                for option in found[-1][:1]:
+                    modify(self.task, option.modifier)
+            except SpecError as error:
+                self._report(error, ("modifiers", i))
+        return found
 
     def _source(self) -> str:
         """The task as `registry.load` takes it: paths start from the file's folder."""
@@ -191,10 +222,10 @@ class _Entry:
             place = self.document.key_span(("tasks", self.index, *path))
             self.collector.extend(replace(d, span=place) for d in error.diagnostics if d.code == "E702")
 
-    def _is_payable(self, axes: Sequence[_Axis]) -> bool:
+    def _is_payable(self, axes: Sequence[_Axis], laid: Sequence[Sequence[Option]]) -> bool:
         wanted = self.entry.sample
         many = math.prod(axis.size for axis in axes if not callable(axis.values))
-        many = many if wanted is None else self._count()
+        many = (many if wanted is None else self._count()) * math.prod(map(len, laid))
         if many > limits().instances:
             self._too_many(many, ())
         return many <= limits().instances
@@ -227,7 +258,12 @@ class _Entry:
             yield tuple(_at(axes, i))
 
     def _instance(
-        self, source: str, known: Sequence[Parameter], given: dict[str, Any], varied: tuple[str, ...]
+        self,
+        source: str,
+        known: Sequence[Parameter],
+        given: dict[str, Any],
+        varied: tuple[str, ...],
+        over: Sequence[Option],
     ) -> Instance | None:
         known = self._settled(known, given)
         values = Setting(
@@ -242,7 +278,12 @@ class _Entry:
             problem = "; ".join(d.message for d in error.diagnostics)
             place, note = self._span("parameters"), f"at {ids.assigned(values.items())}"
             self.refused += [replace(d, span=place, notes=(*d.notes, note)) for d in error.diagnostics]
-        return self._named(source, values, varied, bound, problem)
+        all_values = dict(values) if bound is None else {p.name: p.value for p in bound.parameters}
+        laid = tuple(str(option.modifier) for option in over)
+        shown = {n: all_values[n] for n in varied} | {k: v for option in over for k, v in option.varied.items()}
+        name = str(ids.InstanceId(self.task.id, dict(sorted(all_values.items())), laid))
+        hash_ = "" if bound is None else bound.content_hash
+        return Instance(name, source, self.task.variant, all_values, laid, shown, hash_, problem, self.index)
 
     def _settled(self, known: Sequence[Parameter], given: Mapping[str, Any]) -> Sequence[Parameter]:
         """The parameters with the defaults that they have beside the values that are no expressions."""
@@ -254,14 +295,6 @@ class _Entry:
             return bind(self.task.document, self.task.variant, plain).parameters
         except SpecError:  # with the others they may be right
             return known
-
-    def _named(
-        self, source: str, values: Mapping[str, Any], varied: tuple[str, ...], bound: Bound | None, problem: str | None
-    ) -> Instance:
-        all_values = dict(values) if bound is None else {p.name: p.value for p in bound.parameters}
-        name = str(ids.InstanceId(self.task.id, dict(sorted(all_values.items()))))
-        hash_ = "" if bound is None else bound.content_hash
-        return Instance(name, source, self.task.variant, all_values, (), varied, hash_, problem, self.index)
 
     # -- places -----------------------------------------------------------------------------------------------------
 

@@ -9,9 +9,17 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from taskspec import __version__
+from taskspec.data.episodes import recorded
+from taskspec.envs import Environment
+from taskspec.envs.measure import programs
+from taskspec.envs.measure.race import race
 from taskspec.exact import Results, Return
+from taskspec.exact.difficulty import difficulty
 from taskspec.limits import also
+from taskspec.modifiers import modify
 from taskspec.progress import tell
 from taskspec.source import Document, Packed, unpacked
 from taskspec.task.build import build
@@ -30,9 +38,12 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked of every instance. `seconds` is the limit of each exact analysis (None: the usual one)."""
+    """What is asked of every instance: measures of difficulty (None: all), roll-outs, steps per second.
 
-    measures: tuple[str, ...] = ()
+    `seconds` is the limit of each exact analysis (None: the usual one).
+    """
+
+    measures: tuple[str, ...] | None = None
     policies: tuple[str, ...] = ()
     seeds: int = 1
     episodes: int = 1000
@@ -57,7 +68,7 @@ class Order:
         Raises:
             SpecError: with every mistake found.
         """
-        return build(_document(self.text), self.variant, self.parameters, self.suite)
+        return modify(build(_document(self.text), self.variant, self.parameters, self.suite), *self.modifiers)
 
 
 @lru_cache(maxsize=16)
@@ -82,7 +93,34 @@ def measure(order: Order) -> dict[str, Any]:
         task = order.task()
         tell("the exact model")
         results = Results(task, wanted.episodes)
-        return {**_sizes(task, results), **_returns(results), "why_not_exact": results.why_not}
+        hard = difficulty(results, wanted.measures)
+        why_not = {**({"returns": results.why_not} if results.why_not else {}), **hard.why_not}
+        found = {**_sizes(task, results), **_returns(results), **hard, "why_not": why_not}
+        found["policies"] = {name: _rolled_out(task, name, wanted) for name in wanted.policies}
+        return {**found, **_speed(task)} if wanted.speed else found
+
+
+def _rolled_out(task: Task, policy: str, wanted: Wanted) -> dict[str, Any]:
+    """The mean return of a policy in all episodes of all seeds, half its 95 % confidence interval, and their mean length."""
+    parts = [recorded(task, policy, wanted.episodes, None, seed * wanted.episodes, 1) for seed in range(wanted.seeds)]
+    means = [Return.estimated(part.returns(task.discount)) for part in parts]
+    mean = Return.estimated(np.concatenate([part.returns(task.discount) for part in parts]))
+    return {
+        "mean": mean.value, "half": mean.half, "length": float(np.mean(np.concatenate([part.lengths for part in parts]))),
+        "episodes": mean.episodes, "seeds": [each.value for each in means],
+    }  # fmt: skip
+
+
+LANES = 64
+SECONDS = 0.2
+"""How many environments are stepped together for the speed of many, and how long each is timed."""
+
+
+def _speed(task: Task) -> dict[str, Any]:
+    """Steps per second of one environment and of many on NumPy, in time of the processor."""
+    drives = (programs.scalar(Environment(task)), programs.vector(task, "numpy", LANES))
+    (one,), (many,) = race(drives, 1, SECONDS)
+    return {"steps_per_second": one, "steps_per_second_vectorized": many}
 
 
 def _sizes(task: Task, results: Results) -> dict[str, Any]:

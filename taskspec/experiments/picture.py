@@ -80,15 +80,16 @@ def _panels(experiment: Experiment, rows: Sequence[Row]) -> list[_Panel]:
     found: list[_Panel] = []
     for _, group in itertools.groupby(rows, key=lambda row: row.instance.entry):
         some = tuple(group)
-        free = [n for n in some[0].instance.varied if len({repr(row.instance.parameters[n]) for row in some}) > 1]
+        free = [n for n in some[0].instance.varied if len({repr(row.instance.varied[n]) for row in some}) > 1]
         plot = experiment.plot
         x = plot.x if plot.x in free else next((n for n in free if n != plot.y), None)
-        y = plot.y if plot.y in free else next((n for n in free if n != x), None) if len(free) == 2 else None
+        is_map = plot.y in free or (len(free) == 2 and plot.x is None)
+        y = (plot.y if plot.y in free else next(n for n in free if n != x)) if is_map else None
         rest = [n for n in free if n not in (x, y)]
-        title = some[0].instance.id.partition("?")[0]
+        title = some[0].instance.task
         shown = tuple(plot.show)
         for values, part in _parts(some, rest):
-            name = ", ".join([title, *(f"{k}={v}" for k, v in values.items()), *some[0].instance.modifiers])
+            name = ", ".join([title, *(f"{k}={v}" for k, v in values.items()), *_fixed(some[0])])
             if y is None:
                 found.append(_Panel(name, part, x, None, shown or SHOWN))
             else:
@@ -101,11 +102,16 @@ def _differs(rows: Sequence[Row], name: str) -> bool:
     return len({row.values.get(name) for row in rows}) > 1
 
 
+def _fixed(row: Row) -> list[str]:
+    """The modifiers that are the same in a whole panel."""
+    return [text for text in row.instance.modifiers if text.partition("=")[0] not in row.instance.varied]
+
+
 def _parts(rows: Sequence[Row], names: Sequence[str]) -> list[tuple[dict[str, Any], tuple[Row, ...]]]:
     """Rows by the values of parameters that have no axis."""
     found: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        found.setdefault(tuple(repr(row.instance.parameters[n]) for n in names), []).append(row)
+        found.setdefault(tuple(repr(row.instance.varied[n]) for n in names), []).append(row)
     return [({n: part[0].instance.parameters[n] for n in names}, tuple(part)) for part in found.values()]
 
 
@@ -115,9 +121,7 @@ def _parts(rows: Sequence[Row], names: Sequence[str]) -> list[tuple[dict[str, An
 def _curves(panel: _Panel, axes: Any, experiment: Experiment) -> None:
     """What theory says as lines, with what is estimated as bands; roll-outs as marks with 95 % intervals."""
     rows = (
-        panel.rows
-        if panel.x is None
-        else sorted(panel.rows, key=lambda row: _key(row.instance.parameters[panel.x or ""]))
+        panel.rows if panel.x is None else sorted(panel.rows, key=lambda row: _key(row.instance.varied[panel.x or ""]))
     )
     xs, labels = _positions(rows, panel.x)
     spare = iter(OTHERS * 9)
@@ -167,12 +171,21 @@ def _frame(axes: Any, panel: _Panel, experiment: Experiment, xs: Sequence[float]
 
 def _positions(rows: Sequence[Row], x: str | None) -> tuple[list[float], list[str] | None]:
     """Where rows stand along the axis; names instead of numbers, where these are none."""
-    values = [row.instance.id.partition("?")[2] or row.instance.id for row in rows] if x is None else []
-    values = values or [row.instance.parameters[x or ""] for row in rows]
+    values = (
+        [row.instance.id.removeprefix(row.instance.task).lstrip("?+") or row.instance.task for row in rows]
+        if x is None
+        else []
+    )
+    values = values or [row.instance.varied[x or ""] for row in rows]
     if not any(isinstance(v, bool | str) for v in values):
         return [float(v) for v in values], None
     names = list(dict.fromkeys(map(str, values)))
     return [float(names.index(str(v))) for v in values], [str(v) for v in values]
+
+
+def _label(row: Row) -> str:
+    """What an instance is called beside others of its task."""
+    return row.instance.id.removeprefix(row.instance.task).lstrip("?+") or row.instance.task
 
 
 def _is_geometric(xs: Sequence[float]) -> bool:
@@ -197,9 +210,7 @@ def _map(panel: _Panel, axes: Any, experiment: Experiment) -> None:
     assert panel.x is not None and panel.y is not None
     across, up = (_sorted(panel.rows, name) for name in (panel.x, panel.y))
     cells = {
-        (str(row.instance.parameters[panel.x]), str(row.instance.parameters[panel.y])): _number(
-            row.values.get(panel.show[0])
-        )
+        (str(row.instance.varied[panel.x]), str(row.instance.varied[panel.y])): _number(row.values.get(panel.show[0]))
         for row in panel.rows
     }
     grid = [[cells.get((a, b), math.nan) for a in across] for b in up]
@@ -220,7 +231,7 @@ def _norm(values: Sequence[float]) -> str:
 
 
 def _sorted(rows: Sequence[Row], name: str) -> list[str]:
-    values: Mapping[str, Any] = {str(row.instance.parameters[name]): row.instance.parameters[name] for row in rows}
+    values: Mapping[str, Any] = {str(row.instance.varied[name]): row.instance.varied[name] for row in rows}
     return sorted(values, key=lambda text: _key(values[text]))
 
 

@@ -34,7 +34,7 @@ class Row:
     def record(self) -> dict[str, Any]:
         """As plain data for JSON; what is not known is None."""
         about = {
-            "id": self.instance.id, "task": self.instance.id.partition("?")[0], "parameters": dict(self.instance.parameters),
+            "id": self.instance.id, "task": self.instance.task, "parameters": dict(self.instance.parameters),
             "modifiers": list(self.instance.modifiers), "status": self.status, "error": self.error, "seconds": self.seconds,
         }  # fmt: skip
         return {
@@ -66,8 +66,13 @@ def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
     """Names of columns, and the values of every row; None where a row has none."""
     flat = [row.flat() for row in rows]
-    names = list(dict.fromkeys(name for each in flat for name in each))
+    names = sorted(dict.fromkeys(name for each in flat for name in each), key=_rank)
     return names, [[each.get(name) for name in names] for each in flat]
+
+
+def _rank(name: str) -> int:
+    """What an instance is comes first, with all its parameters."""
+    return 0 if name in ("id", "task") else 1 if name.startswith("parameters.") else 2
 
 
 def write_json(rows: Sequence[Row], path: Path) -> None:

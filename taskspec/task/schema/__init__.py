@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from taskspec.task.schema.check import check_shape as check_shape
 from taskspec.task.schema.check import validated as validated
+from taskspec.task.schema.experiments import SPANS as SPANS
 from taskspec.task.schema.experiments import Experiment as Experiment
 from taskspec.task.schema.experiments import TaskEntry as TaskEntry
 from taskspec.task.schema.experiments import check_experiment as check_experiment

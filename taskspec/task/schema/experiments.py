@@ -156,14 +156,14 @@ class Experiment(Strict):
     title: str | None = Field(None, description="Its heading.")
     doc: str | None = Field(None, description="What it is about.")
     tasks: Annotated[list[TaskEntry], Field(min_length=1, description="The tasks, each at some settings.")]
-    measures: list[str] = Field(default_factory=list, description="Measures of difficulty beside the returns, by name.")
+    measures: list[str] | None = Field(None, description="Measures of difficulty, by name; all of them unless given.")
     policies: list[str] = Field(
         default_factory=list,
         description="Policies that are rolled out: random, expert, optimal, soft(1), epsilon(0.1).",
     )
     seeds: int = Field(1, ge=1, description="How often each policy is rolled out, each time with another seed.")
     episodes: int = Field(
-        100, ge=2, description="Episodes of each roll-out, and for what cannot be worked out exactly."
+        1000, ge=2, description="Episodes of each roll-out, and for what cannot be worked out exactly."
     )
     speed: bool = Field(False, description="Whether steps per second are measured.")
     plot: Plot = Field(default_factory=Plot, description="What the picture shows.")

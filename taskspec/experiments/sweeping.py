@@ -1,0 +1,95 @@
+"""Sweeps: every instance of an experiment measured, in parallel, and kept so that a sweep goes on where it was stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from taskspec import registry
+from taskspec.experiments.instances import Expanded, Instance, expand
+from taskspec.experiments.measure import Order, Wanted, key, measure
+from taskspec.experiments.reading import Written
+from taskspec.experiments.results import Row
+from taskspec.limits import limits
+from taskspec.runs import Job, JobResult, Standing, Store, run
+from taskspec.source import packed
+from taskspec.task.schema import Experiment
+
+
+@dataclass(frozen=True)
+class Swept:
+    """What a sweep found, an entry for each instance, in the order of the experiment."""
+
+    experiment: Experiment
+    rows: tuple[Row, ...]
+
+    @property
+    def failed(self) -> tuple[Row, ...]:
+        """The instances that could not be measured."""
+        return tuple(row for row in self.rows if row.error is not None)
+
+
+def sweep(
+    written: Written,
+    store: Path,
+    *,
+    expanded: Expanded | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    seconds: float | None = None,
+    retry: bool = False,
+    progress: Callable[[Standing], None] | None = None,
+) -> Swept:
+    """Measure every instance that has no result in the store yet.
+
+    Args:
+        store: the SQLite file of the results; it is made, or gone on with.
+        expanded: the instances, where they are known already.
+        workers: processes; as many as there are processors unless given.
+        cluster: the address of a Dask scheduler, `tcp://...`, to which the jobs are handed instead.
+        seconds: the longest that one instance may take.
+        retry: whether instances that failed before are tried again.
+
+    Raises:
+        SpecError: with every mistake in the experiment; E705 without an extra.
+    """
+    found = expand(written) if expanded is None else expanded
+    wanted = wanted_of(written.experiment)
+    jobs = {i.id: _job(i, wanted) for i in found.instances if i.problem is None}
+    with Store(store) as kept:
+        done = run(
+            jobs.values(),
+            kept,
+            workers=workers,
+            cluster=cluster,
+            seconds=seconds,
+            retry_failed=retry,
+            progress=progress,
+        )
+    return Swept(written.experiment, tuple(_row(i, jobs.get(i.id), done.rows) for i in found.instances))
+
+
+def wanted_of(experiment: Experiment) -> Wanted:
+    """What an experiment asks of every instance."""
+    measures = None if experiment.measures is None else tuple(experiment.measures)
+    return Wanted(
+        measures, tuple(experiment.policies), experiment.seeds, experiment.episodes, experiment.speed,
+        limits().seconds,
+    )  # fmt: skip
+
+
+def _job(instance: Instance, wanted: Wanted) -> Job:
+    task = registry.load(instance.source, instance.variant)
+    order = Order(packed(task.document), task.suite, task.variant, instance.parameters, instance.modifiers, wanted)
+    return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (order,))
+
+
+def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult]) -> Row:
+    if job is None:
+        return Row(instance, "failed", error=instance.problem)
+    found = results[job.key]
+    if found.status != "done":
+        return Row(instance, found.status, error=found.message, seconds=found.seconds)
+    values = dict(found.value)
+    return Row(instance, "done", values, values.pop("policies", {}), seconds=found.seconds)
