@@ -134,6 +134,12 @@ def test_objects_with_predict_are_asked_for_their_most_likely_actions() -> None:
     assert data.acts.tolist() == [0, 1, 0, 1, 0] * 3
 
 
+def test_what_cannot_be_sent_to_other_processes_is_refused() -> None:
+    with pytest.raises(taskspec.SpecError, match="other processes") as caught:
+        demonstrations("RiskyPath", lambda seen: 0, episodes=3, jobs=2)
+    assert caught.value.diagnostics[0].code == "E713"
+
+
 def test_as_many_whole_episodes_as_make_enough_transitions() -> None:
     data, more = (demonstrations("EarlyTermNeg", "random", transitions=n, seed=9) for n in (40, 400))
     assert len(data) >= 40 > len(data) - int(data.lengths[-1])

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import multiprocessing
+import pickle
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -49,6 +50,7 @@ def recorded(
         SpecError: E706 for actions that are none, E712 when episodes do not end, E713 for what is no policy.
     """
     size = _together(task)
+    _check_sent(policy, jobs)
     with _mapping(jobs) as run:
         if episodes is not None:
             whole = [(first, min(size, episodes - first)) for first in range(0, episodes, size)]
@@ -62,6 +64,16 @@ def recorded(
     found = concatenated(parts)
     enough = int(np.searchsorted(np.cumsum(found.lengths), transitions)) + 1
     return found.rows(np.arange(int(found.lengths[:enough].sum())))
+
+
+def _check_sent(policy: Any, jobs: int) -> None:
+    """Refuse (E713) a policy that cannot be sent to other processes, where there are to be some."""
+    try:
+        if jobs > 1:
+            pickle.dumps(policy)
+    except Exception as error:
+        message = f"the policy cannot be sent to other processes: {error}"
+        raise SpecError([Diagnostic("E713", None, message, "jobs=1, or a function of a module")]) from error
 
 
 def _together(task: Task) -> int:

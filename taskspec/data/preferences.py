@@ -99,8 +99,7 @@ def preferences(
     """
     found, who = role(load(task), "learner"), teacher_of(teacher)
     pairs, seed, actor = positive("pairs", pairs), seed_of(seed), actor_of(found, policy)
-    if length is not None:
-        length = positive("length", length)
+    length = None if length is None else positive("length", length)
     ends = return_ends(found, length) if who.needs_range else (0.0, 0.0)
     whole = recorded(found, policy, 2 * pairs, None, seed, positive("jobs", jobs))
     segments = whole if length is None else _cut(whole, length, seed)
@@ -108,10 +107,9 @@ def preferences(
     kept = np.flatnonzero(~np.isnan(labels))
     if not len(kept):
         misused(f"the teacher {who} skipped all {pairs:,} pairs", "lower its threshold, or compare a better policy")
-    told = described(found, "preferences", actor, seed) | {
-        "teacher": str(who), "length": length, "shown": pairs, "skipped": pairs - len(kept),
-        "range": list(ends) if who.needs_range else None,
-    }  # fmt: skip
+    told = {"teacher": str(who), "length": length, "shown": pairs, "skipped": pairs - len(kept),
+            "range": list(ends) if who.needs_range else None}  # fmt: skip
+    told = described(found, "preferences", actor, seed) | told
     return Preferences(_of_pairs(segments, kept), labels[kept], returns.reshape(-1, 2)[kept], kept, told)
 
 
