@@ -77,21 +77,15 @@ def docs(
     tasks = tasks_of(targets or [], modifiers or [])
     wanted = _named("--format", format or ["html"], FORMATS)
     written = appendix.write(
-        tasks,
-        wanted,
-        output,
-        title=title,
-        facts=facts_of(tasks) if results else None,
-        columns=settings(parameters) if parameters else (),
-        brief=brief,
-    )
+        tasks, wanted, output, title=title, facts=facts_of(tasks) if results else None,
+        columns=settings(parameters) if parameters else (), brief=brief,
+    )  # fmt: skip
     show(each for task in tasks for each in set_aside(task, appendix.undrawn(task))[0])
     if json:
         write_json([str(path) for path in written])
     else:
-        say(
-            f"wrote {plural(len(written), 'file')} on {plural(len({task.id for task in tasks}), 'task')} to {near(output)}"
-        )
+        count = len({task.id for task in tasks})
+        say(f"wrote {plural(len(written), 'file')} on {plural(count, 'task')} to {near(output)}")
 
 
 def figure(
