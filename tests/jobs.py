@@ -89,7 +89,7 @@ def cluster() -> None:
 def main(path: str, log: str, count: str, seconds: str, address: str | None = None) -> None:
     try:
         with Store(path) as store:
-            run(squares(int(count), log, float(seconds)), store, workers=2, cluster=address)
+            run(squares(int(count), log, float(seconds)), store, workers=None if address else 2, cluster=address)
     except (SpecError, Interrupted) as error:
         print(error)
         sys.exit(1 if isinstance(error, SpecError) else 130)

@@ -135,6 +135,13 @@ def test_a_job_costs_less_than_five_milliseconds_beyond_its_work(tmp_path: Path)
     assert outcome.seconds / 2000 < 5e-3
 
 
+@pytest.mark.parametrize("wrong", [{"workers": 0}, {"workers": 2, "cluster": "tcp://x"}, {"seconds": 0.0}], ids=str)
+def test_numbers_that_cannot_be_are_a_message(tmp_path: Path, wrong: dict[str, Any]) -> None:
+    with Store(tmp_path / "store") as store, pytest.raises(SpecError) as error:
+        run(jobs.squares(1), store, **wrong)
+    assert code(error) == "E713"
+
+
 # -- the file -----------------------------------------------------------------------------------------------------
 
 
@@ -274,6 +281,23 @@ def test_a_cluster_survives_its_jobs(tmp_path: Path, cluster: tuple[str, int]) -
     with Store(tmp_path / "store") as store:
         outcome = run([*troubles(tmp_path), *jobs.squares(20)], store, cluster=cluster[0], seconds=1.0)
     check_troubles(outcome.rows, tmp_path)
+
+
+@needs_cluster
+@pytest.mark.slow
+def test_ctrl_c_and_the_loss_of_a_cluster_are_messages(tmp_path: Path) -> None:
+    process = program()
+    assert process.stdout is not None
+    address = process.stdout.readline().split()[0]
+    for number, (victim, status, words) in enumerate(((1, 130, "interrupted: "), (0, 1, "error[E723 no-cluster]"))):
+        path, log = tmp_path / f"store{number}", tmp_path / f"log{number}"
+        Store(path).close()
+        runner = program(path, log, 400, 0.1, address)
+        wait_for(lambda path=path, runner=runner: len(kept(path)) > 0 or runner.poll() is not None)  # type: ignore[misc]
+        os.killpg((process.pid, runner.pid)[victim], (signal.SIGKILL, signal.SIGINT)[victim])
+        ended, out = finished(runner)
+        assert ended == status and out.startswith(words) and 0 < len(kept(path)) < 400
+    process.communicate()
 
 
 @needs_cluster

@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
+from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.runs.job import Ending, Job, JobResult, Status
 from taskspec.runs.sites import Site, site
 from taskspec.runs.store import Store
@@ -105,7 +106,7 @@ def run(
         retry_failed: whether jobs that ended without a result in earlier runs are begun anew.
 
     Raises:
-        SpecError: E705, loky or distributed is not installed; E716, E722 (see `Store`); E723, the cluster does not answer.
+        SpecError: E705, loky or distributed is not installed; E713, workers or seconds that cannot be; E716, E722, E723.
         Interrupted: Ctrl-C.
     """
     start = time.monotonic()
@@ -142,6 +143,8 @@ class _Run:
     spent: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.seconds is not None and not self.seconds > 0:
+            raise SpecError([Diagnostic("E713", None, f"no job ends within {self.seconds:g} s", "give more than 0")])
         self.before, self.start = self.statuses.total(), time.monotonic()
 
     def do(self, jobs: list[Job], where: Site) -> None:

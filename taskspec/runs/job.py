@@ -68,7 +68,7 @@ class JobResult:
         result: JSON text; None unless the job is done.
         message: why it is not done, for people; None if it is.
         seconds: that the last attempt took.
-        attempts: how often it was begun, in all runs together.
+        attempts: how often it was begun, in the runs that say how it ended.
         when: it ended, in UTC, as ISO 8601 writes it.
         versions: of Python and taskspec, where it ran.
     """

@@ -5,6 +5,7 @@ distributed is imported here.
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -60,16 +61,22 @@ def site(workers: int | None, cluster: str | None) -> Iterator[Site]:
     """The cluster with an address, or this machine. What is not done when the block ends is given up.
 
     Raises:
-        SpecError: E705, loky or distributed is not installed; E713, fewer than one worker; E723, the cluster does not answer.
+        SpecError: E705, loky or distributed is not installed; E713, workers that cannot be; E723, the cluster does not answer.
     """
+    if workers is not None and cluster is not None:
+        raise _refuse("a cluster has as many workers as it has", "leave the number of workers out")
+    if workers is not None and workers < 1:
+        raise _refuse(f"{workers} workers can do nothing", "give 1 or more")
     with _here(workers) if cluster is None else _cluster(cluster) as found:
         yield found
 
 
+def _refuse(message: str, hint: str) -> SpecError:
+    return SpecError([Diagnostic("E713", None, message, hint)])
+
+
 @contextmanager
 def _here(workers: int | None) -> Iterator[Site]:
-    if workers is not None and workers < 1:
-        raise SpecError([Diagnostic("E713", None, f"{workers} workers can do nothing", "give 1 or more")])
     crew = Crew()
     count = workers or need("loky").cpu_count()
     executor = ThreadPoolExecutor(count)
@@ -104,11 +111,25 @@ def _cluster(address: str) -> Iterator[Site]:
     def threads(_: int) -> int:
         return max(1, sum(map(int, client.nthreads().values())))
 
-    with client, client.get_executor(pure=False) as executor:
+    with _quiet(), client, client.get_executor(pure=False) as executor:
         try:
             yield Site(executor, attempt, PARCEL, lambda: AHEAD * threads(int(time.monotonic() / LOOK)), explain)
         finally:
             executor.shutdown(wait=False)
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Dask prints a traceback for each call under way when a run is interrupted or its cluster lost; we say that ourselves."""
+    loggers = [logging.getLogger(name) for name in ("distributed", "distributed.client", "tornado.application")]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _no_cluster(message: str) -> SpecError:
