@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from taskspec.diagnostics import SpecError
 from taskspec.exact.difficulty import MEASURES, difficulty
 from taskspec.printers import tex
 from taskspec.printers.mathml import mathml
+from taskspec.task.task import Task
 from tests.shared.commands import Done
 from tests.shared.written_out import TABLES, Table, best_from
 
@@ -69,6 +72,41 @@ def test_the_solution_is_the_shortest_of_all_optimal_policies(written_out: tuple
     top = max(value for value, _ in returns)
     shortest = min(total(steps_of, policy) for value, policy in returns if value == top)
     assert difficulty(results, ["solution_length"])["solution_length"] == pytest.approx(float(shortest))
+
+
+# -- tasks of the suite, stepped through every sequence of actions -----------------------------------------------------
+
+
+def outcomes(task: Task) -> Iterator[tuple[float, float, bool, int]]:
+    """For every sequence of actions: its probability, the return, whether any reward is not 0, and the steps taken."""
+    env, horizon = task.make(), task.horizon or 0
+    actions = range(int(env.action_space.n))  # type: ignore[attr-defined]
+    for chosen in product(actions, repeat=horizon):
+        env.reset(seed=0)
+        rewards = []
+        for action in chosen:
+            _, reward, terminated, truncated, _ = env.step(action)
+            rewards.append(float(reward))
+            if terminated or truncated:
+                break
+        yield len(actions) ** -horizon, sum(rewards), any(rewards), len(rewards)
+
+
+@pytest.mark.parametrize(("name", "parameters"), [
+    ("Branching", {"L": 5, "B": 3}), ("BranchingSeals", {"L": 4}), ("EarlyTermPos", {}), ("EarlyTermNeg", {}),
+    ("InitShiftLearner", {}),
+])  # fmt: skip
+def test_tasks_of_the_suite_by_every_sequence_of_actions(name: str, parameters: dict[str, int]) -> None:
+    task = load(f"derail/{name}", **parameters)
+    found = difficulty(task, ["best_at_random", "episodes_to_reward", "random_length"])
+    every = list(outcomes(task))
+    best = max(value for _, value, _, _ in every)
+    expected = {
+        "best_at_random": sum(p for p, value, _, _ in every if value > best - 1e-9),
+        "episodes_to_reward": 1 / sum(p for p, _, paid, _ in every if paid),
+        "random_length": sum(p * steps for p, _, _, steps in every),
+    }
+    assert dict(found) == pytest.approx(expected)
 
 
 # -- closed forms --------------------------------------------------------------------------------------------------
