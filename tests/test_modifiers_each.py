@@ -10,11 +10,14 @@ import pytest
 
 import taskspec
 from taskspec.diagnostics import SpecError
+from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import Results, extract
-from taskspec.modifiers import sentences
+from taskspec.modifiers import MODIFIERS, sentences
 from taskspec.source import read_text
 from taskspec.task.build import build
+from taskspec.task.invariants import broken
 from taskspec.task.task import Task
+from tests.test_trajectories import walk_together
 
 WALK = """
 taskspec: 1
@@ -23,7 +26,7 @@ state: {s: {type: int, low: -9, high: 9}}
 action: {a: {type: choice, values: {left: -1, stay: 0, right: 1}}}
 horizon: 6
 initial: {s: 0}
-dynamics: {s': s + a}
+dynamics: {s': "clip(s + a, -9, 9)"}
 reward: s'
 terminal: s' == 3
 absorbing_reward: 1
@@ -134,6 +137,37 @@ def test_what_is_said_of_the_task_as_written_goes() -> None:
     assert walk().claims and not walk("sticky=0.1").claims and walk("absorbing").claims
     assert walk("sticky=0.1").expert is None and walk("reward_scale=2").expert is not None
     assert walk("reward_scale=-2").expert is None
+
+
+MIXED = """
+taskspec: 1
+name: Mixed
+state:
+  v: {type: int, shape: 2, low: [0, -1], high: [2, 3]}
+  r: {type: real}
+  u: {type: int}
+  on: {type: bool}
+action:
+  a: {type: int, shape: 2, low: [0, -1], high: [1, 1]}
+  b: {type: bool}
+  c: {type: choice, values: [x, y, z]}
+observation: {v: v, f: on, q: u}
+horizon: 5
+initial: {v: [1, 0], r: Normal(), u: 0, on: false}
+dynamics: {v': "clip(v + a, [0, -1], [2, 3])", u': "u + (2 if c == y else 1)", on': b}
+reward: u' + (1 if c == z else 0)
+expert: {a: [1, 1], b: true, c: z}
+"""
+
+
+@pytest.mark.parametrize(
+    "given", [{n: e.sample(build(read_text(MIXED)))} for n, e in MODIFIERS.items()] + ["horizon=9"], ids=str
+)
+def test_vectors_conditions_choices_and_ints_without_ends(given: Any) -> None:
+    task = taskspec.modify(build(read_text(MIXED)), given)
+    assert not list(broken(task))
+    walk_together(task, 3, 30)  # also that what is observed is in its space
+    Agreement(task, "numpy", 3, "SameStep", one=ReferenceEnv, states=True).run(12)
 
 
 # -- how they are written -----------------------------------------------------------------------------------------

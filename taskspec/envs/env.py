@@ -49,7 +49,8 @@ class Environment(gymnasium.Env[Any, Any]):
         observe_time: whether the number of steps taken is added to the observation.
 
     Raises:
-        SpecError: E705, when a way to render needs packages that are not installed; E713, for another option.
+        SpecError: E705, when a way to render needs packages that are not installed; E713, for another option; E720, where the
+            time does not fit into the observation.
     """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": list(get_args(RenderMode)), "render_fps": 4}  # type: ignore[misc]

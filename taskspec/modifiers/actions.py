@@ -13,6 +13,7 @@ from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import BOOL, Kind
 from taskspec.modifiers.core import (
+    MOST,
     AddedState,
     acting,
     apart,
@@ -78,7 +79,7 @@ def _permuted(task: Task, given: Arguments) -> Task:
     """The table has a row of actions for every state, or one row for all."""
     b = task.builder
     count = combinations(task.action, "the actions")
-    states = combinations(task.state, "the states", max(1, MOST_ROWS // count)) if given["per_state"] else 1
+    states = combinations(task.state, "the states", max(1, MOST // count)) if given["per_state"] else 1
     table = permutations(given["seed"], states, count)
     row = joint(b, task.state, [present(task, c) for c in task.state]) if states > 1 else b.scalar(0)
     start = b.apply("mul", row, b.scalar(count))
@@ -96,9 +97,6 @@ def _permuted(task: Task, given: Arguments) -> Task:
     return replace(acting(task, executed), action=plain, expert=expert)
 
 
-MOST_ROWS = 1_000_000
-
-
 def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
     """Random permutations (rows, count) of 0, ..., count - 1, for a seed the same everywhere; a single one changes something."""
     found = np.argsort(draws.block(seed, draws.RESET, 0, rows, count), axis=1, kind="stable").astype(np.int64)
@@ -108,11 +106,8 @@ def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...]
 
 
 def _says_permuted(task: Task, given: Arguments) -> str:
-    where = "in every state" if given["per_state"] else "all along"
-    which = "anew for each state" if given["per_state"] else "once for all states"
-    return (
-        f"what the actions do is permuted {which}, by the seed {given['seed']}: each does {where} what another one did"
-    )
+    where = "in each state anew" if given["per_state"] else "in all states alike"
+    return f"what the actions do is permuted by the seed {given['seed']}, {where}"
 
 
 _P = ModifierArgument("probability", "real", "how likely it is in each step", low=0, high=1, sample=lambda task: 0.25)

@@ -97,8 +97,8 @@ def _in_units(task: Task, few: FewRewards, name: str) -> tuple[AddedState, Node]
     """The sum as a multiple of what all rewards are multiples of; None where that may be too many."""
     b = task.builder
     exact = [Fraction(repr(v)) for v in few.values]
-    unit = reduce(_common, exact)
-    if task.horizon is None or unit == 0:
+    unit = reduce(_common, exact) or Fraction(1)
+    if task.horizon is None:
         return None
     times = [int(v / unit) for v in exact]
     low, high = task.horizon * min(times), task.horizon * max(times)
