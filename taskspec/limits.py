@@ -62,6 +62,7 @@ class Limits:
     lanes: int = _limit(2**24, "environments that are stepped together")
     instances: int = _limit(100_000, "instances of an experiment")
     seconds: int = _limit(10, "seconds of each exact analysis of a task")
+    compiling: int = _limit(60, "seconds that Numba may take to compile a task, unless it was compiled before")
     megabytes: int = _limit(1_000, "megabytes of each array")
 
 

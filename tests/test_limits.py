@@ -9,14 +9,17 @@ import resource
 import select
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 
-from taskspec import experiments, limits
+from taskspec import experiments, limits, load
 from taskspec.diagnostics import SpecError
 from taskspec.exact import check
 from taskspec.exact.model.extract import extract
@@ -73,6 +76,16 @@ def instances(entry: str) -> Any:
     return expanded.instances
 
 
+def compiled() -> Any:
+    """Lanes of a task that was never compiled before, on Numba."""
+    engine = pytest.importorskip("taskspec.backends.numba.engine")
+    loading, vector = (import_module(f"taskspec.{name}") for name in ("backends.numba.loading", "envs.vector"))
+    engine.compile_numba.cache_clear()
+    loading.load.cache_clear()
+    with tempfile.TemporaryDirectory() as folder, patch.dict(os.environ, TASKSPEC_CACHE=folder):
+        return vector.VectorEnvironment("Sort", 2, backend="numba")
+
+
 # For each limit: a value that is too small for what is done, one that is not, and the code of the refusal.
 REACHED: dict[str, tuple[int, int, str, Callable[[], Any]]] = {
     "file": (100, 1000, "E114", written),
@@ -94,6 +107,7 @@ REACHED: dict[str, tuple[int, int, str, Callable[[], Any]]] = {
     "transitions": (19, 20, "E712", lambda: extract(written())),
     "episodes": (9, 10, "E314", lambda: written(claims="[{claim: actions == 2, episodes: 10}]")),
     "lanes": (9, 10, "E713", lambda: lanes(10)),
+    "compiling": (0, 1, "E314", compiled),
     "instances": (9, 10, "E314", lambda: instances("Branching, parameters: {L: {range: [2, 12]}}")),
     "seconds": (0, 1, "E712", lambda: extract(written())),
     "megabytes": (0, 1, "E713", lambda: lanes(10)),
@@ -319,3 +333,17 @@ def test_a_map_is_read_in_time_that_grows_with_its_cells() -> None:
     seconds(8)
     small, large = min(seconds(32) for _ in range(3)), min(seconds(64) for _ in range(3))
     assert large < 10 * small
+
+
+def test_numba_says_that_it_takes_long_and_refuses_what_takes_too_long(caplog: Any, set_limits: Any) -> None:
+    loading = pytest.importorskip("taskspec.backends.numba.loading")
+    large = load(Path(limits.__file__).parent / "envs/measure/games/catch.yaml", rows=50, columns=50)
+    vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
+    assert vector.VectorEnvironment(large, 2).backend == "numpy"
+    with pytest.raises(SpecError, match="E314") as caught:
+        vector.VectorEnvironment(large, 2, backend="numba")
+    assert 'backend="numpy"' in (caught.value.diagnostics[0].hint or "")
+    assert not caplog.records
+    with patch.object(loading, "LONG", 0):
+        compiled()
+    assert "takes about 1 seconds" in caplog.text or "takes about 2 seconds" in caplog.text

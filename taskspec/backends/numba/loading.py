@@ -26,9 +26,13 @@ import numpy as np
 from taskspec.backends.numba import store
 from taskspec.backends.numba.store import KernelStore
 from taskspec.backends.numba.target import target_machine
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.limits import how_to_raise, limits
 from taskspec.visible import visible
 
 Array = np.ndarray[Any, Any]
+RATE, LONG = 5000, 20
+"""Characters of a kernel that are compiled in a second, nominally; and seconds that are worth a line of warning."""
 _LIBRARY = ("basics", "compile", "draws", "lanes", "operators", "target")
 _UNREACHED = (
     "NRT_Free", "numba_do_raise", "numba_gil_ensure", "numba_gil_release", "numba_runtime_build_excinfo_struct", "numba_unpickle",
@@ -50,15 +54,34 @@ def cache_folder() -> Path:
 
 @lru_cache(maxsize=64)
 def load(source: str) -> LoadedKernel:
-    """The kernel of a generated module, from the cache if it has been compiled before on such a machine."""
+    """The kernel of a generated module, from the cache if it has been compiled before on such a machine.
+
+    Raises:
+        SpecError: E314, when it would take too long to compile.
+    """
     with _kept() as kept:
         name = f"{_name(source)}.o"
         code = None if kept is None else kept.read(name)
         if code is None:
+            _weigh(source)
             code = import_module("taskspec.backends.numba.compile").machine_code(source)
             if kept is not None:
                 kept.write(name, code)
     return _linked(code)
+
+
+def _weigh(source: str) -> None:
+    """Say that a kernel takes long to compile, or refuse it: worked out from its length, before any time is spent."""
+    seconds, most = len(source) // RATE, limits().compiling
+    if seconds > most:
+        message = f"Numba would take about {seconds:,} seconds to compile this task; the limit is {most:,}"
+        hint = f'`backend="numpy"` starts at once; or {how_to_raise("compiling", seconds)}'
+        raise SpecError([Diagnostic("E314", None, message, hint)])
+    if seconds >= LONG:
+        words = (
+            f'Numba compiles this task, which takes about {seconds} seconds this once; backend="numpy" starts at once'
+        )
+        logging.getLogger("taskspec").warning(f"taskspec: {words}")
 
 
 @contextmanager
