@@ -179,3 +179,45 @@ def test_parameters_that_would_have_no_effect_are_refused() -> None:
     assert params.replace() == params.replace(max_steps_in_episode=5) == params
     with pytest.raises(taskspec.SpecError, match="E713"):
         params.replace(max_steps_in_episode=3)
+
+
+PAIRED = """
+taskspec: 1
+name: Paired
+state: {s: {type: int, low: 3, high: 6}, d: {type: bool}}
+action: {x: {type: choice, values: [down, stay, up]}, y: {type: int, low: 5, high: 6}}
+horizon: 9
+initial: {s: 4, d: false}
+dynamics: {s': "clip(s + x - 1, 3, 6)", d': y == 6}
+reward: 10 * x + y
+observation: {space: multi_discrete, s: s, d: d}
+"""
+
+
+def test_observations_may_be_one_hot_and_actions_one_number() -> None:
+    task = build(read(PAIRED), None, {}, "")
+    plain, changed = Functional(task).gymnax(), Functional(task).gymnax(one_hot=True, flat_actions=True)
+    assert changed.num_actions == 6 and plain.num_actions == 2
+    key = jax.random.key(0)
+    (seen, one), (shown, other) = plain.reset(key), changed.reset(key)
+    for flat in (5, 0, 3, 4, 1, 2):
+        expected = np.zeros(6)
+        expected[[int(seen[0]), 4 + int(seen[1])]] = 1
+        assert np.array_equal(shown, expected) and shown.dtype == jnp.float32
+        seen, one, reward, *_ = plain.step(key, one, jnp.array([flat // 2, flat % 2]))
+        shown, other, found, *_ = jax.jit(changed.step)(key, other, jnp.int32(flat))
+        assert found == reward == 10 * (flat // 2) + 5 + flat % 2
+
+
+def test_options_for_what_is_not_finite_are_refused() -> None:
+    for options in ({"one_hot": True}, {"flat_actions": True}):
+        with pytest.raises(taskspec.SpecError, match="E713"):
+            Functional("derail/Parabola").gymnax(**options)
+
+
+def test_spaces_of_the_options_hold_their_values() -> None:
+    pytest.importorskip("gymnax")
+    env = Functional(build(read(PAIRED), None, {}, "")).gymnax(one_hot=True, flat_actions=True)
+    seen, _ = env.reset(jax.random.key(0))
+    assert env.action_space().n == 6
+    assert env.observation_space().shape == seen.shape and bool(env.observation_space().contains(seen))

@@ -184,8 +184,8 @@ class Task:
         return hash(self._identity)
 
     @cached_property
-    def _identity(self) -> tuple[str, str, bool]:
-        return (self.id, self.content_hash, self.remembers)
+    def _identity(self) -> tuple[str, str, str, bool]:
+        return (self.id, self.content_hash, self.observation.space, self.remembers)
 
     def __repr__(self) -> str:
         arguments = "".join(f", {p.name}={p.value!r}" for p in self.parameters)

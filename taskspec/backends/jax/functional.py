@@ -7,6 +7,7 @@ counters that the state carries.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -15,8 +16,9 @@ import jax.numpy as jnp
 from taskspec.backends.jax.gymnax import Gymnax
 from taskspec.backends.jax.pack import acted, observed
 from taskspec.backends.jax.program import JaxProgram, State, StepResult, compile_jax
+from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.registry import load
-from taskspec.task.task import TaskLike
+from taskspec.task.task import Task, TaskLike
 
 Array = Any
 
@@ -65,9 +67,18 @@ class Functional:
         ends = {"terminated": result.terminated[0], "truncated": result.truncated[0]}
         return seen, _single(after), result.reward[0], ends["terminated"] | ends["truncated"], ends
 
-    def gymnax(self) -> Gymnax:
-        """The same functions under gymnax's signatures, with its spaces."""
-        return Gymnax(self)
+    def gymnax(self, *, one_hot: bool = False, flat_actions: bool = False) -> Gymnax:
+        """The same functions under gymnax's signatures, with its spaces.
+
+        Args:
+            one_hot: finite observations as vectors of 0 and 1, float32.
+            flat_actions: several finite action components as one number, the last component fastest.
+
+        Raises:
+            SpecError: E713, for observations or actions that are not finite.
+        """
+        functions = Functional(_one_hot(self.task)) if one_hot else self
+        return Gymnax(functions, flat_actions)
 
     # -- many environments, lanes last ----------------------------------------------------------------------------
 
@@ -81,6 +92,15 @@ class Functional:
         after, result = self.program.step(state, acted(self.program.action, action))
         following, seen = self.program.again(after, result)
         return observed(self.program.observation, seen), following, result
+
+
+def _one_hot(task: Task) -> Task:
+    """The same task with one-hot observations."""
+    if not all(c.is_finite for c in task.observation.components):
+        raise SpecError(
+            [Diagnostic("E713", None, f"the observations of {task.id} are not finite, and cannot be one-hot")]
+        )
+    return replace(task, observation=replace(task.observation, space="one_hot"))
 
 
 def key_words(key: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple, Protocol
 
 import jax.numpy as jnp
@@ -52,13 +53,22 @@ class Functions(Protocol):
 class Gymnax:
     """`reset(key, params)` and `step(key, state, action, params)`; the key of `reset` is the seed, others are ignored.
 
-    Finite observations and actions count from 0, since spaces of gymnax do.
+    Finite observations and actions count from 0, since spaces of gymnax do. With `flat_actions`, one number says which of all
+    combinations of several finite components is meant, the last component fastest.
+
+    Raises:
+        SpecError: E713, for flat actions that are not finite.
     """
 
-    def __init__(self, functional: Functions) -> None:
+    def __init__(self, functional: Functions, flat_actions: bool = False) -> None:
         task, program = functional.task, functional.program
         self._functional = functional
         self._seen, self._acted = program.observation, program.action
+        if flat_actions and self._acted.form not in ("discrete", "multi_discrete"):
+            raise SpecError(
+                [Diagnostic("E713", None, f"the actions of {task.id} are not finite, and cannot be one number")]
+            )
+        self._flat = flat_actions and self._acted.form == "multi_discrete"
         self.name = functional.name
         self.default_params = Params(INT_MAX if task.horizon is None else task.horizon)
 
@@ -87,11 +97,15 @@ class Gymnax:
         return state.time >= self.default_params.max_steps_in_episode
 
     def _action(self, action: Array) -> Array:
+        if self._flat:
+            return jnp.stack(jnp.unravel_index(action, self._acted.counts), -1)
         return action + self._acted.starts[0] if self._acted.form == "discrete" else action
 
     @property
     def num_actions(self) -> int:
         """How many actions there are; the size of an action that is an array."""
+        if self._flat:
+            return math.prod(self._acted.counts)
         return self._acted.counts[0] if self._acted.form == "discrete" else self._acted.size
 
     def action_space(self, params: Any = None) -> Any:
@@ -100,7 +114,7 @@ class Gymnax:
         Raises:
             SpecError: E705 where gymnax is not installed.
         """
-        return _space(self._acted)
+        return _spaces().Discrete(self.num_actions) if self._flat else _space(self._acted)
 
     def observation_space(self, params: Any = None) -> Any:
         """A space of gymnax.
