@@ -20,15 +20,11 @@ project = "taskspec"
 author = project_copyright = "the taskspec authors"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 exclude_patterns = ["build", "_build"]
-default_role = "code"  # docstrings quote code as Markdown does
 suppress_warnings = ["misc.highlighting_failure"]  # some snippets show mistakes
-autodoc_member_order = "bysource"
-napoleon_numpy_docstring = False
-maximum_signature_line_length = 80
 
 html_theme = "furo"
 html_title = f"taskspec {version}"

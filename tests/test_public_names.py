@@ -7,7 +7,9 @@ import importlib
 
 import pytest
 
-from taskspec.cli.manual.public import definition, public_modules, public_names
+import taskspec
+from taskspec.cli.manual.docstrings import markdown
+from taskspec.cli.manual.public import definition, public, public_modules, public_names
 from taskspec.extras import is_installed
 from tests.test_docs import PAGES, blocks
 
@@ -33,8 +35,6 @@ def test_every_public_name_is_there_and_says_what_it_is(module: str) -> None:
 
 
 def test_the_package_imports_each_public_name_on_first_use() -> None:
-    import taskspec
-
     assert set(taskspec.__all__) == set(taskspec._PUBLIC) <= set(dir(taskspec))
     for name, module in taskspec._PUBLIC.items():
         assert getattr(taskspec, name) is getattr(importlib.import_module(module), name)
@@ -60,3 +60,44 @@ def imported(program: str) -> list[tuple[str, str]]:
             case ast.Attribute(value=ast.Name(id="taskspec"), attr=name):
                 found.append(("taskspec", name))
     return found
+
+
+def test_the_page_tells_what_docstrings_say() -> None:
+    """Arguments and errors of functions, and members of classes, each of them once."""
+    page = public()
+    assert [line for line in page.splitlines() if line == "### taskspec.load"] == ["### taskspec.load"]
+    assert "### taskspec.envs.Environment" not in page  # told under `taskspec` already
+    for cls in (taskspec.Environment, taskspec.Task):
+        section = page.partition(f"### taskspec.{cls.__name__}\n")[2].partition("\n##")[0]
+        own = {
+            name for name, value in vars(cls).items() if not name.startswith("_") and getattr(value, "__doc__", None)
+        }
+        members = {name for name in own if callable(getattr(cls, name)) or isinstance(vars(cls)[name], property)}
+        assert members - {name for name in members if f"| `{name}" in section} == set()
+
+
+GIVEN = """More of it.
+
+Args:
+    one, two: of a kind,
+        and more.
+    *rest: others.
+
+Raises:
+    SpecError: E999, why.
+"""
+TOLD = """More of it.
+
+**Args**
+
+- `one`, `two`: of a kind,
+  and more.
+- `*rest`: others.
+
+**Raises**
+
+- `SpecError`: E999, why."""
+
+
+def test_sections_of_docstrings_are_lists() -> None:
+    assert markdown(GIVEN) == TOLD

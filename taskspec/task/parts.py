@@ -12,6 +12,8 @@ from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import Domain, Kind, Type
 
+__all__ = ["Component", "Parameter"]
+
 FINITE_SPACES = ("discrete", "multi_discrete", "one_hot")
 """Spaces of observations that hold finite components only."""
 SpaceKind = Literal["auto", "box", "dict", "one_hot", "multi_discrete", "discrete"]
