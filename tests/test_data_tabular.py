@@ -21,6 +21,9 @@ TASKS = [
     "EarlyTermPos",
     "InitShiftLearner",
     "Sort",
+    "ProcGoal?D=3",
+    "seals/CliffWorld",
+    "seals/RandomTransition",
     SPECS / "frozen_lake.yaml",
 ]
 

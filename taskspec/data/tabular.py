@@ -15,11 +15,11 @@ from taskspec.data.transitions import EXTRA, Seen, mapped
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.failure import misused, refuse, scipy_sparse
-from taskspec.exact.model.model import Model, Sparse
+from taskspec.exact.model.model import Model, Sparse, Step
 from taskspec.exact.scoring.named import named
 from taskspec.extras import need
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Const, Role, draws, reads
+from taskspec.lang.ir import Role, draws, reads
 from taskspec.modifiers import modify
 from taskspec.registry import load
 from taskspec.task.spaces import SpaceLayout, observation_layout
@@ -39,8 +39,9 @@ class Tabular:
         model: its exact model, which states and actions are numbered as in: `model.state(i)`, `model.state_name(i)`.
         p0: float64 (S,), the probabilities of the states at the beginning.
         R: float64 (S, A), the expected reward of an action in a state.
+        going: sparse (A * S, S): row a * S + s has the probabilities of the next states, where action a is taken in state s.
         absorbed: bool (S,), the states in which an episode has ended: they lead to themselves.
-        horizon: the steps of an episode, or None.
+        horizon: the steps of an episode, or None; where a terminal state is one that is late enough, so many.
         discount: of rewards, for each step.
     """
 
@@ -48,6 +49,7 @@ class Tabular:
     model: Model
     p0: Array
     R: Array
+    going: Sparse
     absorbed: Array
     horizon: int | None
     discount: float
@@ -63,8 +65,7 @@ class Tabular:
     @cached_property
     def sparse(self) -> tuple[Sparse, ...]:
         """For each action the probabilities of the next states, A sparse matrices (S, S) (`scipy.sparse.csr_array`)."""
-        going = self.model.step(0).going
-        parts = (going[a * self.n_states : (a + 1) * self.n_states] for a in range(self.n_actions))
+        parts = (self.going[a * self.n_states : (a + 1) * self.n_states] for a in range(self.n_actions))
         found = tuple(scipy_sparse().csr_array(part) for part in parts)
         for part in found:
             part.sum_duplicates()
@@ -138,7 +139,7 @@ class Tabular:
         """
         if self.horizon is None:
             refuse(f"episodes of {self.task.id} have no horizon", "give the task one")
-        plan, going = named(self.task, policy).plan(self.model), self.model.step(0).going
+        plan, going = named(self.task, policy).plan(self.model), self.going
         now, total, factor = self.p0, self.p0.copy(), 1.0
         for t in range(self.horizon):
             now, factor = going.T @ (plan(t) * now).reshape(-1), factor * self.discount
@@ -174,8 +175,8 @@ class Tabular:
 def tabular(task: TaskLike) -> Tabular:
     """The exact model of a task as arrays; where episodes may end early, states that absorb stand for their ends.
 
-    All states that are declared are there, where that is cheap and none of them leads out of the state space; else those that
-    episodes enter.
+    All states that are declared are there, where that is cheap and no end is terminal; else those that episodes enter. An action
+    that would leave the state space, where no episode acts, leads nowhere else and pays nothing.
 
     Where the spec gives an `abstraction`, it is that which is tabulated.
 
@@ -185,18 +186,50 @@ def tabular(task: TaskLike) -> Tabular:
     task = load(task)
     found = abstraction(task)
     task = task if found is None else found.stand_in
-    ends = not (isinstance(task.terminal, Const) and not task.terminal.value)
+    ends = not _lasts(task)
     task = modify(task, "absorbing") if ends else task
     model = extract(task, True if ends else None)
-    if any(step.escaping is not None and step.escaping.any() for step in model.steps):
-        model = extract(task, True)
-    if model.is_timed:
+    horizon = _steps_until_over(model)
+    steps = list({id(step): step for step in model.steps[:horizon]}.values())
+    if any(not _alike(step, steps[0]) for step in steps):
         refuse(f"what happens in {task.id} depends on the time", "a state that counts the steps tells it")
-    rewards = model.step(0).reward.reshape(model.n_actions, model.n_states).T
+    going, rewards = _inside(model)
     absorbed = np.zeros(model.n_states, np.bool_)
     if ends:
         absorbed = np.broadcast_to(model.reads()[task.state[-1].read], absorbed.shape)
-    return Tabular(task, model, model.start, np.ascontiguousarray(rewards), absorbed, task.horizon, task.discount)
+    return Tabular(task, model, model.start, rewards, going, absorbed, horizon, task.discount)
+
+
+def _lasts(task: Task) -> bool:
+    """Whether no state is terminal: episodes end after some number of steps, or never."""
+    return not draws([task.terminal]) and set(reads([task.terminal])) <= {(Role.TIME, "t")}
+
+
+def _steps_until_over(model: Model) -> int | None:
+    """The steps of an episode of a task in which the time alone, or nothing, ends it: to the first at which all do."""
+    over = (t for t, step in enumerate(model.steps, 1) if not step.going.sum())
+    return next(over, model.horizon)
+
+
+def _whole(step: Step) -> Sparse:
+    """Where a step leads, whether or not it ends the episode."""
+    return step.going if step.ending is None else step.going + step.ending
+
+
+def _alike(a: Step, b: Step) -> bool:
+    return np.array_equal(a.reward, b.reward) and not (_whole(a) != _whole(b)).nnz
+
+
+def _inside(model: Model) -> tuple[Sparse, Array]:
+    """Transitions (A * S, S) and rewards (S, A) in which no row leaves the state space."""
+    step, shape = model.step(0), (model.n_actions, model.n_states)
+    going, rewards = _whole(step), step.reward
+    if step.escaping is not None and step.escaping.any():
+        sparse, rows = scipy_sparse(), np.flatnonzero(step.escaping)
+        stays = sparse.csr_array((np.ones(len(rows)), (rows, rows % model.n_states)), shape=going.shape)
+        going = sparse.csr_array(sparse.diags_array((~step.escaping).astype(np.float64)) @ going + stays)
+        rewards = np.where(step.escaping, 0.0, rewards)
+    return going, np.ascontiguousarray(rewards.reshape(shape).T)
 
 
 def _rows(observations: Any) -> list[bytes]:
