@@ -175,3 +175,15 @@ def test_the_schema_for_editors_takes_what_is_read(tmp_path: Path) -> None:
         validator.validate(yaml.safe_load(path.read_text(encoding="utf-8")))
     for wrong in ("{task: B, parameter: {}}", "{task: B, parameters: {L: {ranges: [1]}}}", "{parameters: {}}"):
         assert not validator.is_valid(yaml.safe_load(f"{HEAD}  - {wrong}\n"))
+
+
+def test_policies_are_looked_at_before_anything_runs(tmp_path: Path) -> None:
+    text = HEAD + "  - {task: Branching}\npolicies: [random, exprt]\n"
+    (first, *_) = expanded(text, tmp_path).diagnostics
+    assert first.span is not None and (first.code, first.span.line, first.span.column) == ("E713", 5, 20)
+
+
+def test_a_sample_of_more_combinations_than_can_be_listed(tmp_path: Path) -> None:
+    many = "{range: [1, 1000]}"
+    entry = f"{{task: Parabola, parameters: {{h: {many}, A: {many}, dx: {{range: [0.001, 1, 0.001]}}}}, sample: 7}}"
+    assert len(found(entry, tmp_path)) == 7

@@ -50,8 +50,7 @@ def write(
     """Write the printed form of tasks; the same tasks give the same files.
 
     Args:
-        tasks: tasks, ids or paths, in the order in which they are to appear; a task is printed at the defaults of its
-            parameters, with others that it is given at beside them.
+        tasks: tasks, ids or paths, in order; each is printed at its defaults, with other values that it is given at beside them.
         formats: of `latex`, `html`, `markdown`, `svg` (the figures alone) and `pdf` (LaTeX, compiled).
         folder: made if need be.
         title: of the whole; by default the tasks' suite.

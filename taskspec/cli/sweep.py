@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from taskspec.experiments import Swept
-    from taskspec.experiments.results import Row
+    from taskspec.experiments.results import Measured
 
 TABLES, PICTURES = ("json", "csv", "parquet"), ("svg", "png", "pdf")
 FORMATS = (*TABLES, *PICTURES)
@@ -91,10 +91,7 @@ def sweep(
             seconds=time_limit, retry=retry, progress=progress,
         )  # fmt: skip
     files = _write(swept, output, wanted)
-    if json:
-        _print_json(swept)
-    else:
-        _print(swept, files)
+    _print_json(swept) if json else _print(swept, files)
     if swept.failed:
         raise typer.Exit(1)
 
@@ -154,7 +151,7 @@ MEASURES = ("solution_length", "best_at_random")
 """Measures in the table on the terminal, where the experiment names none; files have all."""
 
 
-def table_of(rows: Sequence[Row], measures: Sequence[str] | None = None) -> Table:
+def table_of(rows: Sequence[Measured], measures: Sequence[str] | None = None) -> Table:
     """A row for each instance: sizes, returns, measures, roll-outs."""
     from taskspec.cli.console import columns
     from taskspec.cli.terminal import VisibleText
@@ -173,14 +170,14 @@ def table_of(rows: Sequence[Row], measures: Sequence[str] | None = None) -> Tabl
     return table
 
 
-def _cell(row: Row, name: str) -> str:
+def _cell(row: Measured, name: str) -> str:
     policy = row.policies.get(name.removesuffix(", rolled out"))
     if policy is not None:
         return _with_half(policy.get("mean"), policy.get("half"))
     return _with_half(row.values.get(name), None)
 
 
-def _return(row: Row, name: str) -> str:
+def _return(row: Measured, name: str) -> str:
     return _with_half(row.values.get(name), row.values.get(f"{name}_half"))
 
 

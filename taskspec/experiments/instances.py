@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias
-
-import numpy as np
+from typing import Any
 
 from taskspec import ids, registry
+from taskspec.data.actors import actor_of
 from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, suggest
 from taskspec.exact.difficulty import MEASURES
+from taskspec.experiments.axes import Axis, Values, combinations, sample
 from taskspec.experiments.laid import Option, options
-from taskspec.experiments.reading import Written
-from taskspec.experiments.values import Draw, Setting, count, listed, misplaced
+from taskspec.experiments.reading import ExperimentFile
+from taskspec.experiments.values import Assignment, count, listed, misplaced
 from taskspec.limits import how_to_raise, limits
 from taskspec.modifiers import modify
 from taskspec.source import Path as Place
 from taskspec.task.build import bind
 from taskspec.task.parts import Parameter
 from taskspec.task.schema import TaskEntry
-
-Values: TypeAlias = tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -68,7 +66,7 @@ class Expanded:
         raise_if_errors(self.diagnostics)
 
 
-def expand(written: Written, instead: Sequence[Mapping[str, Any]] = ()) -> Expanded:
+def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -> Expanded:
     """Every instance once, in the order of the file; the last parameter of an entry changes fastest.
 
     `instead` are settings of parameters, each a combination of values that takes the place of those in the file, for the tasks
@@ -91,32 +89,11 @@ def expand(written: Written, instead: Sequence[Mapping[str, Any]] = ()) -> Expan
     return Expanded(tuple(found.values()), collector.diagnostics, tuple(refused))
 
 
-def _check_measures(written: Written, collector: Collector) -> None:
+def _check_measures(written: ExperimentFile, collector: Collector) -> None:
     for i, name in enumerate(written.experiment.measures or ()):
         if name not in MEASURES:
             hint = suggest(name, MEASURES) or f"there are: {', '.join(MEASURES)}"
             collector.add("E206", written.document.span(("measures", i)), f"there is no measure '{name}'", hint)
-
-
-@dataclass(frozen=True, slots=True)
-class _Axis:
-    """Parameters that change together: the tuples of their values, or what draws each of them."""
-
-    names: tuple[str, ...]
-    values: Sequence[Values] | Draw
-
-    def without(self, names: frozenset[str]) -> _Axis:
-        """The same axis for the other parameters."""
-        kept = [i for i, name in enumerate(self.names) if name not in names]
-        if callable(self.values):
-            return _Axis(self.names if kept else (), self.values)
-        return _Axis(
-            tuple(self.names[i] for i in kept), list(dict.fromkeys(tuple(v[i] for i in kept) for v in self.values))
-        )
-
-    @property
-    def size(self) -> int:
-        return 0 if callable(self.values) else len(self.values)
 
 
 class _Entry:
@@ -124,7 +101,7 @@ class _Entry:
 
     def __init__(
         self,
-        written: Written,
+        written: ExperimentFile,
         index: int,
         entry: TaskEntry,
         collector: Collector,
@@ -148,6 +125,7 @@ class _Entry:
             return
         axes = self._replaced(list(self._axes(known)), known)
         laid = self._modifiers()
+        self._check_policies()
         if len(self.collector.diagnostics) > before or not self._is_payable(axes, laid):
             return
         varied = tuple(name for axis in axes for name in axis.names if axis.size != 1)
@@ -171,23 +149,28 @@ class _Entry:
                 self._report(error, ("modifiers", i))
         return found
 
+    def _check_policies(self) -> None:
+        for i, policy in enumerate(self.written.experiment.policies):
+            try:
+                actor_of(self.task, policy)
+            except SpecError as error:
+                place = self.document.span(("policies", i))
+                self.collector.extend(replace(d, span=place) for d in error.diagnostics)
+
     def _source(self) -> str:
         """The task as `registry.load` takes it: paths start from the file's folder."""
         name = self.entry.task
-        return (
-            str(self.written.folder / name)
-            if name.endswith((".yaml", ".yml")) and not Path(name).is_absolute()
-            else name
-        )
+        is_relative = name.endswith((".yaml", ".yml")) and not Path(name).is_absolute()
+        return str(self.written.folder / name) if is_relative else name
 
     # -- axes -------------------------------------------------------------------------------------------------------
 
-    def _axes(self, known: Sequence[Parameter]) -> Iterator[_Axis]:
+    def _axes(self, known: Sequence[Parameter]) -> Iterator[Axis]:
         kinds = {key: p for p in known for key in (p.name, p.alias) if key}
         for section in ("parameters", "zip"):
             for name in getattr(self.entry, section):
                 if name not in kinds:
-                    self._unknown((section, name), name, known)
+                    self._unknown((section, name), name)
         for name, values in self.entry.parameters.items():
             if name not in kinds:
                 continue
@@ -198,12 +181,12 @@ class _Entry:
                 self._too_many(count(values), ("parameters", name))
             else:
                 found = listed(values, kinds[name].kind)
-                yield _Axis((kinds[name].name,), found if callable(found) else [(v,) for v in found])
+                yield Axis((kinds[name].name,), found if callable(found) else [(v,) for v in found])
         if self.entry.zip:
             together = tuple(kinds[name].name for name in self.entry.zip if name in kinds)
-            yield _Axis(together, list(zip(*self.entry.zip.values(), strict=True)))
+            yield Axis(together, list(zip(*self.entry.zip.values(), strict=True)))
 
-    def _replaced(self, axes: list[_Axis], known: Sequence[Parameter]) -> list[_Axis]:
+    def _replaced(self, axes: list[Axis], known: Sequence[Parameter]) -> list[Axis]:
         """The axes, with those for which other values were given in their place."""
         keys = {key: p.name for p in known for key in (p.name, p.alias) if key and any(key in s for s in self.instead)}
         self.replaced = frozenset(keys)
@@ -212,17 +195,17 @@ class _Entry:
         kept = [found for axis in axes if (found := axis.without(frozenset(keys.values()))).names]
         return [
             *kept,
-            _Axis(tuple(keys.values()), list(dict.fromkeys(tuple(s[k] for k in keys) for s in self.instead))),
+            Axis(tuple(keys.values()), list(dict.fromkeys(tuple(s[k] for k in keys) for s in self.instead))),
         ]
 
-    def _unknown(self, path: Place, name: str, known: Sequence[Parameter]) -> None:
+    def _unknown(self, path: Place, name: str) -> None:
         try:
             bind(self.task.document, self.task.variant, {name: 0})
         except SpecError as error:
             place = self.document.key_span(("tasks", self.index, *path))
             self.collector.extend(replace(d, span=place) for d in error.diagnostics if d.code == "E702")
 
-    def _is_payable(self, axes: Sequence[_Axis], laid: Sequence[Sequence[Option]]) -> bool:
+    def _is_payable(self, axes: Sequence[Axis], laid: Sequence[Sequence[Option]]) -> bool:
         wanted = self.entry.sample
         many = math.prod(axis.size for axis in axes if not callable(axis.values))
         many = (many if wanted is None else self._count()) * math.prod(map(len, laid))
@@ -242,20 +225,11 @@ class _Entry:
         assert wanted is not None
         return wanted if isinstance(wanted, int) else wanted.count
 
-    def _settings(self, axes: Sequence[_Axis]) -> Iterator[tuple[Values, ...]]:
+    def _settings(self, axes: Sequence[Axis]) -> Iterable[tuple[Values, ...]]:
         """One tuple of values for each axis."""
         if self.entry.sample is None:
-            yield from itertools.product(*(axis.values for axis in axes if not callable(axis.values)))
-            return
-        seed = 0 if isinstance(self.entry.sample, int) else self.entry.sample.seed
-        rng = np.random.default_rng(seed)
-        if any(callable(axis.values) for axis in axes):
-            for _ in range(self._count()):
-                yield tuple(_drawn(axis, rng) for axis in axes)
-            return
-        size = math.prod(axis.size for axis in axes)
-        for i in sorted(rng.permutation(size)[: self._count()].tolist()):
-            yield tuple(_at(axes, i))
+            return combinations(axes)
+        return sample(axes, self._count(), 0 if isinstance(self.entry.sample, int) else self.entry.sample.seed)
 
     def _instance(
         self,
@@ -266,7 +240,7 @@ class _Entry:
         over: Sequence[Option],
     ) -> Instance | None:
         known = self._settled(known, given)
-        values = Setting(
+        values = Assignment(
             known, given, lambda name, start, end: self._value_span(name, start, end), self.collector
         ).values()
         if values is None:
@@ -310,19 +284,3 @@ class _Entry:
         """What is wrong with a task, at the place where the experiment names it, unless it has one of its own."""
         place = self._span(*path)
         self.collector.extend(replace(d, span=place) if d.span is None else d for d in error.diagnostics)
-
-
-def _drawn(axis: _Axis, rng: np.random.Generator) -> Values:
-    if callable(axis.values):
-        return (axis.values(rng),)
-    return axis.values[int(rng.integers(axis.size))]
-
-
-def _at(axes: Sequence[_Axis], index: int) -> list[Values]:
-    """The combination with an index in the product of all axes, the last one changing fastest."""
-    found: list[Values] = []
-    for axis in reversed(axes):
-        index, i = divmod(index, axis.size)
-        assert not callable(axis.values)
-        found.append(axis.values[i])
-    return found[::-1]

@@ -37,7 +37,7 @@ COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Questions:
     """What is asked of every instance: measures of difficulty (None: all), roll-outs, steps per second.
 
     `seconds` is the limit of each exact analysis (None: the usual one).
@@ -60,7 +60,7 @@ class Order:
     variant: str | None
     parameters: Mapping[str, Any]
     modifiers: tuple[str, ...]
-    wanted: Wanted
+    wanted: Questions
 
     def task(self) -> Task:
         """The task.
@@ -76,7 +76,7 @@ def _document(text: Packed) -> Document:
     return unpacked(text)
 
 
-def key(content_hash: str, modifiers: tuple[str, ...], wanted: Wanted) -> str:
+def key(content_hash: str, modifiers: tuple[str, ...], wanted: Questions) -> str:
     """What a result is kept under: the hash of the task's content, of the modifiers, of what is asked, and of the version."""
     content = [content_hash, modifiers, sorted(vars(wanted).items()), __version__]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
@@ -100,7 +100,7 @@ def measure(order: Order) -> dict[str, Any]:
         return {**found, **_speed(task)} if wanted.speed else found
 
 
-def _rolled_out(task: Task, policy: str, wanted: Wanted) -> dict[str, Any]:
+def _rolled_out(task: Task, policy: str, wanted: Questions) -> dict[str, Any]:
     """The mean return of a policy in all episodes of all seeds, half its 95 % confidence interval, and their mean length."""
     parts = [recorded(task, policy, wanted.episodes, None, seed * wanted.episodes, 1) for seed in range(wanted.seeds)]
     means = [Return.estimated(part.returns(task.discount)) for part in parts]

@@ -10,7 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from taskspec.experiments.results import Row
+from taskspec.experiments.results import Measured
 from taskspec.extras import need
 from taskspec.files import write_bytes
 from taskspec.task.schema import Experiment
@@ -31,7 +31,7 @@ SHOWN = ("optimal", "expert", "random")
 MAPPED = ("optimal", "random")
 
 
-def draw(experiment: Experiment, rows: Sequence[Row], path: Path) -> None:
+def draw(experiment: Experiment, rows: Sequence[Measured], path: Path) -> None:
     """Write an SVG, PNG or PDF file; the same rows give the same bytes.
 
     Raises:
@@ -50,7 +50,7 @@ def draw(experiment: Experiment, rows: Sequence[Row], path: Path) -> None:
     write_bytes(path, picture.getvalue())
 
 
-def figure(experiment: Experiment, rows: Sequence[Row]) -> Any:
+def figure(experiment: Experiment, rows: Sequence[Measured]) -> Any:
     """The picture as matplotlib's `Figure`; instances without results are left out."""
     figures = need("matplotlib.figure", "figures")
     panels = _panels(experiment, [row for row in rows if row.error is None])
@@ -70,13 +70,13 @@ class _Panel:
     """Rows of one task, along one parameter or two; for a heat map, `show` is what it maps."""
 
     title: str
-    rows: tuple[Row, ...]
+    rows: tuple[Measured, ...]
     x: str | None
     y: str | None = None
     show: tuple[str, ...] = SHOWN
 
 
-def _panels(experiment: Experiment, rows: Sequence[Row]) -> list[_Panel]:
+def _panels(experiment: Experiment, rows: Sequence[Measured]) -> list[_Panel]:
     found: list[_Panel] = []
     for _, group in itertools.groupby(rows, key=lambda row: row.instance.entry):
         some = tuple(group)
@@ -98,18 +98,18 @@ def _panels(experiment: Experiment, rows: Sequence[Row]) -> list[_Panel]:
     return found
 
 
-def _differs(rows: Sequence[Row], name: str) -> bool:
+def _differs(rows: Sequence[Measured], name: str) -> bool:
     return len({row.values.get(name) for row in rows}) > 1
 
 
-def _fixed(row: Row) -> list[str]:
+def _fixed(row: Measured) -> list[str]:
     """The modifiers that are the same in a whole panel."""
     return [text for text in row.instance.modifiers if text.partition("=")[0] not in row.instance.varied]
 
 
-def _parts(rows: Sequence[Row], names: Sequence[str]) -> list[tuple[dict[str, Any], tuple[Row, ...]]]:
+def _parts(rows: Sequence[Measured], names: Sequence[str]) -> list[tuple[dict[str, Any], tuple[Measured, ...]]]:
     """Rows by the values of parameters that have no axis."""
-    found: dict[tuple[str, ...], list[Row]] = {}
+    found: dict[tuple[str, ...], list[Measured]] = {}
     for row in rows:
         found.setdefault(tuple(repr(row.instance.varied[n]) for n in names), []).append(row)
     return [({n: part[0].instance.parameters[n] for n in names}, tuple(part)) for part in found.values()]
@@ -140,7 +140,7 @@ def _curves(panel: _Panel, axes: Any, experiment: Experiment) -> None:
     _frame(axes, panel, experiment, xs, labels)
 
 
-def _rolled_out(rows: Sequence[Row], xs: Sequence[float], axes: Any) -> None:
+def _rolled_out(rows: Sequence[Measured], xs: Sequence[float], axes: Any) -> None:
     names = list(dict.fromkeys(name for row in rows for name in row.policies))
     for i, name in enumerate(names):
         found = [(x, row.policies[name]) for x, row in zip(xs, rows, strict=True) if name in row.policies]
@@ -169,7 +169,7 @@ def _frame(axes: Any, panel: _Panel, experiment: Experiment, xs: Sequence[float]
     axes.legend(fontsize=6.5, frameon=False)
 
 
-def _positions(rows: Sequence[Row], x: str | None) -> tuple[list[float], list[str] | None]:
+def _positions(rows: Sequence[Measured], x: str | None) -> tuple[list[float], list[str] | None]:
     """Where rows stand along the axis; names instead of numbers, where these are none."""
     values = (
         [row.instance.id.removeprefix(row.instance.task).lstrip("?+") or row.instance.task for row in rows]
@@ -183,7 +183,7 @@ def _positions(rows: Sequence[Row], x: str | None) -> tuple[list[float], list[st
     return [float(names.index(str(v))) for v in values], [str(v) for v in values]
 
 
-def _label(row: Row) -> str:
+def _label(row: Measured) -> str:
     """What an instance is called beside others of its task."""
     return row.instance.id.removeprefix(row.instance.task).lstrip("?+") or row.instance.task
 
@@ -230,7 +230,7 @@ def _norm(values: Sequence[float]) -> str:
     return "log" if known and min(known) > 0 and max(known) > 100 * min(known) else "linear"
 
 
-def _sorted(rows: Sequence[Row], name: str) -> list[str]:
+def _sorted(rows: Sequence[Measured], name: str) -> list[str]:
     values: Mapping[str, Any] = {str(row.instance.varied[name]): row.instance.varied[name] for row in rows}
     return sorted(values, key=lambda text: _key(values[text]))
 

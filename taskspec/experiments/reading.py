@@ -16,7 +16,7 @@ FOLDER = "experiments"
 
 
 @dataclass(frozen=True, eq=False)
-class Written:
+class ExperimentFile:
     """An experiment as it is written: its sections, and the document that knows where each stands."""
 
     experiment: Experiment
@@ -28,7 +28,7 @@ class Written:
         return Path(self.document.origin.name).parent
 
 
-def read(source: str | os.PathLike[str]) -> Written:
+def read(source: str | os.PathLike[str]) -> ExperimentFile:
     """An experiment, by the path of its file, or as `suite/name` one that comes with a suite.
 
     Raises:
@@ -37,7 +37,7 @@ def read(source: str | os.PathLike[str]) -> Written:
     return described(read_file(find(source)))
 
 
-def described(document: Document) -> Written:
+def described(document: Document) -> ExperimentFile:
     """The experiment that a document describes.
 
     Raises:
@@ -46,7 +46,7 @@ def described(document: Document) -> Written:
     found, problems = check_experiment(document)
     raise_if_errors(problems)
     assert found is not None
-    return Written(found, document)
+    return ExperimentFile(found, document)
 
 
 def find(source: str | os.PathLike[str]) -> Path:

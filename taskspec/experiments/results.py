@@ -18,7 +18,7 @@ from taskspec.files import write_bytes, write_text
 
 
 @dataclass(frozen=True)
-class Row:
+class Measured:
     """One instance with what was measured; `error` is why nothing was (None: all is well).
 
     `values` are the numbers by name; `policies` those of roll-outs by name of the policy.
@@ -63,7 +63,7 @@ def _flat(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
-def table(rows: Sequence[Row]) -> tuple[list[str], list[list[Any]]]:
+def table(rows: Sequence[Measured]) -> tuple[list[str], list[list[Any]]]:
     """Names of columns, and the values of every row; None where a row has none."""
     flat = [row.flat() for row in rows]
     names = sorted(dict.fromkeys(name for each in flat for name in each), key=_rank)
@@ -75,7 +75,7 @@ def _rank(name: str) -> int:
     return 0 if name in ("id", "task") else 1 if name.startswith("parameters.") else 2
 
 
-def write_json(rows: Sequence[Row], path: Path) -> None:
+def write_json(rows: Sequence[Measured], path: Path) -> None:
     """A list of one object for each instance."""
     write_text(path, json.dumps([_finite(row.record()) for row in rows], indent=1) + "\n")
 
@@ -92,7 +92,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
-def write_csv(rows: Sequence[Row], path: Path) -> None:
+def write_csv(rows: Sequence[Measured], path: Path) -> None:
     """A line for each instance, under names of columns."""
     names, values = table(rows)
     text = StringIO()
@@ -102,7 +102,7 @@ def write_csv(rows: Sequence[Row], path: Path) -> None:
     write_text(path, text.getvalue())
 
 
-def write_parquet(rows: Sequence[Row], path: Path) -> None:
+def write_parquet(rows: Sequence[Measured], path: Path) -> None:
     """The same columns in Parquet.
 
     Raises:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from taskspec import registry
 from taskspec.experiments.instances import Expanded, Instance, expand
-from taskspec.experiments.measure import Order, Wanted, key, measure
-from taskspec.experiments.reading import Written
-from taskspec.experiments.results import Row
+from taskspec.experiments.measure import Order, Questions, key, measure
+from taskspec.experiments.reading import ExperimentFile
+from taskspec.experiments.results import Measured
 from taskspec.limits import limits
 from taskspec.runs import Job, JobResult, Standing, Store, run
 from taskspec.source import packed
@@ -22,16 +22,16 @@ class Swept:
     """What a sweep found, an entry for each instance, in the order of the experiment."""
 
     experiment: Experiment
-    rows: tuple[Row, ...]
+    rows: tuple[Measured, ...]
 
     @property
-    def failed(self) -> tuple[Row, ...]:
+    def failed(self) -> tuple[Measured, ...]:
         """The instances that could not be measured."""
         return tuple(row for row in self.rows if row.error is not None)
 
 
 def sweep(
-    written: Written,
+    written: ExperimentFile,
     store: Path,
     *,
     expanded: Expanded | None = None,
@@ -70,26 +70,26 @@ def sweep(
     return Swept(written.experiment, tuple(_row(i, jobs.get(i.id), done.rows) for i in found.instances))
 
 
-def wanted_of(experiment: Experiment) -> Wanted:
+def wanted_of(experiment: Experiment) -> Questions:
     """What an experiment asks of every instance."""
     measures = None if experiment.measures is None else tuple(experiment.measures)
-    return Wanted(
+    return Questions(
         measures, tuple(experiment.policies), experiment.seeds, experiment.episodes, experiment.speed,
         limits().seconds,
     )  # fmt: skip
 
 
-def _job(instance: Instance, wanted: Wanted) -> Job:
+def _job(instance: Instance, wanted: Questions) -> Job:
     task = registry.load(instance.source, instance.variant)
     order = Order(packed(task.document), task.suite, task.variant, instance.parameters, instance.modifiers, wanted)
     return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (order,))
 
 
-def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult]) -> Row:
+def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult]) -> Measured:
     if job is None:
-        return Row(instance, "failed", error=instance.problem)
+        return Measured(instance, "failed", error=instance.problem)
     found = results[job.key]
     if found.status != "done":
-        return Row(instance, found.status, error=found.message, seconds=found.seconds)
+        return Measured(instance, found.status, error=found.message, seconds=found.seconds)
     values = dict(found.value)
-    return Row(instance, "done", values, values.pop("policies", {}), seconds=found.seconds)
+    return Measured(instance, "done", values, values.pop("policies", {}), seconds=found.seconds)

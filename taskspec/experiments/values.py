@@ -83,7 +83,7 @@ def misplaced(written: Any) -> str | None:
     return None
 
 
-class Setting:
+class Assignment:
     """Values for all parameters of a task, those that are expressions worked out from the others.
 
     Args:

@@ -60,14 +60,16 @@ def build(
     return _Build(validated(merged), merged, Collector()).checked(dict(parameters or {}), suite)
 
 
-class Bound(NamedTuple):
+class BoundParameters(NamedTuple):
     """A task's parameters with their values, and the content hash that the task has at them."""
 
     parameters: tuple[Parameter, ...]
     content_hash: str
 
 
-def bind(document: Document, variant: str | None = None, parameters: Mapping[str, Any] | None = None) -> Bound:
+def bind(
+    document: Document, variant: str | None = None, parameters: Mapping[str, Any] | None = None
+) -> BoundParameters:
     """The parameters of a document's task, bound to the given values or their defaults; the rest of it is not looked at.
 
     Raises:
@@ -139,7 +141,7 @@ class _Build:
             place = self.merged.span(("name",))
             raise SpecError([Diagnostic(refused.code, place, refused.message, refused.hint)]) from None
 
-    def bound(self, given: dict[str, Any]) -> Bound:
+    def bound(self, given: dict[str, Any]) -> BoundParameters:
         """The parameters alone.
 
         Raises:
@@ -147,7 +149,7 @@ class _Build:
         """
         check_names(self.merged, self.collector)
         self._bind_parameters(given)
-        return Bound(tuple(self.context.parameters), self._hash())
+        return BoundParameters(tuple(self.context.parameters), self._hash())
 
     def _declare(self, given: dict[str, Any]) -> float:
         """What the sections stand on: parameters, constants, components, horizon; gives the discount."""

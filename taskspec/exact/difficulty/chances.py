@@ -20,7 +20,7 @@ RATE = 1_000_000
 
 
 @dataclass(frozen=True)
-class Chances:
+class StepOutcomes:
     """Every outcome (N,) of a step from a state: where it leads, what it pays, whether it ends, its probability.
 
     They are sorted by `state`, and no two are alike. `first` (S + 1,) says where those of each state begin.
@@ -44,7 +44,7 @@ class RandomSteps:
     def __init__(self, model: Model) -> None:
         self.model, self.steps = model, Steps(model.task, as_paid=True)
         self.acting = np.flatnonzero(model.acting)
-        self._known: dict[int, Chances] = {}
+        self._known: dict[int, StepOutcomes] = {}
         if self.steps.branching == np.inf:
             refuse("rewards are drawn from a distribution that has infinitely many outcomes")
         times = (model.horizon or 1) if self.steps.uses_time else 1
@@ -52,13 +52,13 @@ class RandomSteps:
         if size > limits().seconds * RATE:
             refuse(f"random steps have {count(int(size))} outcomes", how_to_raise("seconds", size / RATE))
 
-    def at(self, t: int) -> Chances:
+    def at(self, t: int) -> StepOutcomes:
         time = t if self.steps.uses_time else 0
         if time not in self._known:
             self._known[time] = self._listed(time)
         return self._known[time]
 
-    def _listed(self, t: int) -> Chances:
+    def _listed(self, t: int) -> StepOutcomes:
         parts = list(self._parts(t))
         state, target, reward, ends, weight = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         order = np.lexsort((reward, ends, target, state))
@@ -68,7 +68,7 @@ class RandomSteps:
         at = np.flatnonzero(new)
         total = np.add.reduceat(weight, at) / self.model.n_actions
         first = np.searchsorted(state[at], np.arange(self.model.n_states + 1))
-        return Chances(state[at], target[at], reward[at], ends[at], total, first)
+        return StepOutcomes(state[at], target[at], reward[at], ends[at], total, first)
 
     def _parts(self, t: int) -> Iterator[tuple[Array, ...]]:
         """State, target, reward, end and probability of outcomes, some actions in some states at a time."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.difficulty.chances import Chances, RandomSteps
+from taskspec.exact.difficulty.chances import RandomSteps, StepOutcomes
 from taskspec.exact.model.failure import refuse, scipy_sparse
 from taskspec.exact.model.model import Model
 from taskspec.exact.planning.certified.chains import Chain
@@ -33,13 +33,13 @@ def reward_chance(model: Model) -> float:
     return float(model.start @ chance)
 
 
-def _paid(found: Chances, states: int, later: Array) -> Array:
+def _paid(found: StepOutcomes, states: int, later: Array) -> Array:
     """The chance (S,) of a reward now, or else of one after this step."""
     hit = np.where(found.reward != 0, 1.0, np.where(found.ends, 0.0, later[found.target]))
     return np.bincount(found.state, found.weight * hit, states)
 
 
-def _ever_paid(model: Model, found: Chances) -> Array:
+def _ever_paid(model: Model, found: StepOutcomes) -> Array:
     """The chance (S,) of a reward at some time, without a horizon."""
     n = model.n_states
     unpaid = (found.reward == 0) & ~found.ends
