@@ -65,7 +65,10 @@ def compared(b: Builder, roots: Sequence[Node], bias: int = 0) -> tuple[Node, ..
     def leaf(node: Node) -> Node | None:
         return _comparison(b, node, bias) if isinstance(node, Draw) else None
 
-    return rewrite(roots, leaf, b.remake)
+    found, before = rewrite(roots, leaf, b.remake), tuple(roots)
+    while found != before:  # what a draw was given may have been drawn
+        found, before = rewrite(found, leaf, b.remake), found
+    return found
 
 
 def word_names(draw: Draw) -> tuple[str, ...]:
