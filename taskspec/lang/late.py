@@ -39,6 +39,8 @@ def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
 
 def varies(expr: s.Expr, scope: Scope) -> bool:
     """Whether an expression names what is known only when the task runs, whatever its value comes to."""
+    if isinstance(expr, s.Name):  # most arguments are names
+        return _known_late(expr, scope.lookup(expr.written))
     names = list(s.names(expr))
     measured = {
         id(n) for call in names if isinstance(call, s.Call) and call.function == "len" for n in s.names(call.args)

@@ -45,7 +45,7 @@ def _place(context: Context, at: Any, scope: Scope) -> tuple[Node, ...]:
     found = tuple(node for node in nodes if node is not None)
     if len(found) < len(nodes):
         return ()
-    inner = found[0].type.shape if found else ()
+    inner = next((node.type.shape for node in found if node.type.shape), ())
     shape = (len(found), *inner) if isinstance(at, list) else inner
     if shape != (2,):
         message = f"a place is two numbers, but this has shape {list(shape)}"
