@@ -87,6 +87,9 @@ def cluster() -> None:
 
 
 def main(path: str, log: str, count: str, seconds: str, address: str | None = None) -> None:
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # which who starts us in the background may have turned off
     try:
         with Store(path) as store:
             run(squares(int(count), log, float(seconds)), store, workers=None if address else 2, cluster=address)

@@ -111,4 +111,5 @@ def shipped() -> list[Task]:
 
 @pytest.mark.parametrize("made", shipped(), ids=lambda t: t.id)
 def test_shipped_tasks_make_sense(made: Task) -> None:
-    assert sense(made) == ()
+    accepted = made.spec.accept
+    assert [d for d in sense(made) if d.code not in accepted] == []

@@ -23,7 +23,7 @@ from jsonschema import Draft202012Validator
 from taskspec import source
 from taskspec.cli.new import SCAFFOLD
 from taskspec.diagnostics import SpecError
-from taskspec.task.schema import check_shape, json_schema
+from taskspec.task.schema import check_shape, experiment_schema, json_schema
 
 ROOT = Path(__file__).parent.parent
 SHIPPED = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/**/*.yaml")])
@@ -78,6 +78,9 @@ def test_specs_on_the_pages_are_accepted(page: Path) -> None:
         if "error:" in comment or "skip:" in comment or page.stem == "errors":
             continue
         data = yaml.safe_load(body)
+        if "experiment" in data:
+            Draft202012Validator(experiment_schema()).validate(data)
+            continue
         if "taskspec" in data:
             last = data
         assert marks({**last, **data}) == [], body

@@ -94,6 +94,10 @@ FEATURES: dict[str, dict[str, Any]] = {
     },
     "observation": {"observation": {"space": "box", "s": "s", "o": {"value": "s + 1", "low": 0, "high": 99}}},
     "ends": {"terminal": "s' == 3", "discount": "9/10", "absorbing_reward": "s / 3", "expert": "on"},
+    "memory": {
+        "memory": {"m": {"type": "int", "low": 0, "high": 9, "initial": "s", "next": "min(m + s', 9)"}},
+        "expert": {"a": "on if m > 4 else back"},
+    },
     "claims": {
         "parameters": {"L": {"type": "int", "default": 3, "low": 1, "high": 9}},
         "claims": [

@@ -207,7 +207,7 @@ class Scores:
             raise StaleScores(f"E714: {path} holds scores of {data['id']} as it was; the task has changed since")
         for name in RETURNS:
             data[name] = None if data[name] is None else _return(data[name])
-        return cls(**data)
+        return cls(**data | {"modifiers": tuple(data["modifiers"])})
 
 
 def _return(record: Mapping[str, Any]) -> Return:

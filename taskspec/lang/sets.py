@@ -13,7 +13,7 @@ import numpy as np
 from taskspec.lang import alternatives, batch
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
-from taskspec.lang.ir import Const, Node, Role, draws, reads
+from taskspec.lang.ir import Const, Node, Role, draws, reads, walk
 from taskspec.lang.labels import check_comparable
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
@@ -189,6 +189,8 @@ def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.E
     if outside or draws([node]):
         checker.fail("E312", expr, "a set is enumerated before the task runs; it may use parameters and constants only",
                      "draw an offset from a constant set and add it to the state" if outside else None)  # fmt: skip
+    ints = [v for n in walk([node]) if isinstance(n, Const) and n.type.kind is Kind.INT for v in n.flat]
+    _check_width(checker, expr, 0, *ints)
     count = len(next(iter(columns.values())))
     values = {(Role.VARIABLE, name): np.moveaxis(rows, 0, -1) for name, rows in columns.items()}
     (result,) = batch.evaluate([node], values)

@@ -102,12 +102,13 @@ def _killed(seconds: float | None, trace: Path) -> Iterator[None]:
     if seconds is None:
         yield
         return
-    with trace.open("w") as file:
-        faulthandler.dump_traceback_later(seconds + GRACE, exit=True, file=file)
-        try:
-            yield
-        finally:
-            faulthandler.cancel_dump_traceback_later()
+    handle = os.open(trace, os.O_WRONLY | os.O_TRUNC)  # made by whoever started the process, and thrown away by it
+    faulthandler.dump_traceback_later(seconds + GRACE, exit=True, file=handle)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+        os.close(handle)
 
 
 def _place(error: BaseException) -> str:

@@ -61,5 +61,6 @@ def _is_return(value: Any) -> bool:
 _FITS: dict[str, Callable[[Any], bool]] = {
     "id": lambda x: isinstance(x, str), "content_hash": lambda x: isinstance(x, str),
     "parameters": lambda x: isinstance(x, dict), "why_not_exact": lambda x: x is None or isinstance(x, str),
+    "modifiers": lambda x: isinstance(x, list) and all(isinstance(each, str) for each in x),
     "states": lambda x: x is None or _is_count(x), "actions": lambda x: x is None or _is_count(x),
 }  # fmt: skip

@@ -53,7 +53,7 @@ def _arrangements(draw: Draw, bounds: Bounds) -> float:
 
 TABLE = (
     Variate(  # the count of conditions that hold
-        name="total", kind=Kind.INT, many=None,
+        name="total", kind=Kind.INT, many=None, bounds=lambda draw, args: (0, draw.args[0].type.size),
         outcomes=Enumeration(
             lambda draw, bounds: draw.args[0].type.size + 1, _total,
             steps=lambda draw: 4 * draw.args[0].type.size + 4,  # two products and a sum for each, of what was rounded
@@ -61,7 +61,7 @@ TABLE = (
         ),
     ),
     Variate(  # a permutation, as far as its values are told apart in the places that are looked at
-        name="arrangement", kind=Kind.INT, many=None,
+        name="arrangement", kind=Kind.INT, many=None, bounds=lambda draw, args: (args[0].low, args[0].high),
         outcomes=Enumeration(_arrangements, _arrangement, steps=lambda draw: 1, weighted=False),  # a quotient of whole numbers
     ),
 )  # fmt: skip

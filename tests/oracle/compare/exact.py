@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
@@ -27,11 +28,13 @@ NEAR, TINY = 1e-13, 1e-15
 """By how much of its size a number of the model may be off; and how much more a probability that is computed."""
 PAIRS = 2000
 """The most pairs of states and actions that are listed, over all times."""
+SLOW = 4.0
+"""Seconds of the processor after which the list is given up: each outcome evaluates the whole spec once."""
 
 
 def reference_model(case: Case) -> Model | None:
-    """The model by lists of outcomes, with all rows that an episode of the task may need; None: too large or in doubt."""
-    task, before = case.reference, DOUBTS.count
+    """The model by lists of outcomes, with all rows that an episode of the task may need; None: too large, or in doubt."""
+    task, before, begun = case.reference, DOUBTS.count, time.process_time()
     if not all(c.finite for c in (*task.state, *task.action)) or not is_countable(task):
         return None
     try:
@@ -43,6 +46,8 @@ def reference_model(case: Case) -> Model | None:
             for key in layer:
                 for a in range(len(model.actions)):
                     if any(not math.isfinite(o.reward) for o in model.row(key, a, t)):
+                        return None
+                    if time.process_time() - begun > SLOW:
                         return None
     except Endless:
         return None

@@ -49,7 +49,7 @@ def floor_divide(x: Number, y: Number) -> Number:
     a, b = both(x, y)
     if isinstance(a, float):
         quotient = divide(a, b)
-        return float(math.floor(quotient)) if math.isfinite(quotient) else quotient
+        return float(a // b) if math.isfinite(quotient) and b else quotient
     return a // b if b else 0
 
 
