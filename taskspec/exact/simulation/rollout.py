@@ -16,10 +16,11 @@ from taskspec.exact.model.cost import BYTES
 from taskspec.exact.simulation.points import columns, sampled
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, Role
+from taskspec.lang.types import Kind
 from taskspec.lang.variates.layout import WordLayout
 from taskspec.lang.variates.sample import batch_sampler
 from taskspec.limits import limits
-from taskspec.task.task import Task
+from taskspec.task.task import Component, Task
 
 Array = np.ndarray[Any, Any]
 Key = tuple[Role, str]
@@ -128,13 +129,22 @@ def visited(task: Task) -> Mapping[Key, Array]:
         rollout = Rollout(task, lanes)
         state = rollout.start()
         for t in range(min(STEPS, STEPS if task.horizon is None else task.horizon)):
-            action = choose(state, t, rng)
+            chosen = choose(state, t, rng)
+            action = {c.name: _within(c, chosen[c.name]) for c in task.action}
             parts.append(reads_of(state, action, t) | {(Role.TIME, "t"): np.full(lanes, t)})
             moved = rollout.step(state, action, t)
             if moved.terminal.all() or not _are_numbers(moved.state):
                 break
             state = {n: np.where(moved.terminal, state[n], moved.state[n]) for n in state}
     return columns(parts)
+
+
+def _within(c: Component, values: Array) -> Array:
+    """Actions as the environment takes them: an expert that is yet to be looked at may give others."""
+    if c.type.kind is Kind.BOOL or (not c.is_finite and c.type.kind is Kind.INT):
+        return values
+    low, high = (np.array(ends, values.dtype).reshape(*c.type.shape, 1) for ends in (c.low, c.high))
+    return np.clip(values, low, high)
 
 
 def _held(task: Task) -> Choose:
