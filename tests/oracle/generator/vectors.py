@@ -178,7 +178,9 @@ def of_matrix(c: Context, kind: str, n: int, depth: int) -> Term:
     if which == "product" and kind != "bool" and n <= 3:
         x, y = matrix(c, kind, (n, 2), depth), vector(c, kind, (2,), min(depth, 1))
         args = [x, y] if c.chance(0.6) else [y, matrix(c, kind, (2, n), depth)]
-        return call("dot", args, kind, shape=(n,), size=2 * args[0].size * args[1].size)
+        size = 2 * args[0].size * args[1].size
+        if size < 2**62:
+            return call("dot", args, kind, shape=(n,), size=size)
     rows, columns = (n, 2) if which == "column" else (2, n)
     known = [t for t in c.names if t.kind == kind and t.shape == (rows, columns)]
     x = c.rng.choice(known) if known else matrix(c, kind, (rows, columns), depth)
