@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from taskspec.lang import interval
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Apply, Draw, Node, Read, children, walk
+from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.ranges import INF, Interval, Range
 from taskspec.lang.types import INT_MAX, INT_WIDEST, Kind
@@ -67,7 +67,8 @@ def widest(roots: Iterable[Node], limit: int = INT_WIDEST, reads: Mapping[int, R
                 isinstance(node, Apply) and node.op in OPERATORS and OPERATORS[node.op].rounds
             ):
                 low = max(low, -INT_MAX) if low == -INF else low
-                high = min(high, INT_MAX) if high == INF else high
+                is_time = isinstance(node, Read) and node.role is Role.TIME  # of which one more is observed
+                high = INT_MAX - is_time if high == INF else high
             most = max(-low, high)
             if limit < most < INF:
                 return float(most)
