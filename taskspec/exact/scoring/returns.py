@@ -219,7 +219,7 @@ class Results:
             return None
         solver = self.solvers.of(rule, as_written)
         found = solver.worst() if rule is None else solver.value(rule)
-        if math.isinf(rounded(found.low)) or math.isinf(rounded(found.high)):
+        if not (math.isfinite(rounded(found.low)) and math.isfinite(rounded(found.high))):
             refuse("it has no finite value that floats could hold")
         return found
 

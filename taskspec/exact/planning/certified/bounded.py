@@ -135,9 +135,8 @@ class Bounded:
         q, error = self._through(part, part.step.going, value)
         if self.model.discount != 1:
             q, error = q * self.model.discount, error * self.model.discount
-        error += part.reward_error + (4 * UNIT if more else self.rounding) * (
-            np.abs(q) + np.abs(part.reward) + abs(more)
-        )
+        rounding = 4 * UNIT if more else self.rounding
+        error += part.reward_error + rounding * (np.abs(q) + np.abs(part.reward) + abs(more))
         q += part.reward
         if more:
             q += more

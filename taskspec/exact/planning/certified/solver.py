@@ -40,6 +40,10 @@ class ValueArithmetic(Protocol):
     def preference(self, policy: Any, wanted: Array) -> Array: ...
 
 
+QUIET = np.errstate(over="ignore", invalid="ignore")
+"""Values that no float holds are infinite, or none, and have no finite bounds: that is told of the answer."""
+
+
 class Solver(Protocol):
     """Answers about one model. All are enclosures of the truth."""
 
@@ -72,6 +76,7 @@ class Finite:
     def worst(self) -> Enclosure:
         return self._numbers.at_start(extreme(self._numbers, False))
 
+    @QUIET
     def value(self, rule: Rule) -> Enclosure:
         """The expected return of a policy."""
         if rule.is_best:
@@ -81,6 +86,7 @@ class Finite:
             value = n.follow(policy, n.backup(t, value))
         return n.at_start(value)
 
+    @QUIET
     def probability(self, rule: Rule, states: Array) -> Enclosure:
         """How likely an episode is ever in one of the states (S,), its last one included."""
         n = self._numbers
@@ -98,6 +104,7 @@ class Finite:
             yield t, policy
 
 
+@QUIET
 def extreme(numbers: ValueArithmetic, largest: bool) -> Any:
     """The best (or worst) values (S,) at the first time."""
     if isinstance(numbers, Bounded) and _is_long(numbers) and is_installed("numba"):
