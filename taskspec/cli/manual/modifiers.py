@@ -18,11 +18,13 @@ import taskspec
 from taskspec.exact import scores
 
 task = taskspec.load("derail/RiskyPath", modifiers=["sticky=0.25", {"delay": 2}])
-print(task, scores(task).optimal.value)
+print(task)
+print(scores(task).optimal)
 ```
 
 ```text
-<Task derail/RiskyPath-v0 + sticky=0.25 + delay=2> 4.0
+<Task derail/RiskyPath-v0 + sticky=0.25 + delay=2>
+Return(value=4.0, error=0.0, episodes=0)
 ```
 
 Modifiers are applied one after the other, and the order means something: a shift before a scale is scaled as well. They are
