@@ -42,7 +42,7 @@ class Limits:
     brackets: int = _fixed(100, "nesting of brackets")
     operators: int = _fixed(150, "nesting of operators")
     expansions: int = _limit(50_000, "expressions that definitions and comprehensions write out")
-    expressions: int = _limit(1_000_000, "expressions in all, each as often as it is written out")
+    expressions: int = _limit(250_000, "expressions in all, each as often as it is written out")
     operations: int = _limit(200_000, "operations of a task")
     bits: int = _fixed(256, "bits of a constant")
     elements: int = _limit(2_000_000, "elements of a vector")

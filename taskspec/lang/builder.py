@@ -35,6 +35,7 @@ class Builder:
         self._folded: dict[Any, Const] = {}  # by operator, static values and ids of constants, which `_nodes` keeps
         self._ints: dict[int, Const] = {}
         self._most = limits().operations
+        self.expressions = 0  # that sections came to, each as often as it is written out: what the build cost
         self._sites = 0
         self._written: list[dict[int, Draw]] = []
 
@@ -241,8 +242,9 @@ class Builder:
     def _of(self, flat: Sequence[Any], type: Type) -> Const:
         return self.const(flat[0] if type.is_scalar else flat, type)
 
-    def settle(self) -> None:
-        """The task is built: what backends and exact models make of it is bounded by it, and counts no more."""
+    def settle(self, expressions: int) -> None:
+        """The task is built, of so many expressions: what backends and models make of it is bounded by it, and counts no more."""
+        self.expressions = expressions
         self._folded.clear()
         self._most = sys.maxsize
 

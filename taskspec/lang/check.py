@@ -29,12 +29,12 @@ class Checker(BaseChecker):
 
     def __init__(self, builder: Builder, collector: Collector) -> None:
         super().__init__(builder, collector)
-        self._checked = 0
+        self.checked = 0
         self._most = limits().expressions
 
     def value(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value:
-        self._checked += 1
-        if self._checked > self._most:
+        self.checked += 1
+        if self.checked > self._most:
             message = f"the task has more than {self._most:,} expressions, each counted as often as it is written out"
             hint = how_to_raise("expressions", 2 * self._most)
             raise SpecError([Diagnostic("E314", expr.place.span, message, hint)])

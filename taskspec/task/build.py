@@ -195,7 +195,7 @@ class _Build:
             memory=() if memory is None else memory.lines,
         )  # fmt: skip
         self.collector.raise_if_errors()
-        context.builder.settle()
+        context.builder.settle(context.checker.checked)
         return Task(
             name=self.merged.name, suite=suite, version=self.spec.version, variant=self.merged.variant,
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,

@@ -83,21 +83,24 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
     """Check a task at corners of the declared ranges of its parameters and between them.
 
     Every parameter goes to its ends alone, then all together; a range without an end, or with a far
-    one, is tried up to a few times the default, so that the cost stays bounded. Values that a
-    `require` forbids are passed over.
+    one, is tried up to a few times the default. Values that a `require` forbids are passed over. No more are tried
+    once their builds together have read as many expressions as one task may have.
     """
     task = load(task)
     known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
     found: list[Diagnostic] = []
     tried = []
+    left = limits().expressions
     for values in cases(task):
+        if left <= 0:
+            break
         try:
             other = modify(build(task.document, task.variant, values, task.suite), *task.modifiers)
         except SpecError as error:
-            wrong: Iterable[Diagnostic] = [
-                replace(d, notes=(*d.notes, parameters(values))) for d in error.diagnostics if d.code not in FORBIDDEN
-            ]
+            wrong: Iterable[Diagnostic] = _at(values, error)
+            left -= limits().expressions if any(d.code == "E314" for d in wrong) else 0
         else:
+            left -= other.builder.expressions
             tried.append(values)
             wrong = examine(other, limit).diagnostics
         for diagnostic in wrong:
@@ -105,6 +108,12 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
                 known.add((diagnostic.code, diagnostic.span))
                 found.append(diagnostic)
     return Ranges(tuple(found), tuple(tried))
+
+
+def _at(values: Mapping[str, Any], error: SpecError) -> list[Diagnostic]:
+    """What is wrong with a task at some values of its parameters, if they may go together at all."""
+    noted = (replace(d, notes=(*d.notes, parameters(values))) for d in error.diagnostics)
+    return [d for d in noted if d.code not in FORBIDDEN]
 
 
 def cases(task: Task) -> list[dict[str, Any]]:
