@@ -109,8 +109,8 @@ def _geometric(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     p = b.cast(a["p"], Kind.REAL)
     least = min(map(float, p.flat)) if isinstance(p, Const) else b.bounds(p)[0]
     most = Limits.waiting if isinstance(p, Const) else Limits.trials
-    counts = 1 if least >= 1 else math.inf if least <= 0 else 2 + math.floor(math.log(RARE) / math.log1p(-least))
-    if counts > most:
+    counts = 1 if least >= 1 else math.inf if least <= 0 else 2 + math.log(RARE) / math.log1p(-least)
+    if counts >= most + 1:
         raise Refused(f"Geometric waits for up to {most:,} trials, and with this 'p' for more", "E408",
                       None if isinstance(p, Const) else "give it a bound: `Geometric(clip(p, 0.1, 1))`")  # fmt: skip
     count = int(counts)
