@@ -36,15 +36,21 @@ def same(ours: Any, theirs: Any) -> None:
         np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-12)
 
 
+def pair(task_id: str, mode: AutoresetMode) -> tuple[VectorEnvironment, SyncVectorEnv]:
+    """Ours and Gymnasium's own, after a reset, with actions to draw."""
+    ours = taskspec.make_vec(task_id, num_envs=LANES, backend="numpy", autoreset_mode=mode)
+    theirs = SyncVectorEnv([partial(taskspec.make, task_id)] * LANES, autoreset_mode=mode)
+    ours.action_space.seed(1)
+    same(ours.reset(seed=5), theirs.reset(seed=5))
+    return ours, theirs
+
+
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
 @pytest.mark.parametrize(
     "task_id", ["derail/RiskyPathSeals", "derail/NoisyObsSeals", "derail/ParabolaSeals", "derail/SortSeals"]
 )
 def test_infos_tell_states_as_gymnasiums_own_do(task_id: str, mode: AutoresetMode) -> None:
-    ours = taskspec.make_vec(task_id, num_envs=LANES, backend="numpy", autoreset_mode=mode)
-    theirs = SyncVectorEnv([partial(taskspec.make, task_id)] * LANES, autoreset_mode=mode)
-    ours.action_space.seed(2)
-    same(ours.reset(seed=5), theirs.reset(seed=5))
+    ours, theirs = pair(task_id, mode)
     told = 0
     for _ in range(30):
         if mode == AutoresetMode.DISABLED and ours.time.max() >= (ours.task.horizon or 0):
@@ -62,10 +68,7 @@ def test_infos_tell_states_as_gymnasiums_own_do(task_id: str, mode: AutoresetMod
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 @pytest.mark.parametrize("task_id", TASKS)
 def test_results_and_infos_are_those_of_gymnasiums_own(task_id: str, mode: AutoresetMode) -> None:
-    ours = taskspec.make_vec(task_id, num_envs=LANES, backend="numpy", autoreset_mode=mode)
-    theirs = SyncVectorEnv([partial(taskspec.make, task_id)] * LANES, autoreset_mode=mode)
-    ours.action_space.seed(1)
-    same(ours.reset(seed=5), theirs.reset(seed=5))
+    ours, theirs = pair(task_id, mode)
     ends = 0
     for _ in range(40):
         actions = ours.action_space.sample()

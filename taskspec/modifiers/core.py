@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.lang.builder import Builder
+from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Draw, Node, Read, Role, reads, rewrite
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.entry import Inapplicable
@@ -67,6 +68,12 @@ def inside(task: Task, c: Component) -> Node:
     flat = [min(max(0, a), b) for a, b in zip(c.low, c.high, strict=True)]
     numbers = flat if c.type.kind is Kind.REAL else [int(v) for v in flat]
     return task.builder.const(numbers if c.type.shape else numbers[0], c.type)
+
+
+def noisy(b: Builder, node: Node, std: float) -> Node:
+    """A value with independent normal noise added to each of its elements."""
+    noise = DISTS["Normal"].build(b, {"mean": b.scalar(0), "std": b.scalar(std)}, node.type.shape)
+    return b.apply("add", b.cast(node, Kind.REAL), noise)
 
 
 # -- steps --------------------------------------------------------------------------------------------------------

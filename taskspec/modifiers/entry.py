@@ -111,6 +111,9 @@ def _digits(value: float) -> str:
     return f"{int(value):,}" if value == int(value) else f"{value:g}"
 
 
+STD = ModifierArgument("std", "real", "the standard deviation", low=0, high=1e9, sample=lambda task: 0.5)
+"""The argument of modifiers that add normal noise."""
+
 StandIn: TypeAlias = Literal["modified as well", "unaffected", "lost"]
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 
 from taskspec.diagnostics import suggest
 from taskspec.lang.dists import DISTS
-from taskspec.lang.ir import Node, Role
+from taskspec.lang.ir import Role
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.actions import SEED, permutations
-from taskspec.modifiers.core import combinations, free, joint, looked_up, observing, real_space
-from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, unaffected
+from taskspec.modifiers.core import combinations, free, joint, looked_up, noisy, observing, real_space
+from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, unaffected
 from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
 
 
@@ -39,21 +40,15 @@ def _distractors(task: Task, given: Arguments) -> Task:
 
 
 def _noise(task: Task, given: Arguments) -> Task:
-    b, seen, std = task.builder, task.observation, given["std"]
+    b, seen = task.builder, task.observation
     with b.written(apart=True) as drawn:
-        nodes = [_noisy(task, node, std) for node in seen.nodes]
+        nodes = [noisy(b, node, given["std"]) for node in seen.nodes]
     components = [
         replace(c, type=Type(Kind.REAL, c.type.shape), domain=None, low=(-math.inf,) * c.type.size,
                 high=(math.inf,) * c.type.size)
         for c in seen.components
     ]  # fmt: skip
     return observing(task, components, nodes, real_space(task), drawn)
-
-
-def _noisy(task: Task, node: Node, std: float) -> Node:
-    b = task.builder
-    noise = DISTS["Normal"].build(b, {"mean": b.scalar(0), "std": b.scalar(std)}, node.type.shape)
-    return b.apply("add", b.cast(node, Kind.REAL), noise)
 
 
 def _dropout(task: Task, given: Arguments) -> Task:
@@ -105,50 +100,44 @@ def _says_relabelled(task: Task, given: Arguments) -> str:
 _COUNT = ModifierArgument("count", "int", "how many", low=1, high=100_000, sample=lambda task: 3)
 _KIND = ModifierArgument("kind", "word", "standard normal numbers, or uniform ones from -1 to 1", "normal",
                          words=("normal", "uniform"))  # fmt: skip
+_entry = partial(ModifierEntry, keeps="every policy's return", abstraction=unaffected)
 _LAWS = {"normal": r"\mathcal{N}(0, 1)", "uniform": r"\operatorname{Unif}(-1, 1)"}
 TABLE = (
-    ModifierEntry(
+    _entry(
         "relabelled", (SEED,), "What is observed is one number, and a seed deals out which; nothing tells that two are alike.",
-        _relabelled, _says_relabelled, keeps="every policy's return", abstraction=unaffected, needs="finite observations",
+        _relabelled, _says_relabelled, needs="finite observations",
     ),
-    ModifierEntry(
+    _entry(
         "distractors", (_COUNT, _KIND), "Numbers that mean nothing are observed as well, drawn anew in every step.",
         _distractors,
         lambda task, given: f"${given['count']}$ more numbers are observed, independently drawn from ${_LAWS[given['kind']]}$ "
         "in every step",
-        keeps="every policy's return", abstraction=unaffected,
     ),
-    ModifierEntry(
-        "observation_noise", (
-            ModifierArgument("std", "real", "the standard deviation", low=0, high=1e9, sample=lambda task: 0.5),
-        ),
-        "Normal noise is added to every number observed.",
+    _entry(
+        "observation_noise", (STD,), "Normal noise is added to every number observed.",
         _noise,
         lambda task, given: rf"noise from $\mathcal{{N}}(0, {given['std']:g}^2)$ is added to every number observed",
-        keeps="every policy's return", abstraction=unaffected,
     ),
-    ModifierEntry(
+    _entry(
         "dropout", (
             ModifierArgument("probability", "real", "how likely each number is lost", low=0, high=1, sample=lambda task: 0.25),
         ),
         "Each number observed is 0 with this probability.",
         _dropout,
         lambda task, given: f"each number observed is 0 with probability ${given['probability']:g}$, independently",
-        keeps="every policy's return", abstraction=unaffected,
     ),
-    ModifierEntry(
+    _entry(
         "hidden", (
             ModifierArgument("name", "word", "which component of the observation",
                              sample=lambda task: task.observation.components[0].name),
         ),
         "A component of the observation is left out.",
         _hidden, lambda task, given: f"`{given['name']}` is not observed",
-        keeps="every policy's return", abstraction=unaffected, needs="another component that is observed",
+        needs="another component that is observed",
     ),
-    ModifierEntry(
+    _entry(
         "time_observed", (), "The number of steps taken is added to the observation.",
         _timed, lambda task, given: "the number of steps taken is observed as well",
-        keeps="every policy's return", abstraction=unaffected, claims=True,
-        needs="a horizon, where observations are declared finite",
+        claims=True, needs="a horizon, where observations are declared finite",
     ),
 )  # fmt: skip

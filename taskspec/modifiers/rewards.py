@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Const
 from taskspec.lang.types import Kind
-from taskspec.modifiers.core import after_step, last, paying, step_draws
-from taskspec.modifiers.entry import Arguments, ModifierArgument, ModifierEntry, as_well
+from taskspec.modifiers.core import after_step, last, noisy, paying, step_draws
+from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, as_well
 from taskspec.modifiers.later import TABLE as LATER
 from taskspec.modifiers.potential import potential
 from taskspec.task.task import Component, Task
@@ -22,10 +21,9 @@ def _changed(task: Task, op: str, given: float) -> Task:
 
 
 def _noise(task: Task, given: Arguments) -> Task:
-    b = task.builder
     with step_draws(task) as with_draws:
-        noise = DISTS["Normal"].build(b, {"mean": b.scalar(0), "std": b.scalar(given["std"])}, ())
-    return with_draws(paying(task, b.apply("add", task.reward, noise)))
+        reward = noisy(task.builder, task.reward, given["std"])
+    return with_draws(paying(task, reward))
 
 
 def _shaped(task: Task, given: Arguments) -> Task:
@@ -69,10 +67,7 @@ TABLE = (
         abstraction=as_well,
     ),
     ModifierEntry(
-        "reward_noise", (
-            ModifierArgument("std", "real", "the standard deviation", low=0, high=1e9, sample=lambda task: 0.5),
-        ),
-        "Normal noise is added to every reward.",
+        "reward_noise", (STD,), "Normal noise is added to every reward.",
         _noise,
         lambda task, given: rf"noise from $\mathcal{{N}}(0, {given['std']:g}^2)$ is added to every reward",
         keeps="every policy's return", abstraction=as_well,
