@@ -30,6 +30,7 @@ REFUSED = [
     (["new", "1st"], 1, "E205"),
     (["explain", "E999"], 1, "no code 'E999'"),
     (["run", "Branching", "--policy", "bogus"], 1, "no policy 'bogus'"),
+    (["run", "Branching", "--policy", "random(x)"], 1, "no policy 'random(x)'"),
     (["run", "Branching", "--policy", "nope.json"], 1, "E710"),
     (["check", "--format", "xml"], 2, "text, json, github"),
     (["run", "Branching", "--json", "--render", "ansi"], 2, "do not go together"),

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-import math
-import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from taskspec.exact.model.failure import misused, refuse
-from taskspec.exact.scoring.returns import Given, Results
+from taskspec.exact.scoring.named import planned
+from taskspec.exact.scoring.returns import Results
 from taskspec.exact.simulation.rollout import State, by_expert
 from taskspec.lang.ir import Read, Role, reads
 from taskspec.registry import load
 from taskspec.task import spaces
 from taskspec.task.memory import recall
-from taskspec.task.task import Soft, Task, TaskLike
+from taskspec.task.task import Task, TaskLike
 
 if TYPE_CHECKING:
     import gymnasium
 
 Array = np.ndarray[Any, Any]
-_SOFT = re.compile(r"soft\((.+)\)")
 
 
 class Expert:
@@ -41,7 +39,9 @@ class Expert:
 
     def __init__(self, task: TaskLike, policy: str | None = None, *, seed: int = 0) -> None:
         task = load(task)
-        self.given = _given(policy)
+        self.given = None if policy is None else planned(str(policy))
+        if policy is not None and self.given is None:
+            misused(f"{policy!r} is no expert", '"optimal", or "soft(1)" with a number')
         if task.expert is None and self.given is None:
             refuse(f"{task.name} gives no expert")
         self.task, self.results = task, Results(task, expert=self.given)
@@ -152,22 +152,6 @@ class Expert:
             value = np.array(flats[self.where[c.name]]).reshape(*c.type.shape, 1)
             state[c.name] = value if c.type.kind == 2 else np.rint(value).astype(np.int64)
         return state
-
-
-def _given(policy: str | None) -> Given:
-    """The expert of a name; None for that of the spec."""
-    if policy is None:
-        return None
-    if policy == "optimal":
-        return "optimal"
-    found = _SOFT.fullmatch(str(policy))
-    try:
-        beta = float(found[1]) if found else math.nan
-    except ValueError:
-        beta = math.nan
-    if not math.isfinite(beta):
-        misused(f"{policy!r} is no expert", '"optimal", or "soft(1)" with a number')
-    return Soft(beta)
 
 
 def _stacked(rows: tuple[tuple[Any, ...], ...]) -> Array:

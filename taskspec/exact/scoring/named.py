@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 
@@ -45,7 +45,7 @@ NAMES = {
 _CALL = re.compile(r"(\w+)\((.+)\)")
 
 
-class Named:
+class Named(Protocol):
     """A policy that knows the state.
 
     Attributes:
@@ -67,7 +67,7 @@ class Named:
             t: the steps taken so far in each of the N episodes.
             words: uint32 (words, N), fresh for each of them.
         """
-        raise NotImplementedError
+        ...
 
     def plan(self, model: Model) -> Plan:
         """What it does in the states of an exact model of its task: probabilities (A, S) at each time.
@@ -75,12 +75,12 @@ class Named:
         Raises:
             SpecError: E712, where that is not known.
         """
-        raise NotImplementedError
+        ...
 
     @property
     def value(self) -> Return | None:
         """Its expected return, computed from the exact model; None where there is none."""
-        raise NotImplementedError
+        ...
 
 
 def named(task: Task, name: str) -> Named:
@@ -90,19 +90,27 @@ def named(task: Task, name: str) -> Named:
         SpecError: E712, where an exact model is needed and there is none; E713 for a name that is none, or that this task does
             not have.
     """
-    found = _CALL.fullmatch(name)
-    match (found[1], _number(found[2])) if found else (name, None):
+    given = planned(name)
+    if given is not None:
+        return _Planned(task, name, given)
+    match _read(name):
         case ("random", None):
             return _Random(task)
         case ("expert", None):
             return _expert(task)
-        case ("optimal", None):
-            return _Planned(task, name, "optimal")
-        case ("soft", float(beta)) if math.isfinite(beta):
-            return _Planned(task, name, Soft(beta))
         case ("epsilon", float(chance)) if 0 <= chance <= 1:
             return _Epsilon(task, name, chance)
     unknown(name)
+
+
+def planned(name: str) -> Given:
+    """What is planned on the exact model under a name, "optimal" or "soft(1)"; None for other names."""
+    match _read(name):
+        case ("optimal", None):
+            return "optimal"
+        case ("soft", float(beta)) if math.isfinite(beta):
+            return Soft(beta)
+    return None
 
 
 def unknown(name: str, others: tuple[str, ...] = ()) -> NoReturn:
@@ -113,17 +121,19 @@ def unknown(name: str, others: tuple[str, ...] = ()) -> NoReturn:
     misused(f"there is no policy '{name}'", hint or ", ".join((*NAMES, *others)))
 
 
-def _number(text: str) -> float | None:
+def _read(name: str) -> tuple[str, float | None]:
+    """A name of a policy, and its number, None where it has none."""
+    found = _CALL.fullmatch(name)
     try:
-        return float(text)
+        return (found[1], float(found[2])) if found else (name, None)
     except ValueError:
-        return None
+        return name, None
 
 
 # -- kinds --------------------------------------------------------------------------------------------------------
 
 
-class _Random(Named):
+class _Random:
     """Uniformly random actions."""
 
     name = "random"
@@ -173,7 +183,7 @@ def _expert(task: Task) -> Named:
     return _Expressed(task) if isinstance(task.expert, tuple) else _Planned(task, "expert", None)
 
 
-class _Expressed(Named):
+class _Expressed:
     """An expert given by expressions over the state and the time."""
 
     name = "expert"
@@ -198,7 +208,7 @@ class _Expressed(Named):
         return _computed(Results(self.task), "expert")
 
 
-class _Planned(Named):
+class _Planned:
     """A plan on the exact model, or on that of the abstraction."""
 
     words = 1
@@ -224,7 +234,7 @@ class _Planned(Named):
         return _computed(self.results, "expert")
 
 
-class _Epsilon(Named):
+class _Epsilon:
     """The expert, or the optimum where the spec gives none, but uniformly random with a probability at every step."""
 
     def __init__(self, task: Task, name: str, chance: float) -> None:
