@@ -19,8 +19,8 @@ from taskspec.extras import is_installed
 from taskspec.progress import tell
 
 Array = np.ndarray[Any, Any]
-LARGE, LONG = 500_000, 100_000_000
-"""Entries, and entries times steps, from which compiled sweeps pay."""
+LONG = 100_000_000
+"""Entries times steps from which compiled sweeps pay: NumPy takes four seconds for as many, and compiling may take six."""
 
 
 class ValueArithmetic(Protocol):
@@ -121,8 +121,7 @@ def extreme(numbers: ValueArithmetic, largest: bool) -> Any:
 
 def _is_long(numbers: Bounded) -> bool:
     """Whether compiled sweeps pay for their compilation."""
-    entries = numbers.model.entries
-    return entries >= LARGE or entries * numbers.horizon >= LONG
+    return numbers.model.entries * numbers.horizon >= LONG
 
 
 class Solvers:
