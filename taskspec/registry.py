@@ -63,20 +63,15 @@ def shipped() -> dict[str, Entry]:
 def entries(folder: Path) -> Iterable[Entry]:
     """The tasks of a suite's folder, in order of file and variant."""
     for path, text in _texts(folder):
-        if not scan.is_experiment(text):
+        if scan.kind(text) == "taskspec":
             found = scan.scan(text)
             for name, variant in found.tasks:
                 yield Entry(folder.resolve().name, name, found.version, path, variant)
 
 
-def spec_files(folder: Path) -> list[Path]:
-    """The specs of a folder, sorted by name."""
-    return [path for path, text in _texts(folder) if not scan.is_experiment(text)]
-
-
-def experiment_files(folder: Path) -> list[Path]:
-    """The experiments of a folder, sorted by name."""
-    return [path for path, text in _texts(folder) if scan.is_experiment(text)]
+def files_in(folder: Path, kind: scan.Kind = "taskspec") -> list[Path]:
+    """The specs of a folder, or its files of another kind, sorted by name."""
+    return [path for path, text in _texts(folder) if scan.kind(text) == kind]
 
 
 def _texts(folder: Path) -> Iterable[tuple[Path, str]]:

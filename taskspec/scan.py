@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal, TypeAlias, cast
 
 REQUIRED = ("state", "action", "initial", "dynamics", "reward", "horizon")
 """Sections without which a spec, or a variant of it, is not a task."""
@@ -22,12 +23,15 @@ _CLOSED = {"{": "}", "[": "]", '"': '"', "'": "'"}
 """How a value that ends on its line ends, by how it begins; any other may go on at the margin."""
 
 
-_EXPERIMENT = re.compile(r"^experiment *:", re.MULTILINE)
+Kind: TypeAlias = Literal["taskspec", "experiment", "exam", "findings"]
+"""What a YAML file holds, by the key that says so: a spec, or something that goes with specs."""
+_OTHERS = re.compile(r"^(experiment|exam|findings) *:", re.MULTILINE)
 
 
-def is_experiment(text: str) -> bool:
-    """Whether a file's text is an experiment, and no spec."""
-    return _EXPERIMENT.search(text) is not None
+def kind(text: str) -> Kind:
+    """What a file's text is; a spec unless it says otherwise."""
+    found = _OTHERS.search(text)
+    return cast(Kind, found[1]) if found else "taskspec"
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,7 @@ from gymnasium.envs.registration import registry as gym_registry
 
 from taskspec import registry
 from taskspec.cli import manual, specs
-from taskspec.cli.checking import check_experiment_file, check_file
+from taskspec.cli.checking import check_file, check_other
 from taskspec.cli.targets import files_of
 from tests.conftest import needs_vectors
 
@@ -185,7 +185,7 @@ def read_spec(block: Block, page: Page) -> None:
     if re.search(r"^experiment:", block.body, re.MULTILINE):
         path = page.folder / (block.value if block.key == "file" else "experiment.yaml")
         path.write_text(block.body, encoding="utf-8")
-        assert not check_experiment_file(path).diagnostics
+        assert not check_other(path, "experiment").diagnostics
         return
     if re.search(r"^taskspec:", block.body, re.MULTILINE):
         path = page.folder / (block.value if block.key == "file" else "spec.yaml")

@@ -20,6 +20,7 @@ from taskspec.lang.ir import draws
 from taskspec.task.build import build
 from taskspec.task.merge import variant_names
 from taskspec.task.task import Task
+from tests.shared.specs import specs
 
 ROOT = Path(__file__).parents[1]
 SPEC: dict[str, Any] = {
@@ -179,7 +180,7 @@ def test_what_cannot_be_enumerated_is_refused_before_it_costs() -> None:
 
 def tasks() -> list[Task]:
     found = []
-    for path in sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/*.yaml")]):
+    for path in specs("tasks/*/*.yaml", "tests/specs/*.yaml"):
         document = source.read(path)
         for variant in variant_names(document.data).values():
             try:

@@ -24,9 +24,10 @@ from taskspec import source
 from taskspec.cli.new import SCAFFOLD
 from taskspec.diagnostics import SpecError
 from taskspec.task.schema import check_shape, experiment_schema, json_schema
+from tests.shared.specs import specs
 
 ROOT = Path(__file__).parent.parent
-SHIPPED = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/**/*.yaml")])
+SHIPPED = specs("tasks/*/*.yaml", "tests/specs/**/*.yaml")
 PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md"))]
 BROKEN = sorted(ROOT.glob("tests/errors/E2*.yaml"))
 

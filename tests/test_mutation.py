@@ -16,9 +16,10 @@ from taskspec.mutation.expressions import Replacements, changes
 from taskspec.mutation.mutants import written
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.specs import specs
 
 ROOT = Path(__file__).parents[1]
-SPECS = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/*.yaml")])
+SPECS = specs("tasks/*/*.yaml", "tests/specs/*.yaml")
 NAMES = Replacements({"s": ["n"], "n": ["s"], "calm": ["cross"]}, frozenset({"s"}))
 
 # Every change of an expression, counted by hand.

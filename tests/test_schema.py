@@ -17,9 +17,10 @@ from taskspec.cli.targets import File
 from taskspec.diagnostics import SpecError
 from taskspec.task.build import build
 from taskspec.task.schema import Spec, check_shape, json_schema
+from tests.shared.specs import specs
 
 ROOT = Path(__file__).parent.parent
-SPECS = sorted([*ROOT.glob("tasks/*/*.yaml"), *ROOT.glob("tests/specs/*.yaml")])
+SPECS = specs("tasks/*/*.yaml", "tests/specs/*.yaml")
 
 HEAD = "taskspec: 1\nname: Walk\n"
 WHOLE = HEAD + (

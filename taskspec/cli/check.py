@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -19,9 +20,13 @@ if TYPE_CHECKING:
     from taskspec.cli.checking import Checked, FileReport
     from taskspec.cli.proofs import Finding
     from taskspec.exact import Verdict
+    from taskspec.scan import Kind
     from taskspec.task.task import Task
 
 FORMATS = ("text", "json", "github")
+OTHER_NOUNS: dict[Kind, str] = {"experiment": "experiment", "exam": "exam", "findings": "findings file"}
+ENTRIES: dict[Kind, str] = {"experiment": "instance", "exam": "rule", "findings": "finding"}
+"""What files that are no specs are called, and their entries."""
 Format = Annotated[
     str,
     typer.Option(
@@ -48,19 +53,19 @@ def check(
     Every task and variant of the given files and folders: the shape of the spec, the meaning of every expression,
     soundness (with a counterexample where it fails) for the default parameters and at the ends of their ranges, sense,
     and the claims that are made. With [green]-p[/], soundness and sense for those parameters. Of experiments, that
-    every instance exists.
+    every instance exists; of exams and findings, that every rule means something.
 
     Exit status 1 if there is an error.
     """
-    from taskspec.cli.checking import check_experiment_file, check_file, counts
-    from taskspec.cli.targets import checked_choice, experiments_of, files_of
+    from taskspec.cli.checking import check_file, check_other, counts
+    from taskspec.cli.targets import OTHERS, checked_choice, files_of, others_of
 
     start = time.perf_counter()
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
     files = files_of(targets or [], parameters or [], modifiers or [])
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
-    reports = [check_experiment_file(path) for path in experiments_of(targets or [])]
+    reports = [check_other(path, kind) for kind in OTHERS for path in others_of(targets or [], kind)]
     reports += [check_file(file, partial(_examined, sense=not quick, defaults=not file.parameters)) for file in files]
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
@@ -106,8 +111,8 @@ def table_of(reports: Sequence[FileReport]) -> Table:
     table = columns("", "", *(headers if built else ("", "", "")), fold=(1,))
     for report in reports:
         table.add_row(mark(report.diagnostics), VisibleText(report.path, style="title"))
-        if report.instances is not None:
-            table.add_row("", VisibleText(f"  {plural(report.instances, 'instance')}", style="quiet"))
+        if report.kind != "taskspec":
+            table.add_row("", VisibleText(f"  {plural(report.entries, ENTRIES[report.kind])}", style="quiet"))
         for each in report.tasks:
             found = each.finding
             ranges = f"{found.cases} tried" if found.cases else ""
@@ -139,9 +144,13 @@ def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: 
     from taskspec.cli.console import line
 
     tasks = sum(len(report.tasks) for report in reports)
-    experiments = sum(report.instances is not None for report in reports)
-    also = f" and {plural(experiments, 'experiment')}" if experiments else ""
-    what = f"{plural(tasks, 'task')} in {plural(len(reports) - experiments, 'spec')}{also}: "
+    kinds = Counter(report.kind for report in reports)
+    others = [plural(kinds[kind], noun) for kind, noun in OTHER_NOUNS.items() if kinds[kind]]
+    specs = (
+        [f"{plural(tasks, 'task')} in {plural(kinds['taskspec'], 'spec')}"] if kinds["taskspec"] or not others else []
+    )
+    *most, last = [*specs, *others]
+    what = f"{', '.join(most)} and {last}: " if most else f"{last}: "
     found = [(plural(errors, "error"), "bad")] if errors else []
     found += [(plural(warnings, "warning"), "warn")] if warnings else []
     found = found or [("no errors, no warnings", "good")]
@@ -168,7 +177,10 @@ def _print_json(reports: Sequence[FileReport], errors: int, warnings: int, secon
     write_json({
         "errors": errors, "warnings": warnings, "seconds": round(seconds, 4), "diagnostics": records(found), "tasks": tasks,
         "accepted": _accepted(reports),
-        "experiments": [{"path": r.path, "instances": r.instances} for r in reports if r.instances is not None],
+        **{
+            key: [{"path": r.path, ENTRIES[kind] + "s": r.entries} for r in reports if r.kind == kind]
+            for key, kind in (("experiments", "experiment"), ("exams", "exam"), ("findings", "findings"))
+        },
     })  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taskspec import scan
 from taskspec.cli.proofs import Finding, examine
 from taskspec.cli.specs import name_of, task_in, variants_of
 from taskspec.cli.targets import File
@@ -44,13 +45,14 @@ class Checked:
 
 @dataclass(frozen=True, slots=True)
 class FileReport:
-    """One file: its tasks, each of its problems once, and the warnings that it accepts; of an experiment, its instances."""
+    """One file: its tasks, each of its problems once, and the warnings that it accepts; of other kinds, how many entries."""
 
     path: str
     tasks: tuple[Checked, ...]
     diagnostics: tuple[Diagnostic, ...]
     accepted: tuple[Accepted, ...] = ()
-    instances: int | None = None
+    kind: scan.Kind = "taskspec"
+    entries: int = 0
 
 
 def check_file(file: File, prove: Examine = examine) -> FileReport:
@@ -64,15 +66,39 @@ def check_file(file: File, prove: Examine = examine) -> FileReport:
     return FileReport(path, checked, once(checked), accepted_by(checked))
 
 
-def check_experiment_file(path: Path) -> FileReport:
-    """Check an experiment: its shape, and that every instance is one that the task has."""
+def check_other(path: Path, kind: scan.Kind) -> FileReport:
+    """Check a file that is no spec: its shape, and that every entry of it means something."""
+    try:
+        diagnostics, entries = _CHECKS[kind](path)
+    except SpecError as error:
+        return FileReport(str(path), (), error.diagnostics, kind=kind)
+    return FileReport(str(path), (), in_order(diagnostics), kind=kind, entries=entries)
+
+
+def _experiment(path: Path) -> tuple[Sequence[Diagnostic], int]:
     from taskspec.experiments import expand, read
 
-    try:
-        found = expand(read(path))
-    except SpecError as error:
-        return FileReport(str(path), (), error.diagnostics, instances=0)
-    return FileReport(str(path), (), in_order([*found.diagnostics, *found.refused]), instances=len(found.instances))
+    found = expand(read(path))
+    return [*found.diagnostics, *found.refused], len(found.instances)
+
+
+def _exam(path: Path) -> tuple[Sequence[Diagnostic], int]:
+    from taskspec.exam.rules import read_exam
+
+    found = read_exam(path)
+    return found.diagnostics, len(found.rules)
+
+
+def _findings(path: Path) -> tuple[Sequence[Diagnostic], int]:
+    from taskspec.exam.rules import read_findings
+
+    found = read_findings(path)
+    return found.diagnostics, len(found.rules)
+
+
+_CHECKS: dict[scan.Kind, Callable[[Path], tuple[Sequence[Diagnostic], int]]] = {
+    "experiment": _experiment, "exam": _exam, "findings": _findings,
+}  # fmt: skip
 
 
 def check_task(file: File, variant: str | None, prove: Examine) -> Checked:

@@ -116,9 +116,9 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> list[Task
         SpecError: for the first spec, or experiment, that has a mistake.
     """
     from taskspec.cli.specs import task_in, variants_of
-    from taskspec.cli.targets import files_of, is_experiment
+    from taskspec.cli.targets import files_of, kind_of
 
-    named = [target for target in targets if is_experiment(target)]
+    named = [target for target in targets if kind_of(target) == "experiment"]
     others = [target for target in targets if target not in named]
     files = files_of(others, modifiers=modifiers) if others or not named else []
     found = [task_in(file, variant) for file in files for variant in variants_of(file)]

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from taskspec.cli.console import say
+from taskspec.cli.failures import misuse
 from taskspec.files import write_text
 
 Output = Annotated[
@@ -19,8 +20,10 @@ Output = Annotated[
 def schema(
     output: Output = None,
     experiment: Annotated[bool, typer.Option("--experiment", help="That of experiments.")] = False,
+    exam: Annotated[bool, typer.Option("--exam", help="That of exams.")] = False,
+    findings: Annotated[bool, typer.Option("--findings", help="That of findings.")] = False,
 ) -> None:
-    """Print the JSON Schema of specs, or of experiments, for editors.
+    """Print the JSON Schema of specs, or of what goes with them, for editors.
 
     With yaml-language-server (VS Code, Neovim, Helix, Emacs), write it beside your specs:
 
@@ -31,9 +34,16 @@ def schema(
         [green]# yaml-language-server: $schema=taskspec.schema.json[/]
     """
     from taskspec.cli.console import to_json
-    from taskspec.task.schema import experiment_schema, json_schema
+    from taskspec.task.schema import exam_schema, experiment_schema, findings_schema, json_schema
 
-    text = to_json(experiment_schema() if experiment else json_schema())
+    asked = [
+        made
+        for given, made in ((experiment, experiment_schema), (exam, exam_schema), (findings, findings_schema))
+        if given
+    ]
+    if len(asked) > 1:
+        raise misuse("--experiment, --exam and --findings are three schemas; ask for one")
+    text = to_json((asked or [json_schema])[0]())
     if output is None:
         say(text)
         return

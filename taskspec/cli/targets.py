@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from taskspec.task.task import Task
 
 
+OTHERS: tuple[scan.Kind, ...] = ("experiment", "exam", "findings")
+"""Kinds of files that are no specs."""
+
+
 @dataclass(frozen=True, slots=True)
 class File:
     """A spec's file, the variants asked for (None: all that are complete), values of their parameters, and modifiers."""
@@ -76,31 +80,31 @@ def files_of(targets: Sequence[str], parameters: Sequence[str] = (), modifiers: 
     return [file.at(values, modifiers) for file in found for values in settings(parameters)]
 
 
-def experiments_of(targets: Sequence[str]) -> list[Path]:
-    """The experiments among files, in folders and suites, each once; those that come with the suites for no targets."""
-    from taskspec.experiments.reading import shipped
-
+def others_of(targets: Sequence[str], kind: scan.Kind) -> list[Path]:
+    """Files of a kind that is no spec: those named, in folders and suites, each once; for no targets those of the suites."""
     if not targets:
-        return list(map(near, shipped().values()))
-    return list(dict.fromkeys(path for target in targets for path in _experiments(target)))
+        return [near(path) for folder in sorted(registry.tasks_root().iterdir()) for path in _below(folder, kind)]
+    return list(dict.fromkeys(path for target in targets for path in _others(target, kind)))
 
 
-def is_experiment(target: str) -> bool:
-    """Whether a target is the file of an experiment."""
+def kind_of(target: str) -> scan.Kind | None:
+    """What the file is that a target names; None where it names none."""
     path = Path(target)
-    return path.is_file() and scan.is_experiment(path.read_text(encoding="utf-8", errors="replace"))
+    return scan.kind(path.read_text(encoding="utf-8", errors="replace")) if path.is_file() else None
 
 
-def _experiments(target: str) -> list[Path]:
-    from taskspec.experiments.reading import shipped
-
-    path = Path(target)
+def _others(target: str, kind: scan.Kind) -> list[Path]:
+    path, suite = Path(target), registry.tasks_root() / target
     if path.is_file():
-        return [path] if is_experiment(target) else []
-    if not path.is_dir():
-        return [near(at) for at in shipped().values() if at.parent.parent.name == target]
-    below = [path, *(p for depth in ("*", "*/*") for p in sorted(path.glob(depth)) if p.is_dir() and p.name[0] != ".")]
-    return [found for folder in below for found in registry.experiment_files(folder)]
+        return [path] if kind_of(target) == kind else []
+    if path.is_dir():
+        return _below(path, kind)
+    return list(map(near, _below(suite, kind))) if target.isidentifier() and suite.is_dir() else []
+
+
+def _below(folder: Path, kind: scan.Kind) -> list[Path]:
+    folders = [folder, *(p for depth in ("*", "*/*") for p in sorted(folder.glob(depth)))]
+    return [path for p in folders if p.is_dir() and p.name[0] != "." for path in registry.files_in(p, kind)]
 
 
 def _files(target: str) -> list[File]:
@@ -111,7 +115,7 @@ def _files(target: str) -> list[File]:
     if asked.parameters or asked.modifiers:
         return [file.at(asked.parameters, asked.modifiers) for file in _files(asked.name)]
     if registry.is_path(target) or ("/" in target and path.exists()):
-        return [] if _experiments(target) else [File(path, registry.suite_of(path))]
+        return [File(path, registry.suite_of(path))] if kind_of(target) in (None, "taskspec") else []
     suite = [e for e in registry.known().values() if e.suite == target]
     if suite:
         return _of_entries(suite, whole=True)
@@ -130,9 +134,9 @@ def _of_folder(folder: Path) -> list[File]:
     found = [
         File(path, registry.suite_of(path))
         for each in (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")))
-        for path in registry.spec_files(each)
+        for path in registry.files_in(each)
     ]
-    if not found and not _experiments(str(folder)):
+    if not found and not any(_below(folder, kind) for kind in OTHERS):
         raise refuse("E710", f"there is no spec (*.yaml) in '{folder}'", "`taskspec new Name` writes one to start from")
     return found
 

@@ -4,6 +4,14 @@ from __future__ import annotations
 
 from taskspec.task.schema.check import check_shape as check_shape
 from taskspec.task.schema.check import validated as validated
+from taskspec.task.schema.exams import DiagnosisEntry as DiagnosisEntry
+from taskspec.task.schema.exams import ExamDocument as ExamDocument
+from taskspec.task.schema.exams import FindingEntry as FindingEntry
+from taskspec.task.schema.exams import FindingsDocument as FindingsDocument
+from taskspec.task.schema.exams import check_exam as check_exam
+from taskspec.task.schema.exams import check_findings as check_findings
+from taskspec.task.schema.exams import exam_schema as exam_schema
+from taskspec.task.schema.exams import findings_schema as findings_schema
 from taskspec.task.schema.experiments import SPANS as SPANS
 from taskspec.task.schema.experiments import Experiment as Experiment
 from taskspec.task.schema.experiments import TaskEntry as TaskEntry

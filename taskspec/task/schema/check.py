@@ -30,6 +30,12 @@ _EXPECTED = {
     "bool_type": "`true` or `false`",
     "list_type": "a list",
 }
+OTHER_FORMATS = {
+    "experiment": ("an experiment", "`taskspec sweep {}` runs it"),
+    "exam": ("an exam", "`taskspec check {}` checks it"),
+    "findings": ("a list of findings", "`taskspec check {}` checks it"),
+}
+"""Documents that are no specs, by their first key: what they are, and what to do with one."""
 Shape = TypeVar("Shape", bound=BaseModel)
 _MAPPINGS = ("dict_type", "model_type", "model_attributes_type")
 
@@ -54,9 +60,10 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     collector = Collector()
     for other in document.others.values():
         collector.extend(check_shape(other))
-    if isinstance(document.data, dict) and "experiment" in document.data and "taskspec" not in document.data:
-        hint = f"`taskspec sweep {document.origin.name}` runs it"
-        collector.add("E201", document.key_span(("experiment",)), "this is an experiment, and no spec", hint)
+    if key := _other_format(document):
+        what, hint = OTHER_FORMATS[key]
+        message = f"this is {what}, and no spec"
+        collector.add("E201", document.key_span((key,)), message, hint.format(document.origin.name))
     elif isinstance(document.data, dict):
         validate(document, collector, Extension if EXTENDS in document.data else Spec)
         found = (*_format(document.data), *_many(document.data), *_bases(document), *_roles(document.data))
@@ -66,6 +73,13 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
         message = f"a spec is a mapping of sections, not {problems.kind(document.data)}"
         collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
     return collector.diagnostics
+
+
+def _other_format(document: Document) -> str | None:
+    """The key by which a document says that it is something else than a spec."""
+    if not isinstance(document.data, dict) or "taskspec" in document.data:
+        return None
+    return next((key for key in OTHER_FORMATS if key in document.data), None)
 
 
 def validated(merged: Merged) -> Spec:
@@ -127,8 +141,8 @@ def _missing_key(loc: Path) -> Problem:
         message, hint = "the file does not say in which format it is", "start it with `taskspec: 1`"
         return Problem("E203", (), message, hint)
     owner = f"`{loc[-2]}`" if len(loc) > 1 and isinstance(loc[-2], str) else "this entry"
-    if loc == ("experiment",):
-        return Problem("E203", (), "the file does not say in which format it is", "start it with `experiment: 1`")
+    if loc in (("experiment",), ("exam",), ("findings",)):
+        return Problem("E203", (), "the file does not say in which format it is", f"start it with `{loc[0]}: 1`")
     if len(loc) == 1:
         return Problem("E203", (), f"the file has no `{loc[-1]}`")
     return Problem("E203", loc, f"{owner} has no `{loc[-1]}`", None, of_key=True)  # at the owner, or what removes it

@@ -1,0 +1,79 @@
+"""The results that rules are about: scores of seeds, by learner, task and side."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.claims.refusals import Undecidable
+from taskspec.exam.bootstrap import Array
+
+ONE = ""
+"""The learner where there is only one."""
+_VERSIONED = re.compile(r"(?:.*/)?(.+?)(?:-v\d+)?")
+
+
+def short(task: str) -> str:
+    """The name of a task in rules: `RiskyPath` for `derail/RiskyPath-v0`."""
+    found = _VERSIONED.fullmatch(task)
+    return found[1] if found else task
+
+
+def side_of(record: Mapping[str, Any]) -> str:
+    """Which of `SIDES` a score is of; another probe is a side of its own."""
+    probe, twin = record.get("probe"), record.get("twin")
+    return str(probe) if probe else "twin" if twin else "printed"
+
+
+class SeedScores:
+    """Results of learners by name, as `exam.json` holds them; of one learner under the name `ONE`.
+
+    With a floor, scores below it count as that.
+    """
+
+    def __init__(self, exams: Mapping[str, Mapping[str, Any]], floor: float | None = None) -> None:
+        self.floor = floor
+        self.records: dict[tuple[str, str, str], list[Mapping[str, Any]]] = defaultdict(list)
+        self.tasks: dict[str, Mapping[str, Any]] = {}
+        self.ids: dict[str, str] = {}
+        for learner, exam in exams.items():
+            self.ids |= {short(task): task for task in exam["tasks"]}
+            self.tasks |= {short(task): about for task, about in exam["tasks"].items()}
+            for record in exam["scores"]:
+                self.records[learner, short(record["task"]), side_of(record)].append(record)
+
+    def values(self, learner: str, task: str, side: str, entry: str) -> Array:
+        """One number for each seed, the mean over the twins where it was run on several, seeds in order.
+
+        Raises:
+            Undecidable: where there is none.
+        """
+        by_seed: dict[int, list[float]] = defaultdict(list)
+        for record in self.records.get((learner, task, side), ()):
+            if record.get("error") is None and record.get(entry) is not None:
+                by_seed[record["seed"]].append(float(record[entry]))
+        if not by_seed:
+            raise Undecidable(f"nothing is known of {f'{learner} on ' if learner else ''}{_called(task, side)}")
+        found = np.array([np.mean(by_seed[seed]) for seed in sorted(by_seed)])
+        is_score = entry in ("deterministic", "stochastic")
+        return np.maximum(found, self.floor) if is_score and self.floor is not None else found
+
+    def constant(self, task: str) -> float:
+        """The score of the best action that is taken always.
+
+        Raises:
+            Undecidable: where it is not known.
+        """
+        about = self.tasks.get(task, {})
+        found = about.get("constant")
+        if found is None:
+            raise Undecidable(f"the best constant action of {task} is not known")
+        return float(found)
+
+
+def _called(task: str, side: str) -> str:
+    return {"printed": task, "twin": f"twins of {task}"}.get(side, f"{task} with the reward {side}")
