@@ -15,6 +15,7 @@ from taskspec.cli.build import build
 from taskspec.cli.check import check
 from taskspec.cli.data import demos, preferences
 from taskspec.cli.docs import docs, figure
+from taskspec.cli.exam import exam
 from taskspec.cli.explain import explain
 from taskspec.cli.mutate import mutate
 from taskspec.cli.new import new
@@ -43,6 +44,7 @@ COMMANDS = (
     ("solve", solve, USE),
     ("score", score, USE),
     ("sweep", sweep, USE),
+    ("exam", exam, USE),
     ("demos", demos, USE),
     ("preferences", preferences, USE),
     ("docs", docs, PRINT),

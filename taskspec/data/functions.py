@@ -15,8 +15,11 @@ def is_function(name: str) -> bool:
     return ".py:" in name
 
 
-def function_of(name: str) -> Any:
+def function_of(name: str, form: str = "(observation)") -> Any:
     """The function, or the object with `predict`, that a name `model.py:fn` means. The file is run.
+
+    Args:
+        form: what a hint says about its arguments.
 
     Raises:
         SpecError: E710, E711 when there is no such file, or it fails; E713 when it has nothing of that name that acts.
@@ -28,7 +31,7 @@ def function_of(name: str) -> Any:
     found = getattr(_module(path), attribute, None)
     if not (callable(found) or hasattr(found, "predict")):
         message = f"'{place}' has no function '{attribute}', nor an object of that name with `predict`"
-        raise SpecError([Diagnostic("E713", None, message, f"def {attribute or 'act'}(observation): ...")])
+        raise SpecError([Diagnostic("E713", None, message, f"def {attribute or 'act'}{form}: ...")])
     return found
 
 

@@ -287,7 +287,7 @@ def score(
     if returns is not None:
         value = Return.estimated(_numbers(returns))
         return Score(value, measured.normalise(value.value), measured, "returns")
-    found = policy_value(task, policy, deterministic, episodes, seed)
+    found = policy_value(Results(task, episodes, seed), policy, deterministic)
     return Score(found.value, measured.normalise(found.value.value), measured, found.asked)
 
 

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,11 +16,9 @@ from taskspec.envs.measure import programs
 from taskspec.envs.measure.race import race
 from taskspec.exact import Results, Return
 from taskspec.exact.difficulty import difficulty
+from taskspec.experiments.order import Sent
 from taskspec.limits import also
-from taskspec.modifiers import modify
 from taskspec.progress import tell
-from taskspec.source import Document, Packed, unpacked
-from taskspec.task.build import build
 from taskspec.task.task import Task
 
 RETURNS = ("optimal", "expert", "random", "worst")
@@ -53,27 +49,10 @@ class Questions:
 
 @dataclass(frozen=True)
 class Order:
-    """A task, as its text and the values of its parameters, and what is asked of it: it can travel to another machine."""
+    """A task, and what is asked of it."""
 
-    text: Packed
-    suite: str
-    variant: str | None
-    parameters: Mapping[str, Any]
-    modifiers: tuple[str, ...]
+    about: Sent
     wanted: Questions
-
-    def task(self) -> Task:
-        """The task.
-
-        Raises:
-            SpecError: with every mistake found.
-        """
-        return modify(build(_document(self.text), self.variant, self.parameters, self.suite), *self.modifiers)
-
-
-@lru_cache(maxsize=16)
-def _document(text: Packed) -> Document:
-    return unpacked(text)
 
 
 def key(content_hash: str, modifiers: tuple[str, ...], wanted: Questions) -> str:
@@ -90,7 +69,7 @@ def measure(order: Order) -> dict[str, Any]:
     """
     wanted = order.wanted
     with also("" if wanted.seconds is None else f"seconds={wanted.seconds:g}"):
-        task = order.task()
+        task = order.about.task()
         tell("the exact model")
         results = Results(task, wanted.episodes)
         hard = difficulty(results, wanted.measures)

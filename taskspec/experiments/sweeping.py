@@ -9,6 +9,7 @@ from pathlib import Path
 from taskspec import registry
 from taskspec.experiments.instances import Expanded, Instance, expand
 from taskspec.experiments.measure import Order, Questions, key, measure
+from taskspec.experiments.order import Sent
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.results import Measured
 from taskspec.limits import limits
@@ -81,8 +82,8 @@ def wanted_of(experiment: Experiment) -> Questions:
 
 def _job(instance: Instance, wanted: Questions) -> Job:
     task = registry.load(instance.source, instance.variant)
-    order = Order(packed(task.document), task.suite, task.variant, instance.parameters, instance.modifiers, wanted)
-    return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (order,))
+    about = Sent(packed(task.document), task.suite, task.variant, instance.parameters, instance.modifiers)
+    return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (Order(about, wanted),))
 
 
 def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult]) -> Measured:

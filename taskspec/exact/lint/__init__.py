@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-from taskspec.exact.lint.case import Case as Case
+from taskspec.exact.lint.case import Linted as Linted
 from taskspec.exact.lint.run import sense as sense

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 
 
-def endless(case: Case, collector: Collector) -> None:
+def endless(case: Linted, collector: Collector) -> None:
     """W522: a component of the stand-in that has infinitely many values, so that there is no exact model of it."""
     found = case.results.abstraction
     for c in () if found is None else found.stand_in.state:

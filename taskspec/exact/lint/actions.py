@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import SAME, Case
+from taskspec.exact.lint.case import SAME, Linted
 from taskspec.exact.model.inert import differs
 from taskspec.exact.scoring.returns import Return
 from taskspec.exact.simulation.rollout import sampled_actions
@@ -12,7 +12,7 @@ from taskspec.lang.ir import Role, reads
 from taskspec.task.task import Soft, Task
 
 
-def inert(case: Case, collector: Collector) -> None:
+def inert(case: Linted, collector: Collector) -> None:
     """W505: a component of the action that changes nothing."""
     read = reads((*case.task.next, case.task.reward, case.task.terminal))
     for c in case.task.action:
@@ -25,7 +25,7 @@ def inert(case: Case, collector: Collector) -> None:
             collector.add("W505", case.key("action", c.name), message)
 
 
-def expert(case: Case, collector: Collector) -> None:
+def expert(case: Linted, collector: Collector) -> None:
     """W507: an expert below the optimum, or no better than random actions where that is all there is to compare with."""
     found, optimal = case.results.expert, case.results.optimal
     if found is None or isinstance(case.task.expert, Soft) or _says_so(case.task):
@@ -39,7 +39,7 @@ def expert(case: Case, collector: Collector) -> None:
         collector.add("W507", case.key("expert"), message)
 
 
-def _no_better(case: Case, found: Return, collector: Collector) -> None:
+def _no_better(case: Linted, found: Return, collector: Collector) -> None:
     """By simulation: an expert that is one returns more, on average, than random actions do."""
     random = case.results.random or case.results.estimated(sampled_actions(case.task), 200)
     if random is not None and random.value >= found.value:

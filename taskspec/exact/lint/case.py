@@ -21,7 +21,7 @@ SMALL = 3_000_000
 
 
 @dataclass(frozen=True)
-class Case:
+class Linted:
     """A task with what is known of it; `model` only where the task itself (not a stand-in) has one of moderate size."""
 
     task: Task

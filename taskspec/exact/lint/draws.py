@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from taskspec.diagnostics import Collector
 from taskspec.exact.checks.places import SectionScope, distributions
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.exact.lint.names import followed
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
@@ -16,7 +16,7 @@ from taskspec.task.task import Task
 SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation", "expert")
 
 
-def certain(case: Case, collector: Collector) -> None:
+def certain(case: Linted, collector: Collector) -> None:
     """W512: a draw with a single outcome. Where a real parameter has a say, its ends may be why."""
     reals = {p.name for p in case.task.parameters if p.kind == "real"}
     for written, where in _written(case.task):

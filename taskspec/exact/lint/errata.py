@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.task.merge import before
 
 
-def idle_errata(case: Case, collector: Collector) -> None:
+def idle_errata(case: Linted, collector: Collector) -> None:
     """W521: an erratum of a variant about a section that is as it is without the variant."""
     task, merged = case.task, case.merged
     based = before(task.document, task.variant)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.exact.model.space import Reads, shown, words
 from taskspec.exact.simulation.rollout import visited
 from taskspec.lang.basechecker import ClampedIndex
@@ -24,7 +24,7 @@ POINTS = 100_000
 BATCH = 4096
 
 
-def moved(case: Case, collector: Collector) -> None:
+def moved(case: Linted, collector: Collector) -> None:
     """W510: an index that lies outside in a state in which episodes act, where its value matters."""
     task = case.task
     left = {id(m.node): m for m in task.surface.moved}
@@ -54,7 +54,7 @@ def _report(m: ClampedIndex, index: int, reads: Reads, task: Task, collector: Co
 # -- points -------------------------------------------------------------------------------------------------------
 
 
-def _points(case: Case, roots: Sequence[Node]) -> Iterator[Reads]:
+def _points(case: Linted, roots: Sequence[Node]) -> Iterator[Reads]:
     """What is read where episodes act: all of it where there is an exact model, samples elsewhere."""
     model, read = case.model, reads(roots)
     if model is None:

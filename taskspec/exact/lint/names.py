@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.task.task import Task
 
 NAMED = ("parameters", "constants", "definitions", "noise")
@@ -20,7 +20,7 @@ INSTANCE_SEED = "instance_seed"
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
-def unused_names(case: Case, collector: Collector) -> None:
+def unused_names(case: Linted, collector: Collector) -> None:
     """W506: parameters, constants, definitions and noise that nothing depends on."""
     for section, name in unused(case.task):
         what = {"parameters": "parameter", "constants": "constant", "definitions": "definition"}.get(section, "noise")

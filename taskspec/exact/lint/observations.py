@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector, Span
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.exact.lint.names import mentioned
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.space import plain, words
@@ -19,7 +19,7 @@ from taskspec.task.task import Component
 Array = np.ndarray[Any, Any]
 
 
-def leak(case: Case, collector: Collector) -> None:
+def leak(case: Linted, collector: Collector) -> None:
     """W508: the reward is written into the next observation."""
     task = case.task
     if task.observation.is_state:
@@ -39,7 +39,7 @@ def _bare(node: Node) -> Node:
     return node
 
 
-def hidden_goal(case: Case, collector: Collector) -> None:
+def hidden_goal(case: Linted, collector: Collector) -> None:
     """W509: first states that look the same and have no best action in common."""
     model, task = case.model, case.task
     if model is None or task.observation.is_state:
@@ -88,7 +88,7 @@ def _first_looks(model: Model, first: Array) -> Array | None:
 # -- what is seen of the state --------------------------------------------------------------------
 
 
-def constant(case: Case, collector: Collector) -> None:
+def constant(case: Linted, collector: Collector) -> None:
     """W516: a part of the observation that is always the same."""
     for c, node in _shown(case):
         value = _only_value(node, case.model)
@@ -96,7 +96,7 @@ def constant(case: Case, collector: Collector) -> None:
             collector.add("W516", _place(case, c.name), f"'{c.name}' is {words(plain(c, value))} in every observation")
 
 
-def duplicate(case: Case, collector: Collector) -> None:
+def duplicate(case: Linted, collector: Collector) -> None:
     """W517: two parts of the observation that show the same."""
     known: dict[object, str] = {}
     for c, node in _shown(case):
@@ -109,7 +109,7 @@ def duplicate(case: Case, collector: Collector) -> None:
             collector.add("W517", _place(case, c.name), f"'{c.name}' shows the same as '{first}'")
 
 
-def hidden(case: Case, collector: Collector) -> None:
+def hidden(case: Linted, collector: Collector) -> None:
     """W518: a component of the state that the reward depends on and the observation says nothing about."""
     task = case.task
     if task.observation.is_state or any(d.code == "W509" for d in collector.diagnostics):
@@ -121,7 +121,7 @@ def hidden(case: Case, collector: Collector) -> None:
             collector.add("W518", case.key("observation"), message)
 
 
-def _shown(case: Case) -> list[tuple[Component, Node]]:
+def _shown(case: Linted) -> list[tuple[Component, Node]]:
     """What the spec itself says is observed."""
     seen = case.task.observation
     return [] if seen.is_state else list(zip(seen.components, seen.nodes, strict=True))
@@ -148,5 +148,5 @@ def _is_constant(values: Array) -> bool:
     return bool((values == values[..., :1]).all())
 
 
-def _place(case: Case, name: str) -> Span:
+def _place(case: Linted, name: str) -> Span:
     return case.key("observation", name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.exact.lint.names import mentioned
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, walk
 from taskspec.lang.operators import OPERATORS
@@ -14,7 +14,7 @@ from taskspec.lang.types import Kind
 from taskspec.task.task import Component, Task
 
 
-def whole(case: Case, collector: Collector) -> None:
+def whole(case: Linted, collector: Collector) -> None:
     """W513: a real component of the state that is whole in every state of every episode."""
     for c in _whole_components(case.task):
         message = f"'{c.name}' is declared real, but takes whole values only"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import SAME, Case
+from taskspec.exact.lint.case import SAME, Linted
 from taskspec.exact.model.space import words
 
 LONGER = 1000
 
 
-def rewards(case: Case, collector: Collector) -> None:
+def rewards(case: Linted, collector: Collector) -> None:
     """W502 and W503: rewards that are always the same."""
     if not case.is_constant:
         return
@@ -25,7 +25,7 @@ def rewards(case: Case, collector: Collector) -> None:
     collector.add("W502", case.merged.span(("horizon",)), message, hint)
 
 
-def _later_reward(case: Case) -> int | None:
+def _later_reward(case: Linted) -> int | None:
     """The first step in which a longer episode could be paid otherwise."""
     model = case.results.model
     if model is None or model.horizon is None or model.is_timed:
@@ -42,7 +42,7 @@ def _later_reward(case: Case) -> int | None:
     return None
 
 
-def indifferent(case: Case, collector: Collector) -> None:
+def indifferent(case: Linted, collector: Collector) -> None:
     """W504: the best return is that of random actions."""
     optimal, random = case.results.optimal, case.results.random
     if optimal is None or random is None or case.is_constant:

@@ -8,7 +8,7 @@ from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.exact.checks.soundness import cases
 from taskspec.exact.lint.abstractions import endless
 from taskspec.exact.lint.actions import expert, inert
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.exact.lint.draws import certain
 from taskspec.exact.lint.errata import idle_errata
 from taskspec.exact.lint.indices import moved
@@ -26,7 +26,7 @@ from taskspec.registry import load
 from taskspec.task.build import build
 from taskspec.task.task import Task, TaskLike
 
-Lint = Callable[[Case, Collector], None]
+Lint = Callable[[Linted, Collector], None]
 
 
 LINTS: tuple[Lint, ...] = (
@@ -42,7 +42,7 @@ WRITTEN: tuple[Lint, ...] = (certain, whole, past_the_end, uneven)
 def sense(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic, ...]:
     """Warnings about a task for its present parameters; what needs an exact model is passed over without one."""
     task = load(task)
-    case = Case(task, results or Results(task))
+    case = Linted(task, results or Results(task))
     collector = Collector()
     for lint in LINTS:
         lint(case, collector)
@@ -50,16 +50,16 @@ def sense(task: TaskLike, results: Results | None = None) -> tuple[Diagnostic, .
     return collector.diagnostics
 
 
-def _of_text(case: Case) -> list[Diagnostic]:
+def _of_text(case: Linted) -> list[Diagnostic]:
     """Warnings about what is written that do not go away with other parameter values."""
     found = _run(WRITTEN, case)
     for other in _others(case.task) if found else ():
-        lasting = {(d.code, d.span) for d in _run(WRITTEN, Case(other, Results(other)))}
+        lasting = {(d.code, d.span) for d in _run(WRITTEN, Linted(other, Results(other)))}
         found = [d for d in found if (d.code, d.span) in lasting]
     return found
 
 
-def _run(lints: Sequence[Lint], case: Case) -> list[Diagnostic]:
+def _run(lints: Sequence[Lint], case: Linted) -> list[Diagnostic]:
     collector = Collector()
     for lint in lints:
         lint(case, collector)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from taskspec.diagnostics import Collector
 from taskspec.exact.checks.places import SectionScope
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const
 from taskspec.lang.scope import Value
@@ -18,7 +18,7 @@ MOST = 1000
 SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation", "memory", "expert")
 
 
-def past_the_end(case: Case, collector: Collector) -> None:
+def past_the_end(case: Linted, collector: Collector) -> None:
     """W514: a slice that asks for more than there is."""
     for _, nodes, where in _sliced(case.task):
         for node, cut in nodes:
@@ -45,7 +45,7 @@ def _check_ends(node: s.Subscript, cut: s.Slice, where: SectionScope, collector:
             collector.add("W514", end.place, message)
 
 
-def uneven(case: Case, collector: Collector) -> None:
+def uneven(case: Linted, collector: Collector) -> None:
     """W515: a first and a last part of one vector that overlap, or that leave something out between them.
 
     `v[1:]` beside `v[:-1]` sets neighbours side by side, and `concat(v[:i], v[j:])` cuts a piece out: both are meant so.

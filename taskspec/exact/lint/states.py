@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector, SpecError
-from taskspec.exact.lint.case import SMALL, Case
+from taskspec.exact.lint.case import SMALL, Linted
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.space import plain, words
@@ -24,7 +24,7 @@ Array = np.ndarray[Any, Any]
 SLACK = 1e-6
 
 
-def unreachable(case: Case, collector: Collector) -> None:
+def unreachable(case: Linted, collector: Collector) -> None:
     """W501: values of a component that occur in no episode, however long, of this task or of one that shares its roles.
 
     Where there is an exact model all values are looked at, elsewhere what intervals prove about the ends of ranges.
@@ -41,7 +41,7 @@ def unreachable(case: Case, collector: Collector) -> None:
         _beyond(case, collector)
 
 
-def _report(case: Case, path: tuple[str, ...], c: Component, missing: list[str], collector: Collector) -> None:
+def _report(case: Linted, path: tuple[str, ...], c: Component, missing: list[str], collector: Collector) -> None:
     if missing:
         shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
         subject = f"{c.name} = {shown}" if c.type.is_scalar else f"an element {shown} in {c.name}"
@@ -61,7 +61,7 @@ def _missing(c: Component, seen: Array) -> list[str]:
     return [words(plain(c, np.asarray(v))) for v in np.setdiff1d(every, seen.astype(np.int64))[:7]]
 
 
-def _partners(case: Case, model: Model) -> Iterator[Model]:
+def _partners(case: Linted, model: Model) -> Iterator[Model]:
     """The models of the variants in which expert and learner act, at their own defaults where this one is at its."""
     roles = case.task.spec.roles if model.task is case.task else None
     given = {p.name: p.value for p in case.task.parameters if p.value != p.default}
@@ -77,7 +77,7 @@ def _partners(case: Case, model: Model) -> Iterator[Model]:
 # -- by intervals -------------------------------------------------------------------------------------------------
 
 
-def _beyond(case: Case, collector: Collector) -> None:
+def _beyond(case: Linted, collector: Collector) -> None:
     """Ends of ranges that no episode gets to; an end that is not declared counts where the other one is."""
     task = case.task
     found = reached(task.state, task.initial, task.next, horizon=None)

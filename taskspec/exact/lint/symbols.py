@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.printers import plain
 from taskspec.printers.names import of_task
 
@@ -15,7 +15,7 @@ _KINDS = {
 }  # fmt: skip
 
 
-def printed_alike(case: Case, collector: Collector) -> None:
+def printed_alike(case: Linted, collector: Collector) -> None:
     """W524: two names with one symbol, or a name and a label; labels of different components may share theirs."""
     notation = of_task(case.task)
     seen: dict[str, str] = {}
@@ -31,7 +31,7 @@ def printed_alike(case: Case, collector: Collector) -> None:
                     _add(case, collector, (section, c.name), symbol, seen[symbol], f"the label '{label}' of '{c.name}'")
 
 
-def _names(case: Case) -> Iterator[tuple[str, str, str]]:
+def _names(case: Linted) -> Iterator[tuple[str, str, str]]:
     """Every name with the section that declares it, and how it is written there."""
     spec = case.task.spec
     parts = (spec.parameters.entries, spec.constants, spec.definitions, spec.noise, spec.state, spec.action)
@@ -40,6 +40,6 @@ def _names(case: Case) -> Iterator[tuple[str, str, str]]:
             yield section, written, written.partition("(")[0].strip()
 
 
-def _add(case: Case, collector: Collector, place: tuple[str, str], symbol: str, first: str, second: str) -> None:
+def _add(case: Linted, collector: Collector, place: tuple[str, str], symbol: str, first: str, second: str) -> None:
     message = f"pages print `{symbol}` for {first} and for {second}"
     collector.add("W524", case.key(*place), message, "give one of them another `symbol`, or labels other `symbols`")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.exact.model.inert import groups
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.space import shown
@@ -22,7 +22,7 @@ MOST = 200_000
 ROUNDING = 1e-12
 
 
-def twins(case: Case, collector: Collector) -> None:
+def twins(case: Linted, collector: Collector) -> None:
     """W520: two values of an action that do the same in every state."""
     for c in case.task.action:
         count = c.counts[0] if c.is_finite and c.type.is_scalar else 0

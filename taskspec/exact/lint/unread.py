@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from taskspec.diagnostics import Collector
-from taskspec.exact.lint.case import Case
+from taskspec.exact.lint.case import Linted
 from taskspec.lang.ir import Node, Role, draws, reads, walk
 from taskspec.task.task import Task
 
 
-def unread(case: Case, collector: Collector) -> None:
+def unread(case: Linted, collector: Collector) -> None:
     """W519: a component on which neither rewards nor ends depend, which is not shown, or is drawn all the same."""
     task = case.task
     matters = _followed(task, (task.reward, task.terminal))
@@ -25,7 +25,7 @@ def unread(case: Case, collector: Collector) -> None:
             )
 
 
-def forgotten(case: Case, collector: Collector) -> None:
+def forgotten(case: Linted, collector: Collector) -> None:
     """W519: what the expert remembers, and nothing that it does depends on."""
     task = case.task
     if task.memory is None:

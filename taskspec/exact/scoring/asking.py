@@ -76,7 +76,7 @@ class Asked:
         seen = self.observations(state, t, np.random.default_rng(0))
         if hasattr(self.policy, "action_probabilities"):
             return np.asarray(self.policy.action_probabilities(seen), np.float64).T
-        return _distribution(self.policy, seen)
+        return distribution(self.policy, seen)
 
     def actions(
         self, state: State, t: int, rng: np.random.Generator, memory: Any = None, start: bool = True
@@ -134,7 +134,7 @@ def _normaliser(policy: Any) -> Any:
     return (lambda seen: seen) if wrapper is None else wrapper.normalize_obs
 
 
-def _distribution(policy: Any, seen: Any) -> Array | None:
+def distribution(policy: Any, seen: Any) -> Array | None:
     """Probabilities (A, N) from a policy of Stable-Baselines3 with categorical actions; None for any other."""
     actor = getattr(policy, "policy", policy)
     if not (hasattr(actor, "get_distribution") and hasattr(actor, "obs_to_tensor")):

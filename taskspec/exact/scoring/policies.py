@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -18,10 +18,6 @@ from taskspec.exact.scoring.experts import Expert
 from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exact.simulation.rollout import State
 from taskspec.lang.ir import Role
-from taskspec.task.task import Task
-
-if TYPE_CHECKING:
-    pass
 
 Array = np.ndarray[Any, Any]
 Asking = Literal["probabilities", "actions", "samples"]
@@ -36,10 +32,12 @@ class Valued:
     asked: Asking
 
 
-def policy_value(task: Task, policy: Any, deterministic: bool | None, episodes: int, seed: int) -> Valued:
-    """The expected return of a policy: exact where the task has a model and the policy can be tabulated on it."""
-    results = Results(task, episodes, seed)
-    model = results.model
+def policy_value(results: Results, policy: Any, deterministic: bool | None) -> Valued:
+    """The expected return of a policy: exact where the task has a model and the policy can be tabulated on it.
+
+    Where it has to be simulated, `results` say in how many episodes, and of which seed.
+    """
+    task, model = results.task, results.model
     if isinstance(policy, list | tuple) or hasattr(policy, "__array__"):
         return _tabulated(policy, results)
     if isinstance(policy, Expert) and not deterministic:
@@ -166,7 +164,7 @@ def _plan(asked: Asked, model: Model, answer: Callable[[Asked, Model, int], Arra
 
 
 def _chances(asked: Asked, model: Model, t: int) -> Array | None:
-    found = asked.probabilities(_states(model), t)
+    found = asked.probabilities(states_of(model), t)
     if found is None:
         return None
     wanted = (model.n_actions, model.n_states)
@@ -178,12 +176,13 @@ def _chances(asked: Asked, model: Model, t: int) -> Array | None:
 
 
 def _constant(asked: Asked, model: Model, t: int) -> Array | None:
-    chosen = asked.constant_actions(_states(model), t)
+    chosen = asked.constant_actions(states_of(model), t)
     return None if chosen is None else one_hot(model, [chosen[c.name] for c in model.actions.components])
 
 
 _ANSWERS: dict[Asking, Callable[[Asked, Model, int], Array | None]] = {"probabilities": _chances, "actions": _constant}
 
 
-def _states(model: Model) -> State:
+def states_of(model: Model) -> State:
+    """All states of a model by component, (*shape, S)."""
     return {name: v for (role, name), v in model.reads().items() if role is Role.STATE}

@@ -1,0 +1,151 @@
+"""`taskspec exam`: what is wrong with a learner."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from taskspec.cli.failures import misuse
+from taskspec.cli.options import Json, LimitsGiven
+from taskspec.cli.sweep import Cluster, Jobs, Retry
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from taskspec.exam import Exam
+
+_COUNT = re.compile(r"(\d+(?:\.\d+)?)([kM]?)")
+LearnerArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="LEARNER", help="[cyan]FILE.py:train[/] or [cyan]module:train[/], a function of a case that gives a policy.",
+        show_default=False,
+    ),
+]  # fmt: skip
+Suite = Annotated[str, typer.Option("--suite", metavar="NAME", help="Whose tasks are asked.")]
+Tasks = Annotated[
+    list[str] | None,
+    typer.Option("--tasks", "-t", metavar="TASK,...", help="Those that are asked; all of the suite unless given.",
+                 show_default=False),
+]  # fmt: skip
+Seeds = Annotated[int, typer.Option("--seeds", min=1, help="How often everything is done.")]
+Steps = Annotated[str, typer.Option("--steps", metavar="N", help="Steps of the environment, such as 500k, each time.")]
+Shown = Annotated[str, typer.Option("--transitions", metavar="N", help="Transitions that the expert demonstrates.")]
+Twins = Annotated[int, typer.Option("--twins", min=0, help="Twins of every task that has some.")]
+LearnsFrom = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--learns-from", metavar="reward|demonstrations|preferences",
+        help="What the learner is granted; may be repeated, or given with commas.", show_default=False,
+    ),
+]  # fmt: skip
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where results are kept; build/exams/LEARNER unless given.",
+                 file_okay=False, show_default=False),
+]  # fmt: skip
+TimeLimit = Annotated[
+    float | None,
+    typer.Option("--time-limit", metavar="SECONDS", help="The longest that one seed, or block of seeds, may take on a task.",
+                 show_default=False),
+]  # fmt: skip
+
+
+def exam(
+    learner: LearnerArgument,
+    suite: Suite = "derail",
+    tasks: Tasks = None,
+    seeds: Seeds = 15,
+    steps: Steps = "500k",
+    transitions: Shown = "10k",
+    twins: Twins = 2,
+    learns_from: LearnsFrom = None,
+    output: Output = None,
+    jobs: Jobs = None,
+    cluster: Cluster = None,
+    time_limit: TimeLimit = None,
+    retry: Retry = False,
+    json: Json = False,
+    limits: LimitsGiven = None,
+) -> None:
+    """Examine a learner: train it on every task, and on twins of them, and say which capability fails.
+
+    Results are kept in OUT as they come: an exam that was stopped goes on where it was. OUT/exam.json has all that was
+    found. A learner that fails on a task, or takes too long, is told, and the others go on.
+
+    Exit status 1 if something is flagged.
+    """
+    from taskspec.cli.console import write_json
+    from taskspec.cli.progress import bar
+    from taskspec.exam import Running, examine
+
+    folder = output or Path("build/exams") / _named(learner)
+    with bar(learner) as progress:
+        found = examine(
+            learner, suite=suite, tasks=_split(tasks), seeds=seeds, steps=_count("--steps", steps),
+            transitions=_count("--transitions", transitions), twins=twins, learns_from=_split(learns_from), out=folder,
+            running=Running(jobs, cluster, time_limit, retry, progress),
+        )  # fmt: skip
+    write_json(found) if json else _print(found, folder)
+    if found["flags"]:
+        raise typer.Exit(1)
+
+
+def _split(given: Sequence[str] | None) -> list[str] | None:
+    return None if given is None else [name.strip() for text in given for name in text.split(",")]
+
+
+def _count(option: str, text: str) -> int:
+    """A number such as 500k or 1.5M."""
+    found = _COUNT.fullmatch(text.replace("_", "").replace(",", ""))
+    if found is None:
+        raise misuse(f"{option} is a number such as 500k, not '{text}'")
+    return round(float(found[1]) * {"": 1, "k": 1_000, "M": 1_000_000}[found[2]])
+
+
+def _named(learner: str) -> str:
+    """The name of a folder for what a learner earns."""
+    return re.sub(r"\W+", "-", learner.rpartition("/")[2].replace(".py", "")).strip("-")
+
+
+# -- output -------------------------------------------------------------------------------------------------------
+
+
+def _print(found: Exam, folder: Path) -> None:
+    from taskspec.cli.console import console, line, say
+    from taskspec.cli.targets import near
+
+    out = console(wide=True)
+    source = " and ".join(found["learns_from"]) or "nothing"
+    told = f"  learns from {source}; {found['steps']:,} steps, {len(found['seeds'])} seeds"
+    out.print(line((found["learner"], "title"), (told, "quiet")))
+    out.print(table_of(found))
+    for flag in found["flags"]:
+        out.print(line((flag["kind"], "bad"), " ", (flag["task"], "name"), f": {flag['message']}"))
+    say(f"wrote {near(folder / 'exam.json')}")
+
+
+def table_of(found: Exam) -> Table:
+    """A row for each task: mean scores as printed, of the actions drawn, and on twins, beside the best constant action."""
+    from taskspec.cli.console import columns, number
+    from taskspec.cli.terminal import VisibleText
+
+    table = columns("task", "score", "drawn", "twins", "constant", right=range(1, 5))
+    for task, about in found["tasks"].items():
+        rows = [score for score in found["scores"] if score["task"] == task and score["probe"] is None]
+        printed, twins = ([s for s in rows if (s["twin"] is None) is is_printed] for is_printed in (True, False))
+        means = [
+            _mean([s["deterministic"] for s in printed]), _mean([s["stochastic"] for s in printed]),
+            _mean([s["deterministic"] for s in twins]), about["constant"],
+        ]  # fmt: skip
+        table.add_row(VisibleText(task, style="name"), *("" if m is None else number(m, 2) for m in means))
+    return table
+
+
+def _mean(scores: Sequence[float | None]) -> float | None:
+    known = [score for score in scores if score is not None]
+    return sum(known) / len(known) if known else None

@@ -1,0 +1,54 @@
+"""Environments whose steps are counted, and whose rewards somebody else decides about."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import gymnasium
+import numpy as np
+
+from taskspec.envs.env import Environment
+from taskspec.task.task import Task
+
+Array = np.ndarray[Any, Any]
+
+
+class Meter(Protocol):
+    """Who counts steps, and decides what is paid for them."""
+
+    def spend(self, steps: int) -> None:
+        """Is told before steps are taken; what it raises ends in the hands of whoever wanted them."""
+
+    def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
+        """The rewards (N,) that are paid for N steps, from those of the task; observations and actions are batches."""
+
+
+class Metered(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """One environment of a task, whose steps a meter is told of.
+
+    Args:
+        seed: of the stream of draws, until a reset gives another.
+    """
+
+    def __init__(self, task: Task, meter: Meter, seed: int) -> None:
+        super().__init__(Environment(task))
+        self._meter, self._before = meter, None
+        self._seed: int | None = seed
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        if seed is None:
+            seed, self._seed = self._seed, None
+        self._before, told = self.env.reset(seed=seed, options=options)
+        return self._before, told
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        self._meter.spend(1)
+        after, reward, terminated, truncated, told = self.env.step(action)
+        rewards = self._meter.paid(_one(self._before), [action], _one(after), np.array([reward]))
+        self._before = after
+        return after, float(rewards[0]), terminated, truncated, told
+
+
+def _one(seen: Any) -> Any:
+    """An observation as a batch of one."""
+    return {name: [part] for name, part in seen.items()} if isinstance(seen, dict) else [seen]

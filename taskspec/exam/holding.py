@@ -1,0 +1,233 @@
+"""An exam held: every task, every twin and every seed, and what follows from the scores."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import taskspec
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exam import yardsticks
+from taskspec.exam.case import ExamTerms
+from taskspec.exam.learners import Learner, learner_of
+from taskspec.exam.results import FORMAT, Exam, Examined, Score, machine, write
+from taskspec.exam.sitting import LearnerFailed, Row, Sitting, sit
+from taskspec.exam.suites import tasks_of
+from taskspec.exam.twins import Modifiers, twins_of
+from taskspec.experiments.order import sent
+from taskspec.modifiers import modify
+from taskspec.runs import Job, JobResult, Standing, Store, run
+from taskspec.task.task import Task, TaskLike
+
+WIDEST = 16
+"""Seeds of a block, for learners that train many together."""
+PROBED = 5
+"""Seeds on which it is tried whether a withheld reward makes a difference."""
+EPISODES = 1000
+"""For scores that cannot be computed."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """One line of the plan: a task, or a twin of it, or its probe, and a block of seeds."""
+
+    task: Task
+    twin: Modifiers | None
+    sitting: Sitting
+
+    @property
+    def name(self) -> str:
+        what = " negated" if self.sitting.negated else "" if self.twin is None else f"+{'+'.join(self.twin)}"
+        return f"{self.task.instance_id}{what}, seeds {self.sitting.seeds[0]} to {self.sitting.seeds[-1]}"
+
+
+@dataclass(frozen=True)
+class Running:
+    """How jobs are run: see `taskspec.runs.run`."""
+
+    workers: int | None = None
+    cluster: str | None = None
+    seconds: float | None = None
+    retry: bool = False
+    progress: Callable[[Standing], None] | None = None
+
+
+def examine(
+    learner: str | Callable[[Any], Any], *, suite: str = "derail", tasks: Sequence[TaskLike] | None = None,
+    seeds: int | Iterable[int] = 15, steps: int = 500_000, transitions: int = 10_000, twins: int = 2,
+    learns_from: Sequence[str] | None = None, out: Path | str | None = None, running: Running | None = None,
+) -> Exam:  # fmt: skip
+    """Examine a learner; the result is what `exam.json` holds.
+
+    Args:
+        learner: `"file.py:train"` or `"module:train"`, which is run in other processes, or a function, which is run in this one.
+        suite: whose tasks are asked.
+        tasks: those that are asked instead of all of the suite, by name or as anything that `taskspec.load` takes.
+        seeds: how many, or which.
+        steps: of the environment, for each seed on each task.
+        transitions: that the expert demonstrates, at least; whole episodes.
+        twins: of every task that has some.
+        learns_from: what is granted, some of "reward", "demonstrations", "preferences", in place of what the learner says.
+        out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
+        running: for a learner in other processes: how many, time limits, a cluster.
+
+    Raises:
+        SpecError: E710, E711, E713 for a learner or an option that cannot be; E701 for a task that is unknown.
+        Interrupted: Ctrl-C; what is done is kept.
+    """
+    numbers = tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
+    _check(seeds=len(numbers), steps=steps, transitions=transitions)
+    who, asked = learner_of(learner, learns_from), tasks_of(suite, tasks)
+    plan = _plan(asked, who, numbers, ExamTerms(steps, who.learns_from, transitions), twins)
+    folder = None if out is None else Path(out)
+    rows, measures = _held(plan, asked, who, folder, running or Running())
+    found = _exam(who, suite, asked, plan, rows, measures)
+    if folder is not None:
+        write(found, folder)
+    return found
+
+
+def _check(**numbers: int) -> None:
+    for name, number in numbers.items():
+        if number < 1:
+            raise SpecError([Diagnostic("E713", None, f"an exam needs 1 or more {name}, not {number}")])
+
+
+# -- the plan -----------------------------------------------------------------------------------------------------
+
+
+def _plan(asked: Sequence[Task], who: Learner, seeds: tuple[int, ...], terms: ExamTerms, twins: int) -> list[Planned]:
+    width = WIDEST if who.together else 1
+    blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
+    plan = []
+    for task in asked:
+        for twin in (None, *twins_of(task, twins)):
+            plan += [_place(task, twin, who, terms, block) for block in blocks]
+        if "reward" not in who.learns_from:
+            probed = blocks[: max(1, PROBED // width)]
+            plan += [_place(task, None, who, terms, block, negated=True) for block in probed]
+    return plan
+
+
+def _place(
+    task: Task, twin: Modifiers | None, who: Learner, terms: ExamTerms, seeds: tuple[int, ...], negated: bool = False
+) -> Planned:
+    about = modify(task, *(twin or ()))
+    sitting = Sitting(sent(about), about.content_hash, negated, who.place or "", who.content, terms, seeds, EPISODES)
+    return Planned(task, twin, sitting)
+
+
+# -- held ---------------------------------------------------------------------------------------------------------
+
+Rows = list[list[Row]]
+"""For each place of the plan, a row for each seed; those of a learner that failed have an `error` alone."""
+
+
+Measures = dict[str, dict[str, Any]]
+"""The yardsticks of each task."""
+
+
+def _held(
+    plan: Sequence[Planned], asked: Sequence[Task], who: Learner, folder: Path | None, running: Running
+) -> tuple[Rows, Measures]:
+    if who.place is None:
+        return [_here(planned, who) for planned in plan], {t.id: yardsticks.measured(sent(t), EPISODES) for t in asked}
+    with tempfile.TemporaryDirectory() as scratch, Store((folder or Path(scratch)) / "exam.sqlite") as store:
+        return _elsewhere(plan, asked, store, running)
+
+
+def _here(planned: Planned, who: Learner) -> list[Row]:
+    try:
+        return sit(planned.sitting, who.train)
+    except LearnerFailed as error:
+        return _failed(planned, str(error))
+
+
+def _failed(planned: Planned, message: str) -> list[Row]:
+    return [{"seed": seed, "error": message} for seed in planned.sitting.seeds]
+
+
+def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, running: Running) -> tuple[Rows, Measures]:
+    measures = {
+        t.id: Job(yardsticks.key(t.content_hash, EPISODES), t.instance_id, yardsticks.measured, (sent(t), EPISODES))
+        for t in asked
+    }
+    sittings = [Job(planned.sitting.key, planned.name, sit, (planned.sitting,)) for planned in plan]
+    done = run(
+        [*measures.values(), *sittings], store, workers=running.workers, cluster=running.cluster, seconds=running.seconds,
+        retry_failed=running.retry, progress=running.progress,
+    ).rows  # fmt: skip
+    for job in measures.values():
+        if done[job.key].status != "done":
+            raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {done[job.key].message}")])
+    rows = [_rows(planned, done[job.key]) for planned, job in zip(plan, sittings, strict=True)]
+    return rows, {task: done[job.key].value for task, job in measures.items()}
+
+
+def _rows(planned: Planned, result: JobResult) -> list[Row]:
+    if result.status == "done":
+        found: list[Row] = result.value
+        return found
+    return _failed(planned, result.message or result.status)
+
+
+# -- what was found -----------------------------------------------------------------------------------------------
+
+
+def _exam(
+    who: Learner,
+    suite: str,
+    asked: Sequence[Task],
+    plan: Sequence[Planned],
+    rows: Rows,
+    measures: Measures,
+) -> Exam:
+    scores = [_score(p, row, measures[p.task.id]) for p, block in zip(plan, rows, strict=True) for row in block]
+    terms, seeds = plan[0].sitting.terms, list(dict.fromkeys(seed for p in plan for seed in p.sitting.seeds))
+    cost = {
+        name: float(sum(s[name] or 0 for s in scores)) for name in ("steps", "demonstrations", "comparisons", "seconds")
+    }
+    versions = {"taskspec": taskspec.__version__, "python": platform.python_version(), "numpy": np.__version__}
+    return Exam(
+        exam=FORMAT, learner=who.name, learns_from=list(who.learns_from), suite=suite, steps=terms.steps,
+        transitions=terms.transitions, seeds=seeds, versions=versions, machine=machine(),
+        command=shlex.join(["taskspec", *sys.argv[1:]]) if Path(sys.argv[0]).name == "taskspec" else "",
+        tasks={t.id: _examined(t, measures[t.id]) for t in asked}, scores=scores, verdicts={}, flags=[],
+        diagnoses=[], cost=cost,
+    )  # fmt: skip
+
+
+def _examined(task: Task, found: dict[str, Any]) -> Examined:
+    return Examined(
+        capability=task.capability or task.name, title=task.title, content_hash=task.content_hash, random=found["random"],
+        expert=found["expert"], optimal=found["optimal"], worst=found["worst"], constant=found["constant"],
+    )  # fmt: skip
+
+
+def _score(planned: Planned, row: Row, measure: dict[str, Any]) -> Score:
+    """A row of results on the scale of its task. Twins have the scale of the task: every return is the same."""
+    ends = measure["random"], measure["expert"]
+
+    def scaled(value: float | None) -> float | None:
+        return None if value is None else yardsticks.score(value, *ends)
+
+    unit = abs((ends[1] or 0) - (ends[0] or 0)) or 1.0
+    curve = row.get("curve")
+    return {
+        "task": planned.task.id, "twin": None if planned.twin is None else "+".join(planned.twin),
+        "probe": "negated" if planned.sitting.negated else None, "seed": row["seed"],
+        "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
+        "half": row.get("deterministic_half", 0.0) / unit, "return": row.get("deterministic"), "error": row.get("error"),
+        "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
+        "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
+        "reward_regret": row.get("reward_regret"),
+        "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
+    }  # fmt: skip

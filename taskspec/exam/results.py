@@ -1,0 +1,127 @@
+"""What an exam found, as plain data: what `exam.json` holds."""
+
+from __future__ import annotations
+
+import json
+import platform
+from pathlib import Path
+from typing import Any, Literal, TypedDict
+
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.files import write_text
+
+FORMAT, NAME = 1, "exam.json"
+Grade = Literal["masters", "unsure", "fails"]
+Score = TypedDict(
+    "Score",
+    {
+        "task": str, "twin": str | None, "probe": str | None, "seed": int, "deterministic": float | None,
+        "stochastic": float | None, "half": float, "return": float | None, "error": str | None, "steps": int,
+        "demonstrations": int, "comparisons": int, "seconds": float | None, "starc": float | None,
+        "reward_regret": float | None, "curve": list[list[float | None]] | None,
+    },
+)  # fmt: skip
+"""One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`probe`); 0 is random, 1 the
+expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact."""
+
+
+class Examined(TypedDict):
+    """A task of the exam: returns, and the score of the best constant action."""
+
+    capability: str
+    title: str
+    random: float | None
+    expert: float | None
+    optimal: float | None
+    worst: float | None
+    constant: float | None
+    content_hash: str
+
+
+class Told(TypedDict):
+    """A mean score over seeds with its 95 % interval, and what follows from it."""
+
+    verdict: Grade
+    mean: float | None
+    low: float | None
+    high: float | None
+
+
+class CapabilityVerdict(Told):
+    """What is known of a capability: the worst verdict of its tasks and twins, and the numbers of its worst task."""
+
+    tasks: list[str]
+    seeds: int
+    twins: Told | None
+
+
+class Flag(TypedDict):
+    """Something that is wrong, with its size as a difference of scores, and the interval of that."""
+
+    kind: Literal["twin", "regression", "peeks", "failed"]
+    task: str
+    message: str
+    effect: float | None
+    low: float | None
+    high: float | None
+
+
+class Exam(TypedDict):
+    """What an exam found."""
+
+    exam: int
+    learner: str
+    learns_from: list[str]
+    suite: str
+    steps: int
+    transitions: int
+    seeds: list[int]
+    versions: dict[str, str]
+    machine: dict[str, Any]
+    command: str
+    tasks: dict[str, Examined]
+    scores: list[Score]
+    verdicts: dict[str, CapabilityVerdict]
+    flags: list[Flag]
+    diagnoses: list[dict[str, Any]]
+    cost: dict[str, float]
+
+
+def machine() -> dict[str, Any]:
+    """Where an exam was held."""
+    import os
+
+    return {"system": platform.system(), "processor": platform.machine(), "cores": os.cpu_count()}
+
+
+def write(exam: Exam, folder: Path) -> Path:
+    """Keep what was found as `exam.json` in a folder.
+
+    Raises:
+        SpecError: E716, it cannot be written.
+    """
+    path = folder / NAME
+    write_text(path, json.dumps(exam, indent=1) + "\n")
+    return path
+
+
+def read(folder: Path | str) -> Exam:
+    """What an exam left in a folder.
+
+    Raises:
+        SpecError: E710, E711 when there is nothing, or it cannot be read; E721 when it is something else.
+    """
+    path = Path(folder)
+    path = path / NAME if path.is_dir() else path
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        hint = "`taskspec exam LEARNER --out FOLDER` leaves one"
+        raise SpecError([Diagnostic("E710", None, f"there is no exam in '{folder}'", hint)]) from None
+    except OSError as error:
+        raise SpecError([Diagnostic("E711", None, f"cannot read '{path}': {error.strerror or error}")]) from None
+    except ValueError:
+        found = None
+    if not isinstance(found, dict) or found.get("exam") != FORMAT or not Exam.__required_keys__ <= found.keys():
+        raise SpecError([Diagnostic("E721", None, f"'{path}' holds no exam of this version", "hold it again")])
+    return found  # type: ignore[return-value]  # as it was written

@@ -1,0 +1,143 @@
+"""One learner on one task: what a job does, here or in another process, with plain data as its result."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+import pickle
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import taskspec
+from taskspec.diagnostics import TaskspecError
+from taskspec.exact.scoring.returns import Results, Return
+from taskspec.exam.case import Case, ExamTerms
+from taskspec.exam.learners import train_at
+from taskspec.exam.policies import values
+from taskspec.exam.twins import NEGATED
+from taskspec.experiments.order import Sent
+from taskspec.modifiers import modify
+
+Row = dict[str, Any]
+"""What came of one seed: returns, costs, and points of the learning curve, as JSON data."""
+_OURS = str(Path(taskspec.__file__).parent)
+
+
+class LearnerFailed(TaskspecError):
+    """A learner, or its policy, raised an error; the message is its own, with its place."""
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """One learner on one task, for a block of seeds.
+
+    Args:
+        about: the task; with the modifiers of a twin, where it is one.
+        content_hash: of that.
+        negated: whether the reward that is withheld is negated (scores are by the true one all the same).
+        place, content: of the learner, for another process.
+        episodes: for scores that have to be simulated.
+    """
+
+    about: Sent
+    content_hash: str
+    negated: bool
+    place: str
+    content: str
+    terms: ExamTerms
+    seeds: tuple[int, ...]
+    episodes: int
+
+    @property
+    def key(self) -> str:
+        """A hash of all that the result depends on; the block is part of it, as its width may change results."""
+        told = [
+            self.content_hash, self.negated, self.content, vars(self.terms), self.seeds, self.episodes,
+            taskspec.__version__,
+        ]  # fmt: skip
+        return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+
+
+def sit(sitting: Sitting, train: Callable[[Any], Any] | None = None) -> list[Row]:
+    """Train, and score what was learned: a row for each seed of the block.
+
+    Args:
+        train: the learner, where it is at hand.
+
+    Raises:
+        LearnerFailed: it, or a policy of it, raised an error.
+        SpecError: where the learner cannot be found again.
+    """
+    train = train_at(sitting.place, sitting.content) if train is None else train
+    results = _results(pickle.dumps(sitting.about), sitting.episodes)
+    task = results.task
+    case = Case(modify(task, NEGATED) if sitting.negated else task, sitting.seeds, sitting.terms, task)
+    begin = time.perf_counter()
+    try:
+        learned = train(case)
+        trained = time.perf_counter()
+        policies = _policies(learned, len(case.seeds), train)
+        rows = [_scored(policy, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
+        curves = _curves(case, results)
+    except Exception as error:
+        raise LearnerFailed(_words(error, train)) from error
+    shared = {"seconds": (trained - begin) / len(rows), "scoring": (time.perf_counter() - trained) / len(rows)}
+    return [
+        row | vars(case.spent_by(i)) | shared | {"curve": curve}
+        for i, (row, curve) in enumerate(zip(rows, curves, strict=True))
+    ]
+
+
+@lru_cache(maxsize=16)
+def _results(about: bytes, episodes: int) -> Results:
+    """What is known of a task: worked out once for all seeds that a process has to do with."""
+    sent: Sent = pickle.loads(about)
+    return Results(sent.task(), episodes)
+
+
+def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:
+    if not getattr(train, "together", False):
+        return [learned]
+    if not isinstance(learned, list | tuple) or len(learned) != seeds:
+        told = f"{len(learned)} policies" if isinstance(learned, list | tuple) else type(learned).__name__
+        raise TypeError(f"`train.together` promises a list of {seeds} policies, one for each seed; this is {told}")
+    return learned
+
+
+def _scored(policy: Any, results: Results, seed: int) -> Row:
+    if policy is None:
+        raise TypeError("`train` gave no policy: does it end with `return`?")
+    found = values(policy, results, seed)
+    return {"seed": seed, **_told("deterministic", found.deterministic), **_told("stochastic", found.stochastic)}
+
+
+def _told(name: str, value: Return) -> Row:
+    return {name: value.value, f"{name}_half": value.half}
+
+
+def _curves(case: Case, results: Results) -> list[list[list[float]] | None]:
+    """For each seed, points of steps and returns; None where the learner showed nothing."""
+    if not case.curve:
+        return [None] * len(case.seeds)
+    points = [(steps, [values(p, results, 0).deterministic.value for p in shown]) for steps, shown in case.curve]
+    return [[[steps, found[i]] for steps, found in points] for i in range(len(case.seeds))]
+
+
+def _words(error: Exception, train: Any) -> str:
+    """An error with the place in the learner's file that it passed last, else in any file but ours."""
+    words = "".join(traceback.format_exception_only(error)).strip()
+    if isinstance(error, TaskspecError):
+        words = str(error)
+    frames = [f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith((_OURS, "<frozen"))]
+    try:
+        own = [f for f in frames if f.filename == inspect.getsourcefile(inspect.unwrap(train))]
+    except TypeError:
+        own = []
+    at = (own or frames)[-1:]
+    return words + "".join(f"\n  at {f.filename}:{f.lineno}, in {f.name}" for f in at)

@@ -1,0 +1,205 @@
+"""The exam, through the command and the function: what a learner is given, what its policy scores, what fails alone."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec.exam import BudgetSpent, Case, NotGranted, examine, read
+from taskspec.exam.case import ExamTerms
+from tests.learners import counting
+from tests.shared.commands import Done
+
+LEARNERS = Path(counting.__file__)
+FINITE = ["RiskyPath", "EarlyTermPos", "EarlyTermNeg", "Branching"]
+
+
+def means(exam: Any, which: str = "deterministic") -> dict[tuple[str, str], float]:
+    """Mean scores by task and "printed", "twins" or "negated"."""
+    found = defaultdict(list)
+    for score in exam["scores"]:
+        side = score["probe"] or ("printed" if score["twin"] is None else "twins")
+        found[score["task"].removeprefix("derail/").removesuffix("-v0"), side].append(score[which])
+    return {key: float(np.mean(scores)) for key, scores in found.items()}
+
+
+def case(task: str = "derail/RiskyPath", steps: int = 100, *sources: Any) -> Case:
+    return Case(taskspec.load(task), [3], ExamTerms(steps, sources, 50))
+
+
+# -- what a learner is given --------------------------------------------------------------------------------------
+
+
+def test_the_reward_is_withheld_from_those_who_are_not_entitled_to_it() -> None:
+    for sources, paid in (((), {0.0}), (("reward",), {1.0})):
+        env = case("derail/EarlyTermPos", 100, *sources).env()
+        env.reset()
+        assert {env.step(0)[1] for _ in range(10)} == paid
+        lanes = case("derail/EarlyTermPos", 100, *sources).make_vec(5)
+        lanes.reset()
+        assert set(lanes.step(np.zeros(5, int))[1]) == paid
+    assert not case("derail/RiskyPath", 9, "demonstrations").demonstrations.rews.any()
+    assert case("derail/RiskyPath", 9, "demonstrations", "reward").demonstrations.rews.any()
+
+
+def test_what_is_not_granted_is_refused_with_how_to_get_it() -> None:
+    for use in (lambda c: c.demonstrations, lambda c: c.prefer(None, None), lambda c: c.judge):
+        with pytest.raises(NotGranted, match=r"learns from reward, and not from .*--learns-from"):
+            use(case("derail/RiskyPath", 9, "reward"))
+
+
+def test_steps_are_counted_up_to_the_budget_in_every_environment() -> None:
+    given = case(steps=10)
+    env, lanes = given.env(), given.make_vec(4)
+    env.reset(), lanes.reset()
+    for _ in range(2):
+        env.step(0), lanes.step(np.zeros(4, int))
+    assert given.spent.steps == 10
+    with pytest.raises(BudgetSpent, match="budget of 10 steps"):
+        env.step(0)
+    with pytest.raises(BudgetSpent):
+        lanes.step(np.zeros(4, int))
+
+
+def test_environments_of_a_seed_are_repeatable_and_each_its_own() -> None:
+    def walk(env: Any) -> list[Any]:
+        env.reset()
+        return [env.step(1)[0] for _ in range(1)] + [env.reset()[0] and 0] + [env.step(1)[0] for _ in range(4)]
+
+    def walks() -> list[list[Any]]:
+        given = case(steps=1000)
+        return [walk(given.env()) for _ in range(20)]
+
+    first, second = walks(), walks()
+    assert first == second and len(set(map(str, first))) > 1
+
+
+def test_preferences_go_by_the_true_return_though_rewards_are_withheld() -> None:
+    given = case("derail/NoisyObs", 1000, "preferences", "demonstrations")
+    env, expert = given.env(), given.demonstrations.trajectories[0]
+    seen, done = [env.reset()[0]], []
+    for _ in range(len(expert)):
+        done.append(0)
+        seen.append(env.step(0)[0])
+    poor = taskspec.data.Trajectory(np.array(seen), np.array(done), np.zeros(len(done)), False, True)
+    assert [given.prefer(expert, poor), given.prefer(poor, expert), given.prefer(poor, poor)] == [1.0, 0.0, 0.5]
+    assert given.spent.comparisons == 3
+    noisy = [given.prefer(expert, poor, temperature=100.0) for _ in range(200)]
+    assert 0.3 < np.mean(noisy) < 0.7
+    with pytest.raises(ValueError, match="have shown"):
+        given.prefer(expert, taskspec.data.Trajectory(poor.obs + 1, poor.acts, poor.rews, False, True))
+
+
+# -- scores -------------------------------------------------------------------------------------------------------
+
+
+def test_a_right_clone_is_right_on_twins_and_one_off_by_one_is_not() -> None:
+    right, wrong = (means(examine(f, tasks=FINITE, seeds=2)) for f in (counting.clone, counting.clone_off_by_one))
+    for task in FINITE:
+        assert right[task, "printed"] == pytest.approx(1) and right[task, "twins"] == pytest.approx(1)
+        assert wrong[task, "printed"] == pytest.approx(1) and wrong[task, "twins"] < 0.5
+
+
+def test_a_policy_without_a_preference_is_random_and_not_action_0() -> None:
+    found = examine(counting.indifferent, tasks=FINITE, seeds=1, twins=0)
+    for which in ("deterministic", "stochastic"):
+        assert all(score == pytest.approx(0) for score in means(found, which).values())
+
+
+def test_q_learning_masters_tasks_as_printed_and_their_twins() -> None:
+    found = means(
+        examine(counting.q_learning, tasks=["EarlyTermPos", "EarlyTermNeg", "InitShiftLearner"], seeds=2, steps=3000)
+    )
+    assert len(found) == 6 and all(score == pytest.approx(1) for score in found.values())
+
+
+def test_every_form_of_a_policy_scores_the_same() -> None:
+    task = taskspec.load("derail/Branching")
+    seen = case("derail/Branching", 9, "demonstrations").demonstrations
+    table = np.zeros(21, int)
+    table[seen.obs] = seen.acts
+
+    class Predicts:
+        def predict(self, observations: Any, deterministic: bool = True) -> Any:
+            return table[observations], None
+
+    class Tells:
+        def probabilities(self, observations: Any) -> Any:
+            return np.eye(2)[table[observations]]
+
+    forms = [
+        table, np.eye(2)[table], 5 * np.eye(2)[table], np.stack([table] * 10), lambda seen: int(table[seen]), Predicts(),
+        Tells(), taskspec.exam.Learned(table),
+    ]  # fmt: skip
+    for form in forms:
+        found = examine(lambda case, form=form: form, tasks=[task], seeds=1, twins=0, learns_from=["reward"])
+        assert [found["scores"][0][which] for which in ("deterministic", "stochastic", "return")] == [1.0, 1.0, 1.0]
+
+
+def test_the_policy_that_draws_is_scored_beside_its_best_actions() -> None:
+    even = examine(
+        lambda case: np.full((4, 2), 0.5) + np.array([0.1, -0.1]), tasks=["RiskyPath"], seeds=1, learns_from=["reward"]
+    )
+    (score,) = [s for s in even["scores"] if s["twin"] is None]
+    task = taskspec.load("derail/RiskyPath")
+    exact = taskspec.exact.score(task, np.repeat([[0.6], [0.4]], 4, axis=1)).normalised
+    assert score["deterministic"] == 1.0 and score["stochastic"] == pytest.approx(exact)
+
+
+def test_tasks_without_a_model_are_scored_in_episodes() -> None:
+    found = examine(lambda case: lambda seen: 0, tasks=["LargestSum"], seeds=1, learns_from=["reward"])
+    for score in found["scores"]:
+        assert 0 < score["half"] < 0.1 and abs(score["deterministic"]) < 2 * score["half"]
+
+
+# -- the command --------------------------------------------------------------------------------------------------
+
+
+def held(tmp_path: Path, name: str, *options: str) -> tuple[int, Any]:
+    done = Done("exam", f"{LEARNERS}:{name}", "--out", str(tmp_path), "--json", "-j", "2", *options)
+    assert done.status in (0, 1), done.err
+    return done.status, json.loads(done.out)
+
+
+def test_the_command_finds_what_the_function_finds_and_keeps_it(tmp_path: Path) -> None:
+    _, found = held(tmp_path, "clone", "-t", "RiskyPath,EarlyTermNeg", "--seeds", "2", "--steps", "1k")
+    here = examine(counting.clone, tasks=["RiskyPath", "EarlyTermNeg"], seeds=2, steps=1000)
+    drop = ("seconds",)
+    plain = [[{k: v for k, v in s.items() if k not in drop} for s in e["scores"]] for e in (found, here)]
+    assert plain[0] == plain[1] and found["tasks"] == here["tasks"] and read(tmp_path) == found
+    again = held(tmp_path, "clone", "-t", "RiskyPath,EarlyTermNeg", "--seeds", "2", "--steps", "1k")[1]
+    assert again["scores"] == found["scores"]  # their seconds as well: nothing was done anew
+
+
+def test_a_learner_that_raises_is_told_with_its_own_words_and_place_and_the_others_go_on(tmp_path: Path) -> None:
+    _, found = held(tmp_path, "fails_on_seed_1", "-t", "RiskyPath", "--seeds", "3", "--twins", "0")
+    printed = [s for s in found["scores"] if s["probe"] is None]
+    assert [s["deterministic"] for s in printed] == [1.0, None, 1.0]
+    line = LEARNERS.read_text(encoding="utf-8").splitlines().index('        raise KeyError("no such thing")') + 1
+    assert printed[1]["error"] == f"KeyError: 'no such thing'\n  at {LEARNERS}:{line}, in fails_on_seed_1"
+
+
+def test_a_budget_that_is_overdrawn_is_told(tmp_path: Path) -> None:
+    _, found = held(tmp_path, "greedy_for_steps", "-t", "RiskyPath", "--seeds", "1", "--steps", "50", "--twins", "0")
+    assert "the budget of 50 steps is spent" in found["scores"][0]["error"]
+    assert "in greedy_for_steps" in found["scores"][0]["error"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("missing.py:train",), "E710"), ((f"{LEARNERS}:missing",), "def missing(case)"), (("nobody",), "there is no learner"),
+        ((f"{LEARNERS}:clone", "--steps", "many"), "such as 500k"), ((f"{LEARNERS}:clone", "-t", "Riskypth"), "E701"),
+        ((f"{LEARNERS}:clone", "--learns-from", "books"), "cannot learn from 'books'"),
+        ((f"{LEARNERS}:clone", "--suite", "derial"), "derail"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_told_with_a_code(arguments: tuple[str, ...], told: str) -> None:
+    done = Done("exam", *arguments)
+    assert done.status in (1, 2) and told in done.err and "error[E7" in done.err
