@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -102,6 +104,29 @@ def test_every_way_to_import_is_seen(tmp_path: Path, back: str) -> None:
     assert set(circle(modules(tmp_path, "package"))) == {"package.a", "package.b", "package.c"}
     (tmp_path / "c.py").write_text("import package.d\nthing = 'package'")
     assert circle(modules(tmp_path, "package")) == []
+
+
+def needed(module: Module) -> Iterator[str]:
+    """The modules of optional packages that it asks `need` for, by their names as texts."""
+    for node in ast.walk(module.tree):
+        match node:
+            case ast.Call(func=ast.Name(id="need"), args=[ast.Constant(value=str(name)), *_]):
+                yield name
+
+
+def test_optional_packages_are_imported_where_the_contracts_say() -> None:
+    config = tomllib.loads((FOLDER.parent / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = [c for c in config["tool"]["importlinter"]["contracts"] if c["type"] == "forbidden"]
+    allowed = {
+        package: contract["ignore_imports"] for contract in contracts for package in contract["forbidden_modules"]
+    }
+    asked = [(m.name, name.partition(".")[0]) for m in SOURCE.values() for name in needed(m)]
+    wrong = [
+        f"{module} -> {package}"
+        for module, package in asked
+        if package in allowed and not any(fnmatch(f"{module} -> {package}", each) for each in allowed[package])
+    ]
+    assert len(asked) > 20 and wrong == []
 
 
 def test_a_class_name_means_one_thing() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec.data.demonstrations import Demonstrations
 from taskspec.data.minari import write_minari
-from taskspec.data.parquet import read_parquet, write_parquet
+from taskspec.data.parquet import read_table, write_table
 from taskspec.data.preferences import Preferences
 from taskspec.data.transitions import COLUMNS, Transitions, columns
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
@@ -70,14 +70,15 @@ def _write_minari(path: Path, data: Data) -> None:
 
 
 def _write_parquet(path: Path, data: Data) -> None:
-    write_parquet(path, *_table(data), data.metadata)
+    table = _table(data)
+    write_table(path, table, {**data.metadata, "shapes": {name: value.shape[1:] for name, value in table.items()}})
 
 
 FORMATS = {
     each.name: each
     for each in (
         Format("npz", ".npz", "arrays of NumPy", _write_npz, _read_npz),
-        Format("parquet", ".parquet", "a table, a row for each transition", _write_parquet, read_parquet),
+        Format("parquet", ".parquet", "a table, a row for each transition", _write_parquet, read_table),
         Format("imitation", "", "a folder, for `imitation.data.serialize.load`", _write_imitation),
         Format("minari", "", "a folder, for `minari.MinariDataset`", _write_minari),
     )
@@ -159,15 +160,15 @@ def flat(data: Data) -> dict[str, Array]:
     return found | ({name: getattr(data, name) for name in PAIRS} if isinstance(data, Preferences) else {})
 
 
-def _table(data: Data) -> tuple[dict[str, Array], dict[str, list[int]]]:
-    """The columns of a table with a row for each transition, and the shapes of their values."""
+def _table(data: Data) -> dict[str, Array]:
+    """The columns of a table with a row for each transition."""
     found = flat(data)
     if isinstance(data, Preferences):
         pair, second = np.divmod(data.segments.episode, 2)
         returns = found.pop("returns")[pair, second]
         found |= {name: found[name][pair] for name in ("preferences", "queries")} | {"returns": returns}
         found = {PAIRS.get(name, name): value for name, value in found.items()}
-    return found, {name: list(value.shape[1:]) for name, value in found.items()}
+    return found
 
 
 def _data(found: Mapping[str, Any], metadata: dict[str, Any]) -> Data:

@@ -1,10 +1,10 @@
-"""Tables in Parquet: a row for each transition, arrays as lists of fixed length, metadata under the key `taskspec`."""
+"""Tables in Parquet: arrays as lists of fixed length, metadata under the key `taskspec`; pyarrow is imported here."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,22 +16,22 @@ Array = np.ndarray[Any, Any]
 KEY = b"taskspec"
 
 
-def write_parquet(
-    path: Path, table: Mapping[str, Array], shapes: Mapping[str, Any], metadata: Mapping[str, Any]
+def write_table(
+    path: Path, columns: Mapping[str, Array | Sequence[Any]], metadata: Mapping[str, Any] | None = None
 ) -> None:
-    """Write columns (N, *shape); `shapes` is kept beside the metadata.
+    """Write columns: arrays (N, *shape), or N values of one type, None where there is none.
 
     Raises:
         SpecError: E705 where pyarrow is not installed.
     """
     arrow, parquet = need("pyarrow", "parquet", "Parquet"), need("pyarrow.parquet", "parquet", "Parquet")
-    columns = {name: _column(arrow, values) for name, values in table.items()}
-    told = json.dumps({**metadata, "shapes": shapes})
-    parquet.write_table(arrow.table(columns).replace_schema_metadata({KEY: told}), path)
+    table = arrow.table({name: _column(arrow, values) for name, values in columns.items()})
+    kept = None if metadata is None else {KEY: json.dumps(metadata)}
+    parquet.write_table(table.replace_schema_metadata(kept), path)
 
 
-def read_parquet(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Columns (N, *shape) and metadata.
+def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Columns (N, *shape) and metadata, of which `shapes` says what each value was.
 
     Raises:
         SpecError: E705 where pyarrow is not installed.
@@ -49,7 +49,7 @@ def read_parquet(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return found, metadata
 
 
-def _column(arrow: Any, values: Array) -> Any:
-    if values.ndim == 1:
+def _column(arrow: Any, values: Array | Sequence[Any]) -> Any:
+    if not isinstance(values, np.ndarray) or values.ndim == 1:
         return arrow.array(values)
     return arrow.FixedSizeListArray.from_arrays(arrow.array(values.reshape(-1)), math.prod(values.shape[1:]))

@@ -11,10 +11,10 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from taskspec.data.parquet import write_table
 from taskspec.experiments.instances import Instance
 from taskspec.experiments.measure import COLUMNS
-from taskspec.extras import need
-from taskspec.files import write_bytes, write_text
+from taskspec.files import whole, write_text
 
 
 @dataclass(frozen=True)
@@ -108,12 +108,9 @@ def write_parquet(rows: Sequence[Measured], path: Path) -> None:
     Raises:
         SpecError: E705 without pyarrow.
     """
-    arrow, parquet = need("pyarrow", "parquet"), need("pyarrow.parquet", "parquet")
     names, values = table(rows)
-    columns = {name: arrow.array(_of_one_type([row[i] for row in values])) for i, name in enumerate(names)}
-    buffer = arrow.BufferOutputStream()
-    parquet.write_table(arrow.table(columns), buffer)
-    write_bytes(path, buffer.getvalue().to_pybytes())
+    with whole(path) as unfinished:
+        write_table(unfinished, {name: _of_one_type([row[i] for row in values]) for i, name in enumerate(names)})
 
 
 def _of_one_type(values: Sequence[Any]) -> list[Any]:
