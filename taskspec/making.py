@@ -115,7 +115,7 @@ def _take_instances() -> None:
             return find(env_id)
         spec.kwargs.update(asked.parameters)
         if asked.modifiers:
-            spec.kwargs["modifiers"] = asked.modifiers
+            spec.kwargs["id_modifiers"] = asked.modifiers
         return spec
 
     registration._find_spec = found
@@ -196,14 +196,18 @@ def make_registered(
     path: str | None = None,
     variant: str | None = None,
     max_episode_steps: int | None = None,
+    id_modifiers: Iterable[Written] = (),
+    modifiers: Iterable[Written] = (),
     **options: Any,
 ) -> Environment:
     """What `gym.make` calls: `task` is an id, `path` a spec's file; options are parameters and those of `make`.
 
+    `id_modifiers` are those that stand in the id; others come after them.
+
     Raises:
         SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.
     """
-    made = make(_source(task, path), variant, **options)
+    made = make(_source(task, path), variant, modifiers=(*id_modifiers, *modifiers), **options)
     _check_horizon(made.task, max_episode_steps)
     return made
 
@@ -214,6 +218,8 @@ def make_vec_registered(
     path: str | None = None,
     variant: str | None = None,
     max_episode_steps: int | None = None,
+    id_modifiers: Iterable[Written] = (),
+    modifiers: Iterable[Written] = (),
     **options: Any,
 ) -> VectorEnvironment:
     """What `gym.make_vec` calls; options are parameters and those of `make_vec`.
@@ -221,7 +227,7 @@ def make_vec_registered(
     Raises:
         SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.
     """
-    made = make_vec(_source(task, path), variant, **options)
+    made = make_vec(_source(task, path), variant, modifiers=(*id_modifiers, *modifiers), **options)
     _check_horizon(made.task, max_episode_steps)
     return made
 

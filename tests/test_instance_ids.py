@@ -60,6 +60,14 @@ def test_gymnasium_takes_it() -> None:
         gymnasium.make("CartPole-v1?x=1")
 
 
+def test_gymnasium_adds_modifiers_to_those_of_the_id() -> None:
+    wanted = taskspec.load("RiskyPath", modifiers=["sticky=0.25", "delay=2"])
+    env: Any = gymnasium.make("derail/RiskyPath-v0+sticky=0.25", modifiers=["delay=2"])
+    again: Any = gymnasium.make(env.spec)
+    lanes: Any = gymnasium.make_vec("derail/RiskyPath-v0+sticky=0.25", num_envs=2, modifiers=["delay=2"])
+    assert env.unwrapped.task == again.unwrapped.task == lanes.task == wanted
+
+
 @pytest.mark.parametrize(
     ("name", "code", "words"),
     [

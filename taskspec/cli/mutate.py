@@ -44,12 +44,12 @@ def mutate(
     well; what nothing notices could be a mistake that stays.
     """
     from taskspec.cli.bench_print import Progress
-    from taskspec.cli.targets import checked_choice, files_of
+    from taskspec.cli.targets import checked_choice
     from taskspec.mutation import CLASSES, judgements, mutants
     from taskspec.source import read_file
 
     classes = [*ALWAYS, *(checked_choice("--list", name, tuple(CLASSES)) for name in shown or ())]
-    paths = [file.path for file in files_of(targets or [])]
+    paths = _specs(targets or [])
     with Progress(sum(1 for path in paths for _ in mutants(read_file(path))), quiet=json) as progress:
         found = {
             path: list(judgements(path, jobs or os.cpu_count() or 1, lambda: progress.tick("changing")))
@@ -58,6 +58,25 @@ def mutate(
     (_print_json if json else _print_text)(found, classes)
     if strict and any(j.kind in ALWAYS for judged in found.values() for _, j in judged):
         raise typer.Exit(1)
+
+
+def _specs(targets: Sequence[str]) -> list[Path]:
+    """The specs to change.
+
+    Raises:
+        SpecError: E713 for an instance of a task: what is changed is the spec, of which all its instances are made.
+    """
+    from taskspec.cli.failures import refuse
+    from taskspec.cli.targets import files_of
+
+    files = files_of(targets)
+    asked = next((file for file in files if file.parameters or file.modifiers), None)
+    if asked is not None:
+        given = "modifiers" if asked.modifiers else "values of parameters"
+        raise refuse(
+            "E713", f"`mutate` changes specs as they are written, without {given}", f"taskspec mutate {asked.path}"
+        )
+    return [file.path for file in files]
 
 
 def _print_text(found: Mapping[Path, Sequence[Judged]], classes: Sequence[str]) -> None:
