@@ -113,3 +113,52 @@ def test_numbers_that_say_no_label(values: str) -> None:
         build(read_text("\n".join(lines)))
     assert [d.code for d in found.value.diagnostics] == ["E306"]
     assert "a table gives each number its label" in (found.value.diagnostics[0].hint or "")
+
+
+PAIRS = """
+taskspec: 1
+name: Pairs
+state:
+  s: {type: choice, values: [w, x, y]}
+  q: {type: choice, values: [y, z]}
+  n: {type: int, low: 0, high: 2}
+action:
+  a: {type: choice, values: [stay, go]}
+initial: {s: "Uniform({0, 1, 2})", q: "Uniform({0, 1})", n: "UniformInt(0, 2)"}
+dynamics: {s': s, q': q, n': n}
+horizon: 1
+reward: REWARD
+"""
+
+
+@pytest.mark.parametrize(
+    ("reward", "holds"),
+    [
+        ("(s, n) in {(x, 1), (y, 2)}", lambda s, q, n: (s, n) in {("x", 1), ("y", 2)}),
+        ("(s, q) in ((y, y), (w, z))", lambda s, q, n: (s, q) in {("y", "y"), ("w", "z")}),
+        ("(s, q) not in {(y, y)}", lambda s, q, n: (s, q) != ("y", "y")),
+        ("all((s, q) == (y, y))", lambda s, q, n: (s, q) == ("y", "y")),
+        ("any((y, n) != (q, n))", lambda s, q, n: q != "y"),
+        ("((s, n), (q, 1)) in {((x, 1), (y, 1))}", lambda s, q, n: (s, q, n) == ("x", "y", 1)),
+    ],
+)
+def test_labels_inside_vectors_are_those_of_their_choice(reward: str, holds: Any) -> None:
+    env: Any = build(read_text(PAIRS.replace("REWARD", f'"{reward}"'))).make()
+    seen = set()
+    for seed in range(60):
+        env.reset(seed=seed)
+        state = env.state
+        _, paid, *_ = env.step(0)
+        assert paid == holds(**state)
+        seen.add(paid)
+    assert seen == {0.0, 1.0}
+
+
+@pytest.mark.parametrize(
+    ("reward", "code"),
+    [("(s, n) in {(x, 1), (z, 1)}", "E313"), ("(s, n) in {(q, 1)}", "E306"), ("all((s, 1) == (q, 1))", "E306")],
+)
+def test_labels_of_another_choice_inside_vectors_are_errors(reward: str, code: str) -> None:
+    with pytest.raises(SpecError) as caught:
+        build(read_text(PAIRS.replace("REWARD", f'"{reward}"')))
+    assert caught.value.diagnostics[0].code == code

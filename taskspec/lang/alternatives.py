@@ -53,11 +53,11 @@ def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[D
     if want is not None or len(exprs) < 2:
         return [want] * len(exprs)
     parts = [tuple(s.alternatives(e)) for e in exprs]
-    beside = next((d for group in parts for part in group if (d := _domain_of(part, scope)) is not None), None)
+    beside = next((d for group in parts for part in group if (d := domain_of(part, scope)) is not None), None)
     return [beside if all(_is_label(part, scope) for part in group) else None for group in parts]
 
 
-def _domain_of(expr: s.Expr, scope: Scope) -> Domain | None:
+def domain_of(expr: s.Expr, scope: Scope) -> Domain | None:
     """The domain of a choice that is named."""
     binding = scope.lookup(expr.written) if isinstance(expr, s.Name) else None
     return binding.domain if isinstance(binding, Value | Lazy) else None

@@ -97,6 +97,16 @@ class BaseChecker(ABC):
             raise Poisoned
         return results
 
+    def stack(self, nodes: list[Node], expr: s.Expr) -> Node:
+        """A vector of elements, which must be of one shape."""
+        if not nodes:
+            self.fail("E307", expr, "a vector needs at least one element")
+        shapes = {n.type.shape for n in nodes}
+        if len(shapes) > 1:
+            self.fail("E307", expr, "the elements of this vector have different shapes",
+                      "`concat(x, y)` lays vectors end to end")  # fmt: skip
+        return self.builder.structure("vector", nodes)
+
     def condition(self, expr: s.Expr, scope: Scope) -> Node:
         """An expression that must be a single condition."""
         node = self.numeric(expr, scope)

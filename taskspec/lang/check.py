@@ -74,7 +74,7 @@ class Checker(BaseChecker):
             case s.Vector(items=items):
                 return Value(self._vector(items, expr, scope))
             case s.Comprehension(is_set=False):
-                return Value(self._stack(sets.unroll(self, expr, scope), expr))
+                return Value(self.stack(sets.unroll(self, expr, scope), expr))
             case s.Weights():
                 return tables.weighted(self, expr, scope, want)
             case s.Table():
@@ -185,13 +185,4 @@ class Checker(BaseChecker):
                 assert_never(expr)
 
     def _vector(self, items: tuple[s.Expr, ...], expr: s.Expr, scope: Scope) -> Node:
-        return self._stack(self.numerics(items, scope), expr)
-
-    def _stack(self, nodes: list[Node], expr: s.Expr) -> Node:
-        if not nodes:
-            self.fail("E307", expr, "a vector needs at least one element")
-        shapes = {n.type.shape for n in nodes}
-        if len(shapes) > 1:
-            self.fail("E307", expr, "the elements of this vector have different shapes",
-                      "`concat(x, y)` lays vectors end to end")  # fmt: skip
-        return self.builder.structure("vector", nodes)
+        return self.stack(self.numerics(items, scope), expr)

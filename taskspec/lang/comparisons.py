@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
+from functools import cached_property, partial, reduce
 
-from taskspec.lang import sets
+from taskspec.lang import alternatives, sets
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Node
@@ -21,10 +22,7 @@ def compare(checker: BaseChecker, expr: s.Compare, scope: Scope) -> Node:
     sides = [_Side(checker, side, scope) for side in (expr.first, *(side for _, side in expr.rest))]
     signs = [op for op, _ in expr.rest]
     links = zip(signs, sides, sides[1:], strict=False)
-    result, *others = checker.each([partial(_link, *link) for link in links])
-    for node in others:
-        result = checker.builder.apply("and", result, node)
-    return result
+    return reduce(partial(checker.builder.apply, "and"), checker.each([partial(_link, *link) for link in links]))
 
 
 class _Side:
@@ -37,6 +35,17 @@ class _Side:
             isinstance(expr, s.Name) and scope.lookup(expr.written) is None
         )
         self._found: list[Value | None] = []
+
+    @cached_property
+    def parts(self) -> list[_Side]:
+        """The elements of a vector that is written out, sides themselves."""
+        items = self.expr.items if isinstance(self.expr, s.Vector) else ()
+        return [_Side(self.checker, item, self.scope) for item in items]
+
+    @property
+    def has_choices(self) -> bool:
+        """Whether it names a choice, or is a vector that does."""
+        return alternatives.domain_of(self.expr, self.scope) is not None or any(p.has_choices for p in self.parts)
 
     def check(self, want: Domain | None = None) -> Value | None:
         """The value beside a neighbour of the domain `want`, the first one if there are two; None when it is broken."""
@@ -61,8 +70,10 @@ class _Side:
 def _link(op: str, left: _Side, right: _Side) -> Node:
     checker = left.checker
     if op in ("in", "not in"):
-        found = sets.member(checker, left.value(), left.expr, right.expr, right.scope)
+        found = _member(left, right)
         return checker.builder.apply("not", found) if op == "not in" else found
+    if op in ("==", "!=") and _of_choices(left, right):
+        return checker.stack(checker.each(_part_links(op, left, right)), left.expr)
     if op in ("==", "!="):
         one, other = _alike(left, right)
         if one.domain is not None and one.domain == other.domain:
@@ -88,3 +99,26 @@ def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
             right.check()
         left.checker.poison()
     return one, right.value(one.domain)
+
+
+# -- vectors of choices -------------------------------------------------------------------------------------------
+
+
+def _of_choices(left: _Side, right: _Side) -> bool:
+    """Whether both are vectors that are written out, with choices among their elements: labels are those of their own element."""
+    return 0 < len(left.parts) == len(right.parts) and (left.has_choices or right.has_choices)
+
+
+def _part_links(op: str, left: _Side, right: _Side) -> list[Callable[[], Node]]:
+    return [partial(_link, op, *parts) for parts in zip(left.parts, right.parts, strict=True)]
+
+
+def _member(left: _Side, right: _Side) -> Node:
+    """`x in {a, b}`; where x is a vector of choices, it is compared with one vector after the other."""
+    checker = left.checker
+    items = right.expr.items if isinstance(right.expr, s.SetOf | s.Vector) else ()
+    sides = [_Side(checker, item, right.scope) for item in items]
+    if not sides or not all(_of_choices(left, side) for side in sides):
+        return sets.member(checker, left.value(), left.expr, right.expr, right.scope)
+    same = checker.each([partial(_link, "==", left, side) for side in sides])
+    return reduce(partial(checker.builder.apply, "or"), [checker.builder.apply("all", node) for node in same])
