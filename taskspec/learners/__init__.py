@@ -1,0 +1,11 @@
+"""Learners to examine tasks with, and to be examined: PPO, cloning, GAIL, AIRL, comparisons, and maximum entropy."""
+
+from __future__ import annotations
+
+from taskspec.learners.learner import FAMILIES as FAMILIES
+from taskspec.learners.learner import Learner as Learner
+from taskspec.learners.learner import learner as learner
+from taskspec.learners.table import BUILT_IN as BUILT_IN
+from taskspec.learners.table import Entry as Entry
+
+__all__ = ["BUILT_IN", "FAMILIES", "Entry", "Learner", "learner"]

@@ -1,0 +1,88 @@
+"""Training a policy on the true reward, and the parts that all learners with nets share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from taskspec.data.demonstrations import role
+from taskspec.exact.model.failure import misused
+from taskspec.learners.case import Given
+from taskspec.learners.configurations import Experience, Ppo
+from taskspec.learners.deep.engine import Plan, of_seed, trained
+from taskspec.learners.deep.ppo import Actor, ActorCritic, PpoUpdate, acting
+from taskspec.learners.deep.world import Steps, Walk, World
+from taskspec.learners.policies import Policy
+from taskspec.modifiers import modify
+
+Array = Any
+
+
+class Learning(NamedTuple):
+    """A policy in training, and where its lanes are."""
+
+    policy: ActorCritic
+    walk: Walk
+
+
+def world_of(case: Given, experience: Experience) -> World:
+    """Where a learner acts."""
+    task = role(case.task, experience.where)
+    if experience.horizon is not None:
+        task = modify(task, {"horizon": experience.horizon})
+    return World.of(task, experience.absorb)
+
+
+def begun(update: PpoUpdate, key: Array) -> Learning:
+    """A policy that has learned nothing."""
+    first, second = jax.random.split(key)
+    return Learning(update.init(first), update.world.begin(second, update.experience.lanes))
+
+
+def played(update: PpoUpdate, learning: Learning, key: Array) -> tuple[Walk, Steps]:
+    """A round of steps with the policy as it is."""
+    first, second = jax.random.split(key)
+    world, experience = update.world, update.experience
+    walk = world.begin(first, experience.lanes) if experience.whole else learning.walk
+    return world.walk(walk, acting(world, learning.policy.actor), second, update.steps)
+
+
+def policies(case: Given, world: World, actors: Actor, rewards: Callable[[int], Any] | None = None) -> list[Policy]:
+    """A policy for each seed; `rewards` gives what a seed learned of the reward."""
+    found = []
+    for i, seed in enumerate(case.seeds):
+        actor = of_seed(actors, i)
+        layers = [(np.asarray(w, np.float64), np.asarray(b, np.float64)) for w, b in actor.net]
+        reward = None if rewards is None else rewards(i)
+        found.append(Policy(world.seen, world.head.vectors, layers, np.asarray(actor.deviations), seed, reward))
+    return found
+
+
+def reinforced(config: Ppo, case: Given) -> list[Policy]:
+    """Policies that learned from the reward."""
+    world = world_of(case, config.experience)
+    update = PpoUpdate(config, world)
+
+    def advance(learning: Learning, key: Array, shared: Any) -> Learning:
+        first, second = jax.random.split(key)
+        walk, steps = played(update, learning, first)
+        return Learning(update.update(learning.policy, steps, walk, steps.reward, second), walk)
+
+    each = update.steps * update.experience.lanes
+    plan = Plan(rounds(case, each), each, shown=lambda learning: policies(case, world, learning.policy.actor))
+    last = trained(case, lambda key: begun(update, key), advance, plan)
+    return policies(case, world, last.policy.actor)
+
+
+def rounds(case: Given, each: int) -> int:
+    """How many rounds of so many counted steps there are in the budget.
+
+    Raises:
+        SpecError: E713 where there is not one.
+    """
+    if case.steps < each:
+        misused(f"a round of this learner takes {each:,} steps, and {case.steps:,} are granted")
+    return case.steps // each

@@ -1,0 +1,115 @@
+"""A learner that can be called: one of the table, with its settings."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from importlib import import_module
+from pathlib import Path
+from typing import Any, ClassVar
+
+from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.learners.case import Given
+from taskspec.learners.configurations import Cloning, Configuration, Matching, Ppo
+from taskspec.learners.settings import changed
+from taskspec.learners.table import BUILT_IN, Entry
+from taskspec.source import Document, read_file
+
+FAMILIES = {
+    "corrected": "the mistakes of the published code mended",
+    "paper": "the code that the figures of the paper come from",
+    "released": "the code as it was published in the end, its mistakes included",
+}
+"""What the same learners are set to."""
+_FOLDER = Path(__file__).parent / "families"
+_KEYS = ("learner", "family", "settings")
+
+
+@dataclass(frozen=True)
+class Learner:
+    """`learner(case)` gives a policy for each of `case.seeds`, all of them trained together.
+
+    Attributes:
+        name, family: which one it is.
+        configuration: its settings.
+        learns_from: what it has to be granted, of "reward", "demonstrations" and "preferences".
+    """
+
+    name: str
+    family: str
+    configuration: Configuration
+    learns_from: tuple[str, ...]
+    together: ClassVar[bool] = True
+
+    def __call__(self, case: Given) -> list[Any]:
+        """Raises SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn."""
+        match self.configuration:
+            case Matching() as config:
+                from taskspec.learners.tabular import matched
+
+                return matched(config, case)
+            case Ppo() as config:
+                return _deep("reinforce").reinforced(config, case)  # type: ignore[no-any-return]
+            case Cloning() as config:
+                return _deep("clone").cloned(config, case)  # type: ignore[no-any-return]
+
+
+def _deep(module: str) -> Any:
+    return import_module(f"taskspec.learners.deep.{module}")
+
+
+def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learner:
+    """A learner by its name, or as a file has it: `learner: gail_im`, and maybe a `family` and `settings`.
+
+    Raises:
+        SpecError: E710, E713 for a name that there is none of; E2xx for mistakes in the file, each with its place.
+    """
+    name = os.fspath(source)
+    if name in BUILT_IN:
+        return _made(BUILT_IN[name], family)
+    if not name.endswith((".yaml", ".yml")):
+        hint = suggest(name, BUILT_IN) or f"there are {', '.join(BUILT_IN)}; a path ends in .yaml"
+        raise SpecError([Diagnostic("E713", None, f"there is no learner '{name}'", hint)])
+    document = read_file(Path(source))
+    made = _made(_written(document), document.data.get("family", family))
+    if "settings" not in document.data:
+        return made
+    return Learner(made.name, made.family, changed(made.configuration, document, ("settings",)), made.learns_from)
+
+
+def _written(document: Document) -> Entry:
+    """The learner that a file names."""
+    data = document.data
+    if not isinstance(data, dict) or "learner" not in data:
+        raise SpecError([Diagnostic("E203", document.span(()), "a learner's file says which one: `learner: bc`")])
+    stray = next((key for key in data if key not in _KEYS), None)
+    if stray is not None:
+        hint = suggest(stray, _KEYS) or f"it has {', '.join(_KEYS)}"
+        raise SpecError([Diagnostic("E202", document.key_span((stray,)), f"'{stray}' means nothing here", hint)])
+    for key, known in (("learner", BUILT_IN), ("family", FAMILIES)):
+        if key in data and data[key] not in known:
+            near = suggest(str(data[key]), tuple(known))
+            message = f"{data[key]!r} is not one of {', '.join(known)}"
+            raise SpecError([Diagnostic("E206", document.span((key,)), message, near)])
+    return BUILT_IN[data["learner"]]
+
+
+def _made(entry: Entry, family: str) -> Learner:
+    if family not in FAMILIES:
+        raise SpecError(
+            [
+                Diagnostic(
+                    "E713",
+                    None,
+                    f"there is no family '{family}'",
+                    suggest(family, FAMILIES) or f"there are {', '.join(FAMILIES)}",
+                )
+            ]
+        )
+    document = read_file(_FOLDER / f"{family}.yaml")
+    config: Any = entry.published
+    for i, rule in enumerate(document.data):
+        if any(fnmatchcase(entry.name, pattern) for pattern in rule["learners"]):
+            config = changed(config, document, (i, "settings"))
+    return Learner(entry.name, family, config, entry.learns_from)

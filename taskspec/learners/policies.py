@@ -1,0 +1,84 @@
+"""What learners learn, as NumPy arrays: policies that can be asked, scored, pickled and sent to other processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from typing import Any
+
+import numpy as np
+
+from taskspec.learners.vectors import Vectors
+
+Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Policy:
+    """A net whose outputs are logits of actions, or their means.
+
+    Attributes:
+        layers: weights (inputs, outputs) and biases (outputs,).
+        deviations: of real actions, their logarithms (D,).
+        seed: of what is drawn, where actions are; ties of a best action are drawn as well.
+        reward: what was learned of the reward, a function of observation, action and next observation (N, ...); or None.
+    """
+
+    seen: Vectors
+    actions: Vectors
+    layers: Sequence[tuple[Array, Array]]
+    deviations: Array
+    seed: int = 0
+    reward: Callable[[Array, Array, Array], Array] | None = None
+    _rng: list[np.random.Generator] = field(default_factory=list, repr=False)
+
+    def predict(
+        self, observations: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[Array, None]:
+        """Actions (N, *shape) of observations (N, *shape), or one of one; and no memory."""
+        seen = np.asarray(observations)
+        alone = seen.ndim == len(self.seen.shape)
+        chosen = self._chosen(seen[None] if alone else seen, deterministic)
+        return (chosen[0] if alone else chosen), None
+
+    def action_probabilities(self, observations: Any) -> Array:
+        """Float64 (N, A), the probability of every action, the first component's slowest.
+
+        Raises:
+            TypeError: for real actions.
+        """
+        if not self.actions.counts:
+            raise TypeError("real actions have no probabilities")
+        parts = self._groups(np.asarray(observations))
+        return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), parts)
+
+    def _said(self, seen: Array) -> Array:
+        x = self.seen(seen).astype(np.float64)
+        *inner, (w, b) = self.layers
+        for u, c in inner:
+            x = np.tanh(x @ u + c)
+        said: Array = x @ w + b
+        return said
+
+    def _groups(self, seen: Array) -> list[Array]:
+        """The probabilities of each component's values."""
+        ends = np.cumsum(self.actions.counts)[:-1]
+        logits = np.split(self._said(seen), ends, axis=1)
+        powers = [np.exp(each - each.max(axis=1, keepdims=True)) for each in logits]
+        return [p / p.sum(axis=1, keepdims=True) for p in powers]
+
+    def _chosen(self, seen: Array, deterministic: bool) -> Array:
+        if not self._rng:
+            self._rng.append(np.random.default_rng(self.seed))
+        rng, v = self._rng[0], self.actions
+        if not v.counts:
+            mean = self._said(seen)
+            drawn = mean if deterministic else mean + np.exp(self.deviations) * rng.standard_normal(mean.shape)
+            return np.clip(drawn, v.low, v.high).astype(np.float32).reshape(-1, *v.shape)
+        columns = []
+        for p in self._groups(seen):
+            p = p >= p.max(axis=1, keepdims=True) if deterministic else p
+            columns.append((rng.random((len(p), 1)) * p.sum(axis=1, keepdims=True) >= p.cumsum(axis=1)).sum(axis=1))
+        numbers = np.stack(columns, axis=1)
+        return numbers[:, 0] + v.start if v.single else numbers

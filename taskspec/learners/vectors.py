@@ -1,0 +1,90 @@
+"""Observations and actions as flat vectors: what is finite is one-hot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.model.failure import misused
+from taskspec.task.spaces import SpaceLayout
+
+Array = Any
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """How values of a space become vectors of `size` float32; of NumPy's arrays and of JAX's alike.
+
+    Attributes:
+        counts: how many values each finite element takes; empty for a box.
+        shape: of a value.
+        start: the lowest value of a single finite number.
+        single: whether a value is one finite number.
+        low, high: bounds of a box, flat.
+    """
+
+    counts: tuple[int, ...]
+    shape: tuple[int, ...]
+    start: int = 0
+    single: bool = False
+    low: tuple[float, ...] = ()
+    high: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, layout: SpaceLayout) -> Vectors:
+        """Of a space as environments lay it out.
+
+        Raises:
+            SpecError: E713 for dicts.
+        """
+        match layout.form:
+            case "discrete":
+                return cls(layout.counts, (), start=layout.starts[0], single=True)
+            case "multi_discrete":
+                return cls(layout.counts, layout.shape)
+            case "box":
+                return cls((), layout.shape, low=layout.low, high=layout.high)
+            case "one_hot":
+                return cls((), layout.shape, low=(0.0,) * layout.size, high=(1.0,) * layout.size)
+            case "dict":
+                misused("observations that are dicts are no vectors", "choose another `space` for the observation")
+
+    @property
+    def size(self) -> int:
+        return sum(self.counts) if self.counts else math.prod(self.shape)
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether it is a box, all of whose bounds are finite and apart."""
+        ends = zip(self.low, self.high, strict=True)
+        return not self.counts and all(math.isfinite(a) and math.isfinite(b) and a < b for a, b in ends)
+
+    def __call__(self, values: Array) -> Array:
+        """Float32 (N, size) of values (N, *shape)."""
+        if not self.counts:
+            return values.reshape(len(values), -1).astype(np.float32)
+        return self.one_hot(self.flat(values))
+
+    def flat(self, values: Array) -> Array:
+        """Finite values (N, *shape) as numbers from 0, int32 (N, K); values of a box as they are, (N, size)."""
+        rows = values.reshape(len(values), -1)
+        return (rows - self.start).astype(np.int32) if self.counts else rows.astype(np.float32)
+
+    def one_hot(self, numbers: Array) -> Array:
+        """Float32 (..., size) of numbers from 0, (..., K); real numbers are left as they are."""
+        if not self.counts:
+            return numbers
+        firsts = np.cumsum([0, *self.counts[:-1]]).tolist()
+        places = np.arange(self.size)
+        hits = [numbers[..., k, None] + first == places for k, first in enumerate(firsts)]
+        return sum(hit.astype(np.float32) for hit in hits)
+
+    def scaled(self, vectors: Array) -> Array:
+        """Vectors with the bounds of a bounded box at 0 and 1; others as they are."""
+        if not self.is_bounded:
+            return vectors
+        low, high = np.array(self.low, np.float32), np.array(self.high, np.float32)
+        return (vectors - low) / (high - low)

@@ -1,0 +1,36 @@
+"""What learners are given, without an exam around it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import taskspec
+from taskspec.data import Demonstrations, demonstrations
+from taskspec.task.task import Task
+
+
+class Granted:
+    """A task with everything that may be learned from, which keeps count."""
+
+    def __init__(
+        self, task: str | Task, steps: int = 1000, seeds: int = 1, demonstrations: Demonstrations | None = None
+    ) -> None:
+        self.task, self.steps, self.seeds = taskspec.load(task), steps, tuple(range(seeds))
+        self.judge, self._shown = self.task, demonstrations
+        self.counted, self.compared = 0, 0
+        self.curve: list[tuple[int, list[Any]]] = []
+
+    @property
+    def demonstrations(self) -> Demonstrations:
+        if self._shown is None:
+            self._shown = demonstrations(self.task, transitions=2000)
+        return self._shown
+
+    def count(self, steps: int = 0, comparisons: int = 0) -> None:
+        self.counted += steps
+        self.compared += comparisons
+        assert self.counted <= self.steps
+
+    def show(self, *policies: Any) -> None:
+        assert len(policies) == len(self.seeds)
+        self.curve.append((self.counted, list(policies)))
