@@ -94,7 +94,7 @@ def merge(document: Document, variant: str | None = None) -> Merged:
     name = str(document.data.get("name", ""))
     key = None if variant is None or variant == name else _key(document, variant)
     merged: Merged | None = None
-    for step in reversed(list(_chain((document, key)))):
+    for step in reversed(list(lineage((document, key)))):
         merged = _overlaid(*step, merged)
     assert merged is not None
     return merged
@@ -169,7 +169,7 @@ def _base(step: Step) -> Step | None:
     return other, None if base is None else _key(other, str(base))
 
 
-def _chain(step: Step) -> Iterator[Step]:
+def lineage(step: Step) -> Iterator[Step]:
     """A variant, or a spec, what it is based on, and so on."""
     seen: set[Step] = set()
     current: Step | None = step

@@ -1,4 +1,7 @@
-"""Pages -> a static site: an index and a page a task, mathematics as MathML, no script and no network."""
+"""Pages -> a static site: a gallery and a page a task, mathematics as MathML, no network.
+
+The one script is the gallery's: it filters the tasks, and without it all of them are there.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,7 @@ from markupsafe import Markup
 
 from taskspec.appendix.hypertext import HtmlWriter
 from taskspec.appendix.page import Page
-from taskspec.appendix.prose import (
-    is_safe,
-)  # fmt: skip
+from taskspec.appendix.prose import is_safe
 from taskspec.appendix.render.environment import html_environment
 from taskspec.appendix.render.suite import Suite
 from taskspec.appendix.scores import lines as score_lines
@@ -34,9 +35,8 @@ def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]
     env = html_environment()
     safe = {name: address for name, address in (links or {}).items() if is_safe(address)}
     common = {"suite": suite.title, "links": safe, "style": Markup(_style())}
-    files = {
-        "index.html": env.get_template("index.html").render(cards=[_card(suite, p) for p in suite.pages], **common)
-    }
+    count = len(suite.pages)
+    files = {"index.html": env.get_template("index.html").render(count=count, **_gallery(suite), **common)}
     for i, page in enumerate(suite.pages):
         before = suite.pages[i - 1] if i else None
         after = suite.pages[i + 1] if i + 1 < len(suite.pages) else None
@@ -44,6 +44,16 @@ def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]
             before=before, after=after, **_page(suite, page), **common
         )
     return {name: visible(text, ON_PAGES) for name, text in files.items()}
+
+
+def gallery(suite: Suite) -> str:
+    """The tasks as cards, with a field to search them and a button for each capability: a piece of HTML for a page of its own."""
+    return visible(html_environment().get_template("cards.html").render(**_gallery(suite)), ON_PAGES)
+
+
+def _gallery(suite: Suite) -> dict[str, Any]:
+    cards = [_card(suite, page) for page in suite.pages if page.anchor in suite.folded]
+    return {"cards": cards, "capabilities": sorted({card["page"].capability for card in cards} - {""})}
 
 
 def _style() -> str:
@@ -77,7 +87,7 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
     names = ", ".join(f"{p.name} = {p.value}" for p in page.task.parameters)
     return {
         "page": page, "summary": writer.prose(page.summary), "facts": facts, "scores": found, "parameters": names,
-        "figure": Markup(svg(scene, css=True)) if scene else None,
+        "figure": Markup(svg(scene, css=True)) if scene else None, "variants": suite.folded[page.anchor],
     }  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from functools import cached_property
 from taskspec.appendix.bibliography import Reference
 from taskspec.appendix.page import Page, Setting, anchor
 from taskspec.figures import Scene
+from taskspec.task.merge import lineage
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +41,18 @@ class Suite:
         """The references that are cited and known, in the order of their keys."""
         keys = {cite.key for page in self.pages for cite in page.sources}
         return {key: self.references[key] for key in sorted(keys) if key in self.references}
+
+    @cached_property
+    def folded(self) -> dict[str, tuple[Page, ...]]:
+        """By the anchors of the pages that are based on no other one: those of the variants based on each, however remotely."""
+        known = {(page.task.document.origin.name, page.task.variant): page.anchor for page in self.pages}
+        found: dict[str, list[Page]] = {}
+        for page in self.pages:
+            line = [(document.origin.name, key) for document, key in lineage((page.task.document, page.task.variant))]
+            *_, first = (known[step] for step in line if step in known)
+            found.setdefault(first, [])
+            found[first] += [page] if page.anchor != first else []
+        return {anchor: tuple(pages) for anchor, pages in found.items()}
 
     def others(self, page: Page) -> list[Other]:
         """The figures of a page's settings."""
