@@ -1,18 +1,21 @@
 """The documentation site: `python -m sphinx -W -b html docs build/site`. Needs the extra `site`.
 
-The pages are plain Markdown that reads well in the repository, too. What Sphinx needs beyond them is worked out here: tables of
-contents from the links on index pages, pages for files above this folder, and mathematics as MathML, which needs no network.
+The pages are plain Markdown that reads well in the repository, too. What the site needs beyond them is worked out here and in the
+modules beside this one: tables of contents from the links on index pages, pages for files above this folder, mathematics as MathML,
+which needs no network, a first screen, galleries, and figures in the colours of the site.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 from docutils import nodes
 
 from taskspec import __version__
+from taskspec.appendix.render import gallery_style
 from taskspec.printers import tex
 from taskspec.printers.mathml import mathml
 
@@ -20,8 +23,17 @@ project = "taskspec"
 author = project_copyright = "the taskspec authors"
 version = release = __version__
 
-extensions = ["myst_parser"]
-myst_enable_extensions = ["dollarmath"]
+DOCS = Path(__file__).parent
+sys.path.insert(0, str(DOCS))
+
+from galleries import SUITES, below, with_figures, with_gallery  # noqa: E402
+from landing import landing  # noqa: E402
+
+extensions = ["myst_parser", "sphinx_copybutton"]
+myst_enable_extensions = ["dollarmath", "colon_fence"]
+copybutton_prompt_text = "$ "
+copybutton_only_copy_prompt_lines = True
+copybutton_exclude = ".linenos, .gp, .go"
 myst_heading_anchors = 4
 exclude_patterns = ["build", "_build"]
 suppress_warnings = ["misc.highlighting_failure"]  # some snippets show mistakes
@@ -30,8 +42,9 @@ html_theme = "furo"
 html_title = f"taskspec {version}"
 html_math_renderer = "mathml"
 html_show_sphinx = html_show_sourcelink = html_copy_source = False
+html_static_path = ["static"]
+html_css_files = ["site.css", "gallery.css"]
 
-DOCS = Path(__file__).parent
 SHOWN = {"readme": "README.md", "contributing": "CONTRIBUTING.md", "security": "SECURITY.md"}
 """Pages of the site, and the files above this folder that they show."""
 LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.md\)")
@@ -40,6 +53,7 @@ GROUP = re.compile(r"^- (?=[^\[])", re.MULTILINE)
 
 def setup(app: Any) -> dict[str, Any]:
     app.connect("source-read", read)
+    app.connect("build-finished", write_style)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -50,8 +64,21 @@ def read(app: Any, page: str, source: list[str]) -> None:
         source[0] = (DOCS.parent / SHOWN[page]).read_text(encoding="utf-8").replace("](docs/", "](")
     for name, file in SHOWN.items():
         source[0] = source[0].replace(f"](../{file}", f"]({name}.md").replace(f"]({file}", f"]({name}.md")
-    if page.endswith("index"):
-        source[0] += contents(source[0])
+    listed = below(page)
+    if listed is not None:
+        source[0] += tree("", listed)
+    elif page == "index":
+        pages = source[0][source[0].index("\n- ") :]
+        source[0] = landing(DOCS.parent / SHOWN["readme"]) + "\n## Pages\n" + pages + contents(pages)
+    if page in SUITES:
+        source[0] = with_gallery(page, source[0])
+    source[0] = with_figures(source[0], (DOCS / page).parent)
+
+
+def write_style(app: Any, error: Exception | None) -> None:
+    """The style of galleries is that of printed pages."""
+    if error is None and app.builder.format == "html":
+        (Path(app.outdir) / "_static" / "gallery.css").write_text(gallery_style(), encoding="utf-8")
 
 
 def contents(text: str) -> str:

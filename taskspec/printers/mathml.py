@@ -56,7 +56,7 @@ def _write(node: m.Math) -> str:
         case m.Matrix(rows=rows):
             return f"<mrow>{_delimiter('(', 'prefix')}{_table(rows)}{_delimiter(')', 'postfix')}</mrow>"
         case m.Arrow(over=over):
-            return f'<mover><mo stretchy="true">→</mo><mrow>{_EN}{_write(over)}{_EN}</mrow></mover>'
+            return f'<mover><mo stretchy="false">⟶</mo><mrow>{_EN}{_write(over)}{_EN}</mrow></mover>'
         case m.Big():
             return _big(node)
         case m.Hole(name=name):

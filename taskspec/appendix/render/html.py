@@ -56,9 +56,13 @@ def _gallery(suite: Suite) -> dict[str, Any]:
     return {"cards": cards, "capabilities": sorted({card["page"].capability for card in cards} - {""})}
 
 
+def gallery_style() -> str:
+    """CSS of galleries and figures, for a page that says what `--ink`, `--paper` and the other colours are."""
+    return html_environment().get_template("gallery.css").render()
+
+
 def _style() -> str:
-    source = html_environment().loader.get_source(html_environment(), "style.css")[0]  # type: ignore[union-attr]
-    return source + _highlight_style()
+    return html_environment().get_template("style.css").render() + gallery_style() + _highlight_style()
 
 
 def _page(suite: Suite, page: Page) -> dict[str, Any]:
