@@ -1,8 +1,8 @@
 """The documentation site: `python -m sphinx -W -b html docs build/site`. Needs the extra `site`.
 
-The pages are plain Markdown that reads well in the repository, too. What the site needs beyond them is worked out here and in the
-modules beside this one: tables of contents from the links on index pages, pages for files above this folder, mathematics as MathML,
-which needs no network, a first screen, galleries, and figures in the colours of the site.
+The pages are plain Markdown that reads well in the repository, too. What the site needs beyond them is worked out here and
+in the modules beside this one: tables of contents from the links on index pages, pages for files above this folder, mathematics as
+MathML, which needs no network, a first screen, galleries, and figures in the colours of the site.
 """
 
 from __future__ import annotations
@@ -48,12 +48,19 @@ html_css_files = ["site.css", "gallery.css"]
 SHOWN = {"readme": "README.md", "contributing": "CONTRIBUTING.md", "security": "SECURITY.md"}
 """Pages of the site, and the files above this folder that they show."""
 LINK = re.compile(r"\[[^\]]*\]\(([\w/-]+)\.md\)")
+ACCESSIBLE = (
+    (r'class="caption" role="heading"', 'class="caption" role="heading" aria-level="2"'),
+    (r'<aside class="(\w+)-drawer">', r'<aside class="\1-drawer" aria-label="\1">'),
+    (r"<pre><span>", '<pre tabindex="0"><span>'),
+    (r'<th class="([^"]*)"><p></p></th>', r'<td class="\1"></td>'),
+)
+"""Parts of pages, and how they are written so that all can read them."""
 GROUP = re.compile(r"^- (?=[^\[])", re.MULTILINE)
 
 
 def setup(app: Any) -> dict[str, Any]:
     app.connect("source-read", read)
-    app.connect("build-finished", write_style)
+    app.connect("build-finished", finish)
     app.add_html_math_renderer("mathml", (inline_math, None), (block_math, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -75,10 +82,16 @@ def read(app: Any, page: str, source: list[str]) -> None:
     source[0] = with_figures(source[0], (DOCS / page).parent)
 
 
-def write_style(app: Any, error: Exception | None) -> None:
-    """The style of galleries is that of printed pages."""
-    if error is None and app.builder.format == "html":
-        (Path(app.outdir) / "_static" / "gallery.css").write_text(gallery_style(), encoding="utf-8")
+def finish(app: Any, error: Exception | None) -> None:
+    """The style of galleries is that of printed pages; and what the theme leaves out that screen readers and keyboards need."""
+    if error is not None or app.builder.format != "html":
+        return
+    (Path(app.outdir) / "_static" / "gallery.css").write_text(gallery_style(), encoding="utf-8")
+    for page in Path(app.outdir).rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        for written, accessible in ACCESSIBLE:
+            text = re.sub(written, accessible, text)
+        page.write_text(text, encoding="utf-8")
 
 
 def contents(text: str) -> str:

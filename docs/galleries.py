@@ -1,4 +1,4 @@
-"""Galleries of the suites' tasks, in place of the tables of their index pages, and figures that follow the colours of the site."""
+"""Galleries of the suites' tasks, in place of the tables of index pages, and figures that follow the colours of the site."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ hide-toc: true
 
 # One YAML file, one task
 
-Researchers who study learning from humans need tiny tasks that isolate one capability. Write such a task once: its environments, its
-exact scores and proofs, and its printed specification come from one file, so that paper and code cannot disagree.
+Researchers who study learning from humans need tiny tasks that isolate one capability. Write such a task once: its environments,
+its exact scores and proofs, and its printed specification come from one file, so that paper and code cannot disagree.
 
 {commands}
 
@@ -38,7 +38,10 @@ def landing(readme: Path) -> str:
     """The first screen, in MyST, from the README's own blocks."""
     text = readme.read_text(encoding="utf-8")
     example = text[text.index("## A task, and what it gives") :]
-    figure, printed = _first(r"(?<=]\()[^)]*svg", example), _first(r"(?<=<!-- printed -->\n).*?(?=<!-- /printed -->)", example)
+    figure, printed = (
+        _first(r"(?<=]\()[^)]*svg", example),
+        _first(r"(?<=<!-- printed -->\n).*?(?=<!-- /printed -->)", example),
+    )
     set_up, test = (block.strip("$ \n") for block in re.findall(r"```console\n(\$ [^`]*)```", text)[:2])
     return START.format(
         commands=f"```console\n$ {set_up}\n$ taskspec new my_task.yaml\n$ taskspec check my_task.yaml\n$ {test}\n```",

@@ -46,6 +46,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "modifiers.md": manual.modifiers,
     "difficulty.md": manual.difficulty,
     "names.md": manual.public,
+    "commands.md": manual.commands,
 }
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
 PAGES.remove(DOCS / "errors.md")  # its snippets show mistakes; tests/errors has a whole spec for each

@@ -124,5 +124,6 @@ def _end(met: bool, strict: bool) -> None:
 
 
 bench = typer.Typer(no_args_is_help=True, help=flowed(HELP))
-for _name, _function in (("seals", seals), ("vector", vector), ("exact", exact)):
+BENCHES = (("seals", seals), ("vector", vector), ("exact", exact))
+for _name, _function in BENCHES:
     bench.command(_name, help=flowed(_function.__doc__ or ""))(_function)
