@@ -1,8 +1,8 @@
 """The documentation site: `python -m sphinx -W -b html docs build/site`. Needs the extra `site`.
 
-The pages are plain Markdown that reads well in the repository, too. What the site needs beyond them is worked out here and
-in the modules beside this one: tables of contents from the links on index pages, pages for files above this folder, mathematics as
-MathML, which needs no network, a first screen, galleries, and figures in the colours of the site.
+The pages are plain Markdown that reads well in the repository, too. What the site needs beyond them is worked out here
+and in the modules beside this one: tables of contents from the links on index pages, pages for files above this folder,
+mathematics as MathML, which needs no network, a first screen, galleries, and figures in the colours of the site.
 """
 
 from __future__ import annotations
