@@ -1,0 +1,84 @@
+"""The report of an exam in a terminal: verdicts, a heat map of scores, diagnoses with what to try, flags, and the cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from rich.console import RenderableType
+from rich.padding import Padding
+from rich.table import Table
+
+from taskspec.cli.console import columns, console, line
+from taskspec.cli.terminal import Console, VisibleText
+from taskspec.exam.report import told
+from taskspec.exam.report.told import SeedCell, TaskRow
+
+STYLES = {"masters": "good", "unsure": "warn", "fails": "bad"}
+
+
+def show(exam: Mapping[str, Any], out: Console | None = None) -> None:
+    """Print the report of an exam, as `exam.json` holds it."""
+    out = out or console()
+    for part in _parts(exam):
+        out.print(part)
+
+
+def _parts(exam: Mapping[str, Any]) -> Iterable[RenderableType]:
+    yield line((exam["learner"], "title"), (f"  {told.headline(exam)}", "quiet"))
+    yield VisibleText(told.finding(exam))
+    yield VisibleText()
+    yield _table(exam)
+    for each in exam["diagnoses"]:
+        yield VisibleText()
+        yield from _diagnosis(each)
+    if exam["flags"]:
+        yield VisibleText()
+    for flag in exam["flags"]:
+        yield line((flag["kind"], "bad"), " ", (flag["task"], "name"), f": {flag['message']}")
+    yield VisibleText()
+    yield VisibleText(told.costs(exam), style="quiet")
+
+
+def _table(exam: Mapping[str, Any]) -> Table:
+    """A row for each capability with its verdict, and under it its tasks with their mean scores on their colours."""
+    table = columns("", "", "score", "95 %", "twins", "drawn", "constant", right=range(2, 7))
+    rows = told.rows(exam)
+    verdicts: Mapping[str, Mapping[str, Any]] = exam["verdicts"]
+    order = list(dict.fromkeys([*verdicts, *(row.capability for row in rows)]))
+    for capability in order:
+        grade = verdicts[capability]["verdict"] if capability in verdicts else None
+        mark = VisibleText(f"{told.SIGNS[grade]} {grade}", style=STYLES[grade]) if grade else VisibleText("")
+        table.add_row(VisibleText(capability, style="head"), mark)
+        for row in (each for each in rows if each.capability == capability):
+            _add_task(table, row)
+    return table
+
+
+def _add_task(table: Table, row: TaskRow) -> None:
+    several = len(row.printed.scores) > 1
+    ends = told.interval(*row.printed.interval) if several else ""
+    constant = SeedCell(() if row.constant is None else (row.constant,))
+    cells = [_cell(cell) for cell in (row.printed, row.twins, row.drawn, constant)]
+    table.add_row(
+        VisibleText(f"  {row.name}", style="name"), "", cells[0], VisibleText(ends, style="quiet"), *cells[1:]
+    )
+
+
+def _cell(cell: SeedCell) -> VisibleText:
+    if cell.mean is None:
+        return VisibleText(cell.words or "·", style="quiet")
+    background = told.colour(cell.mean)
+    return VisibleText(f" {cell.words} ", style=f"{told.ink(background)} on {told.hexadecimal(background)}")
+
+
+def _diagnosis(each: Mapping[str, Any]) -> Iterable[RenderableType]:
+    yield line(("diagnosis ", "warn"), (each["message"], "title"))
+    for evidence in each["evidence"]:
+        yield Padding(VisibleText(evidence, style="quiet"), (0, 0, 0, 2))
+    for head in ("cause", "try", "source"):
+        table = Table.grid(padding=(0, 1, 0, 0))
+        table.add_column(width=6, style="quiet")
+        table.add_column()
+        table.add_row(head, VisibleText(each[head]))
+        yield Padding(table, (0, 0, 0, 2))

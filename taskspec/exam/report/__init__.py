@@ -1,0 +1,60 @@
+"""Reports of exams, in files: pages, pictures and tables. The one for the terminal is `taskspec.cli.examined`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.exam.report import pictures
+from taskspec.exam.report.page import page
+from taskspec.exam.report.tables import write_scores
+from taskspec.files import write_text
+
+
+def _html(exam: Mapping[str, Any], path: Path) -> None:
+    write_text(path, page(exam))
+
+
+def _picture(exam: Mapping[str, Any], path: Path) -> None:
+    pictures.save(pictures.of_exam(exam), path)
+
+
+def _parquet(exam: Mapping[str, Any], path: Path) -> None:
+    write_scores({exam["learner"]: exam}, path)
+
+
+_WRITERS: dict[str, tuple[str, Callable[[Mapping[str, Any], Path], None]]] = {
+    "html": ("report.html", _html), "png": ("report.png", _picture), "pdf": ("report.pdf", _picture),
+    "svg": ("report.svg", _picture), "parquet": ("scores.parquet", _parquet),
+}  # fmt: skip
+FORMATS = tuple(_WRITERS)
+"""Forms of a report besides `exam.json`, which it is made of."""
+
+
+def write(exam: Mapping[str, Any], folder: Path | str, formats: Iterable[str] = ("html",)) -> list[Path]:
+    """Write reports of an exam into a folder.
+
+    Args:
+        exam: what `exam.json` holds.
+        folder: made if need be.
+        formats: of `FORMATS`.
+
+    Returns:
+        The files written, in order.
+
+    Raises:
+        SpecError: E713 for another format; E705 without matplotlib, or pyarrow; E716 for a file that cannot be written.
+    """
+    wanted = list(dict.fromkeys(formats))
+    for name in wanted:
+        if name not in _WRITERS:
+            hint = suggest(name, FORMATS) or f"use {', '.join(FORMATS)}"
+            raise SpecError([Diagnostic("E713", None, f"'{name}' is not a format of reports", hint)])
+    written = []
+    for name in wanted:
+        file, writer = _WRITERS[name]
+        writer(exam, Path(folder) / file)
+        written.append(Path(folder) / file)
+    return written

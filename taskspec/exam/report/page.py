@@ -1,0 +1,81 @@
+"""An exam as one static HTML page: no script, no network, light and dark, wide and narrow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from markupsafe import Markup
+
+from taskspec.appendix.render.html import report_page
+from taskspec.exam.report import strips, told
+from taskspec.exam.report.told import SeedCell, TaskRow
+
+
+def page(exam: Mapping[str, Any]) -> str:
+    """The page of an exam."""
+    rows = told.rows(exam)
+    ends = strips.scale(rows)
+    return report_page(
+        learner=exam["learner"], suite=exam["suite"], headline=told.headline(exam), finding=told.finding(exam),
+        verdicts=[_verdict(name, verdict) for name, verdict in exam["verdicts"].items()],
+        rows=[_row(row, ends) for row in rows], axis=strips.axis(ends),
+        curves=[{"name": row.name, "picture": strips.curves(row), "steps": _last(row)} for row in rows if row.curves],
+        diagnoses=[each | {key: _code(each[key]) for key in ("message", "cause", "try")} for each in exam["diagnoses"]],
+        flags=[flag | {"task": _short(flag["task"]), "size": _size(flag)} for flag in exam["flags"]], facts=_facts(exam),
+    )  # fmt: skip
+
+
+def _verdict(capability: str, verdict: Mapping[str, Any]) -> dict[str, str]:
+    grade = verdict["verdict"]
+    return {
+        "capability": capability, "grade": grade, "sign": told.SIGNS[grade], "mean": told.decimal(verdict["mean"]),
+        "interval": told.interval(verdict["low"], verdict["high"]), "tasks": ", ".join(map(_short, verdict["tasks"])),
+    }  # fmt: skip
+
+
+def _row(row: TaskRow, ends: tuple[float, float]) -> dict[str, Any]:
+    constant = SeedCell(() if row.constant is None else (row.constant,))
+    cells = (("printed", row.printed), ("twins", row.twins), ("drawn", row.drawn), ("constant", constant))
+    return {
+        "name": row.name, "grade": row.grade, "sign": told.SIGNS[row.grade] if row.grade else "",
+        "picture": strips.strip(row, ends), "capability": row.capability, "cells": [_cell(name, cell) for name, cell in cells],
+    }  # fmt: skip
+
+
+def _cell(name: str, cell: SeedCell) -> dict[str, str]:
+    background = told.NOT_RUN if cell.mean is None else told.colour(cell.mean)
+    return {
+        "name": name, "words": cell.words or "–", "background": told.hexadecimal(background), "ink": told.ink(background),
+        "title": told.interval(*cell.interval) if len(cell.scores) > 1 else "",
+    }  # fmt: skip
+
+
+def _code(text: str) -> Markup:
+    """Words with what stands between backticks as code."""
+    parts = text.split("`")
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if i % 2 and i < len(parts) - 1 else part for i, part in enumerate(parts)
+    )
+
+
+def _short(task: str) -> str:
+    return task.partition("/")[2].rpartition("-v")[0] or task
+
+
+def _size(flag: Mapping[str, Any]) -> str:
+    if flag["effect"] is None:
+        return ""
+    ends = told.interval(flag["low"], flag["high"])
+    return f"{told.decimal(flag['effect'])}{f' (95 % from {ends})' if ends else ''}"
+
+
+def _last(row: TaskRow) -> str:
+    return told.steps(max(x for curve in row.curves for x, _ in curve))
+
+
+def _facts(exam: Mapping[str, Any]) -> dict[str, str]:
+    """How it was held."""
+    versions = ", ".join(f"{name} {version}" for name, version in exam["versions"].items())
+    machine = ", ".join(f"{name} {value}" for name, value in exam["machine"].items())
+    return {"Cost": told.costs(exam), "Command": exam["command"], "Versions": versions, "Machine": machine}
