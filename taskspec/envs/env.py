@@ -68,13 +68,13 @@ class Environment(gymnasium.Env[Any, Any]):
         one_of("ending", ending, ENDINGS)
         if render_mode not in (None, "ansi"):
             window.require()
-        self.task = with_options(load(task), ending, observe_time)
-        self.render_mode = render_mode
+        self.task: Task = with_options(load(task), ending, observe_time)
+        self.render_mode: str | None = render_mode
         self._window: window.Window | None = None
         self._frames: list[window.Frame] = []
         self._program: ScalarProgram = compile_scalar(self.task)
-        self.observation_space = space(self._program.observation)
-        self.action_space = space(self._program.action)
+        self.observation_space: gymnasium.Space[Any] = space(self._program.observation)
+        self.action_space: gymnasium.Space[Any] = space(self._program.action)
         self._seed: int | None = None
         self._spec: EnvSpec | None = None
         self._start(0, Clock())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import gymnasium
 import numpy as np
 from gymnasium.experimental.functional import FuncEnv
 
@@ -37,8 +38,8 @@ class TaskFuncEnv(_FuncEnv):
     def __init__(self, task: TaskLike, options: dict[str, Any] | None = None) -> None:
         super().__init__(options)
         self._functional = Functional(task)
-        self.observation_space = space(self._functional.program.observation)
-        self.action_space = space(self._functional.program.action)
+        self.observation_space: gymnasium.Space[Any] = space(self._functional.program.observation)
+        self.action_space: gymnasium.Space[Any] = space(self._functional.program.action)
 
     def initial(self, rng: Any, params: Any = None) -> FuncState:
         seen, state = self._functional.reset(rng)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium.vector.utils import batch_space
 
@@ -28,26 +29,28 @@ class InstanceLanes(VectorEnvironment):
     """
 
     def __init__(self, tasks: Sequence[Task], **options: Any) -> None:
-        self.tasks, self.num_envs, self._spec = tuple(tasks), len(tasks), None
+        self.tasks: tuple[Task, ...] = tuple(tasks)
+        self.num_envs: int = len(tasks)
+        self._spec = None
         lanes: dict[str, list[int]] = {}
         for i, task in enumerate(tasks):
             lanes.setdefault(task.content_hash, []).append(i)
         self._where = [np.array(found) for found in lanes.values()]
         self._parts = [VectorEnvironment(tasks[found[0]], len(found), **options) for found in lanes.values()]
         first = self._parts[0]
-        self.task = first.task
+        self.task: Task = first.task
         for part in self._parts:
             for name in ("single_observation_space", "single_action_space"):
                 if getattr(part, name) != getattr(first, name):
                     message = f"the instances have different spaces: {getattr(first, name)} and {getattr(part, name)}"
                     raise invalid(f"{message}; declare bounds that hold for all")
-        self.metadata, self.render_mode, self.backend = first.metadata, first.render_mode, first.backend
-        self.single_observation_space, self.single_action_space = (
-            first.single_observation_space,
-            first.single_action_space,
-        )
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.metadata: dict[str, Any] = first.metadata
+        self.render_mode: str | None = first.render_mode
+        self.backend: str = first.backend
+        self.single_observation_space: gymnasium.Space[Any] = first.single_observation_space
+        self.single_action_space: gymnasium.Space[Any] = first.single_action_space
+        self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
         self._seeded = False
 
     @property

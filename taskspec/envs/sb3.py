@@ -27,7 +27,7 @@ from taskspec.exact.scoring.experts import Expert
 from taskspec.extras import need
 from taskspec.registry import load
 from taskspec.task.options import RenderMode
-from taskspec.task.task import TaskLike
+from taskspec.task.task import Task, TaskLike
 
 need("stable_baselines3", "sb3")
 from stable_baselines3.common.policies import BasePolicy  # noqa: E402  # after the message about its absence
@@ -56,11 +56,11 @@ class Sb3VecEnv(VecEnv):
         num_threads: int = 1,
         render_mode: RenderMode | None = None,
     ) -> None:
-        self.task = load(task)
+        self.task: Task = load(task)
         num_envs, num_threads = positive("num_envs", num_envs), positive("num_threads", num_threads)
         self._engine = select.engine(self.task, num_envs, backend, Options("same_step", num_threads))
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 4}
-        self.render_mode = rendered(render_mode)
+        self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}
+        self.render_mode: str | None = rendered(render_mode)
         self._started = False
         super().__init__(num_envs, space(self._engine.observation), space(self._engine.action))
         self._first_seed: int | None = seed_of(seed)

@@ -42,7 +42,7 @@ from taskspec.extras import install_package
 from taskspec.modifiers import with_options
 from taskspec.registry import load
 from taskspec.task.options import Ending, RenderMode
-from taskspec.task.task import TaskLike
+from taskspec.task.task import Task, TaskLike
 
 if not hasattr(gymnasium.vector, "AutoresetMode"):
     raise SpecError(
@@ -102,11 +102,11 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         if not isinstance(autoreset_mode, AutoresetMode):
             one_of("autoreset_mode", autoreset_mode, _MODES)
         mode = AutoresetMode(autoreset_mode)
-        self.task = with_options(load(task), ending, observe_time)
-        self.num_envs = lanes_of(self.task, num_envs)
-        self.backend = select.choose(self.task, backend)
-        self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": 4, "autoreset_mode": mode}
-        self.render_mode = rendered(render_mode)
+        self.task: Task = with_options(load(task), ending, observe_time)
+        self.num_envs: int = lanes_of(self.task, num_envs)
+        self.backend: str = select.choose(self.task, backend)
+        self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4, "autoreset_mode": mode}
+        self.render_mode: str | None = rendered(render_mode)
         self._spec: EnvSpec | None = None
         options = Options(_MODES[mode.value], num_threads)
         self._engine = select.engine(self.task, num_envs, self.backend, options)
@@ -115,10 +115,10 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._seeded = False
 
     def _set_spaces(self) -> None:
-        self.single_observation_space = space(self._engine.observation)
-        self.single_action_space = space(self._engine.action)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.single_observation_space: gymnasium.Space[Any] = space(self._engine.observation)
+        self.single_action_space: gymnasium.Space[Any] = space(self._engine.action)
+        self.observation_space: gymnasium.Space[Any] = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space: gymnasium.Space[Any] = batch_space(self.single_action_space, self.num_envs)
         b = self._engine.buffers
         self._seen, self._results = b.seen.view(), (b.reward, b.terminated, b.truncated)
         self._last = None if isinstance(self._seen, dict) else b.final.view()

@@ -35,7 +35,7 @@ class Builder:
         self._folded: dict[Any, Const] = {}  # by operator, static values and ids of constants, which `_nodes` keeps
         self._ints: dict[int, Const] = {}
         self._most = limits().operations
-        self.expressions = 0  # that sections came to, each as often as it is written out: what the build cost
+        self.expressions: int = 0  # that sections came to, each as often as it is written out: what the build cost
         self._sites = 0
         self._written: list[dict[int, Draw]] = []
 

@@ -31,7 +31,7 @@ class Functional:
     """
 
     def __init__(self, task: TaskLike) -> None:
-        self.task = load(task)
+        self.task: Task = load(task)
         self.program: JaxProgram = compile_jax(self.task)
 
     @property

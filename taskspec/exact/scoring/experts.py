@@ -8,13 +8,13 @@ import numpy as np
 
 from taskspec.exact.model.failure import misused, refuse
 from taskspec.exact.scoring.named import planned
-from taskspec.exact.scoring.returns import Results
+from taskspec.exact.scoring.returns import Given, Results
 from taskspec.exact.simulation.rollout import State, by_expert
 from taskspec.lang.ir import Read, Role, reads
 from taskspec.registry import load
 from taskspec.task import spaces
 from taskspec.task.memory import recall
-from taskspec.task.task import Task, TaskLike
+from taskspec.task.task import ExpertMemory, Task, TaskLike
 
 if TYPE_CHECKING:
     import gymnasium
@@ -39,16 +39,18 @@ class Expert:
 
     def __init__(self, task: TaskLike, policy: str | None = None, *, seed: int = 0) -> None:
         task = load(task)
-        self.given = None if policy is None else planned(str(policy))
+        self.given: Given = None if policy is None else planned(str(policy))
         if policy is not None and self.given is None:
             misused(f"{policy!r} is no expert", '"optimal", or "soft(1)" with a number')
         if task.expert is None and self.given is None:
             refuse(f"{task.name} gives no expert")
-        self.task, self.results = task, Results(task, expert=self.given)
-        self.rng = np.random.default_rng(seed)
-        self.observation, self.action = spaces.observation_layout(task), spaces.action_layout(task)
-        self.memory = task.memory if self.given is None else None
-        self.where = _where_states_are(task, self._looked_at())
+        self.task: Task = task
+        self.results: Results = Results(task, expert=self.given)
+        self.rng: np.random.Generator = np.random.default_rng(seed)
+        self.observation: spaces.SpaceLayout = spaces.observation_layout(task)
+        self.action: spaces.SpaceLayout = spaces.action_layout(task)
+        self.memory: ExpertMemory | None = task.memory if self.given is None else None
+        self.where: dict[str, int] = _where_states_are(task, self._looked_at())
 
     @property
     def gap(self) -> float | None:

@@ -95,8 +95,11 @@ class Results:
     def __init__(
         self, task: TaskLike, episodes: int = EPISODES, seed: int = 0, limit: int | None = None, expert: Given = None
     ) -> None:
-        self.given = expert
-        self.task, self.episodes, self.seed, self.limit = load(task), episodes, seed, limit
+        self.given: Given = expert
+        self.task: Task = load(task)
+        self.episodes: int = episodes
+        self.seed: int = seed
+        self.limit: int | None = limit
         self.unsettled: str | None = None
         self.searched: dict[tuple[str, bool], Enclosure] = {}
         """What `scoring.yardsticks` found of those who see observations only, by name and reading."""
