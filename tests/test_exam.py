@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import time
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -203,3 +207,110 @@ def test_a_budget_that_is_overdrawn_is_told(tmp_path: Path) -> None:
 def test_what_cannot_be_is_told_with_a_code(arguments: tuple[str, ...], told: str) -> None:
     done = Done("exam", *arguments)
     assert done.status in (1, 2) and told in done.err and "error[E7" in done.err
+
+
+# -- what is concluded --------------------------------------------------------------------------------------------
+
+
+def flagged(exam: Any) -> set[tuple[str, str]]:
+    return {(flag["kind"], flag["task"].removeprefix("derail/").removesuffix("-v0")) for flag in exam["flags"]}
+
+
+def test_a_learner_that_is_right_by_luck_is_flagged_and_the_right_one_is_not() -> None:
+    right, wrong = (examine(f, tasks=FINITE, seeds=3) for f in (counting.clone, counting.clone_off_by_one))
+    assert flagged(right) == set() and flagged(wrong) == {("twin", task) for task in FINITE}
+    assert {v["verdict"] for v in right["verdicts"].values()} == {"masters"}
+    assert {v["verdict"] for v in wrong["verdicts"].values()} == {"fails"}
+    early = wrong["verdicts"]["early termination"]
+    assert (
+        (early["mean"], early["seeds"]) == (1.0, 3)
+        and early["twins"]["verdict"] == "fails"
+        and early["twins"]["high"] < 0
+    )
+
+
+def test_a_learner_that_peeks_is_flagged() -> None:
+    found = examine(counting.q_peeking, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], seeds=2, twins=0)
+    assert {kind for kind, _ in flagged(found)} == {"peeks"}
+
+
+def test_one_seed_tells_nothing_of_others() -> None:
+    found = examine(counting.clone_off_by_one, tasks=["EarlyTermPos"], seeds=1)
+    assert found["flags"] == [] and found["verdicts"]["early termination"]["verdict"] == "unsure"
+
+
+def test_what_has_become_worse_is_flagged_against_an_earlier_exam(tmp_path: Path) -> None:
+    options = ("-t", "EarlyTermPos,EarlyTermNeg,InitShiftLearner", "--seeds", "3", "--steps", "3k", "--twins", "1")
+    status, before = held(tmp_path / "before", "q_learning", *options)
+    assert status == 0 and flagged(before) == set()
+    status, same = held(tmp_path / "again", "q_learning", *options, "--against", str(tmp_path / "before"))
+    assert status == 0 and flagged(same) == set()
+    status, worse = held(tmp_path / "after", "q_wrong_sign", *options, "--against", str(tmp_path / "before"))
+    assert status == 1 and {kind for kind, _ in flagged(worse)} == {"regression"}
+    assert {task for _, task in flagged(worse)} == {"EarlyTermPos", "EarlyTermNeg", "InitShiftLearner"}
+    other = Done("exam", f"{LEARNERS}:q_learning", "--steps", "4k", "--against", str(tmp_path / "before"))
+    assert other.status == 1 and "had 3,000 steps, this one has 4,000" in other.err
+    nothing = Done("exam", f"{LEARNERS}:q_learning", "--against", str(tmp_path))
+    assert nothing.status == 1 and "E710" in nothing.err
+
+
+def test_right_learners_are_not_flagged_on_fresh_seeds_though_their_scores_vary() -> None:
+    """A learner whose scores are chance, the same on twins: few of many exams may flag it."""
+
+    def noisy(case: Case) -> np.ndarray:
+        rng = np.random.default_rng([case.seed, int(case.task.content_hash[:8], 16)])
+        return rng.random((case.observation_space.n, case.action_space.n))
+
+    noisy.learns_from = ("reward",)
+    found = [
+        examine(noisy, tasks=["EarlyTermPos", "RiskyPath"], seeds=range(i, i + 5), twins=1) for i in range(0, 60, 5)
+    ]
+    assert sum(bool(exam["flags"]) for exam in found) <= 1
+
+
+def test_failures_are_flagged_with_what_was_said(tmp_path: Path) -> None:
+    status, found = held(tmp_path, "fails_on_seed_1", "-t", "RiskyPath", "--seeds", "3", "--twins", "0")
+    (flag,) = found["flags"]
+    assert status == 1 and flag["kind"] == "failed" and "2 of 6 runs failed: KeyError" in flag["message"]
+
+
+def test_diagnoses_come_with_the_scores() -> None:
+    found = examine(
+        counting.q_wrong_sign, seeds=2, twins=0, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], steps=2000
+    )
+    assert "reversed" in {diagnosis["name"] for diagnosis in found["diagnoses"]}
+
+
+# -- runs that do not end well ------------------------------------------------------------------------------------
+
+
+def test_a_process_that_dies_and_one_that_hangs_cost_one_seed_each(tmp_path: Path) -> None:
+    options = ("-t", "RiskyPath", "--seeds", "3", "--twins", "0", "--time-limit", "20")
+    status, found = held(tmp_path, "dies_or_hangs", *options, "--learns-from", "reward")
+    errors = [score["error"] for score in found["scores"]]
+    assert status == 1 and errors[0] is None and found["scores"][0]["deterministic"] is not None
+    assert "exit" in errors[1] and "longer than 20 s" in errors[2]
+
+
+def test_an_exam_that_was_killed_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes = tmp_path / "notes"
+    monkeypatch.setenv("NOTES", str(notes))
+    options = ("-t", "RiskyPath", "--seeds", "6", "--twins", "0", "--learns-from", "reward")
+    command = ["exam", f"{LEARNERS}:takes_notes", "--out", str(tmp_path), "-j", "1", *options]
+    first = subprocess.Popen([sys.executable, "-m", "taskspec", *command])
+    wait_until(lambda: notes.exists() and len(notes.read_text().split()) >= 3)
+    first.kill()
+    first.wait()
+    before = notes.read_text().split()
+    _, found = held(tmp_path, "takes_notes", *options)
+    assert [score["error"] for score in found["scores"]] == [None] * 6
+    after = notes.read_text().split()[len(before) :]
+    assert {*before, *after} == {str(seed) for seed in range(6)} and not set(before[:-2]) & set(after)
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    for _ in range(600):
+        if holds():
+            return
+        time.sleep(0.2)
+    raise AssertionError("it never came true")

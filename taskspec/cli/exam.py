@@ -48,6 +48,11 @@ Output = Annotated[
     typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where results are kept; build/exams/LEARNER unless given.",
                  file_okay=False, show_default=False),
 ]  # fmt: skip
+Against = Annotated[
+    Path | None,
+    typer.Option("--against", metavar="FOLDER", help="What an earlier exam left: what has become worse since is flagged.",
+                 show_default=False),
+]  # fmt: skip
 TimeLimit = Annotated[
     float | None,
     typer.Option("--time-limit", metavar="SECONDS", help="The longest that one seed, or block of seeds, may take on a task.",
@@ -64,6 +69,7 @@ def exam(
     transitions: Shown = "10k",
     twins: Twins = 2,
     learns_from: LearnsFrom = None,
+    against: Against = None,
     output: Output = None,
     jobs: Jobs = None,
     cluster: Cluster = None,
@@ -77,7 +83,8 @@ def exam(
     Results are kept in OUT as they come: an exam that was stopped goes on where it was. OUT/exam.json has all that was
     found. A learner that fails on a task, or takes too long, is told, and the others go on.
 
-    Exit status 1 if something is flagged.
+    Flagged are regressions against an earlier exam, twins on which scores differ, learners that look at rewards that
+    are withheld from them, and failures. Exit status 1 if something is.
     """
     from taskspec.cli.console import write_json
     from taskspec.cli.progress import bar
@@ -87,8 +94,8 @@ def exam(
     with bar(learner) as progress:
         found = examine(
             learner, suite=suite, tasks=_split(tasks), seeds=seeds, steps=_count("--steps", steps),
-            transitions=_count("--transitions", transitions), twins=twins, learns_from=_split(learns_from), out=folder,
-            running=Running(jobs, cluster, time_limit, retry, progress),
+            transitions=_count("--transitions", transitions), twins=twins, learns_from=_split(learns_from), against=against,
+            out=folder, running=Running(jobs, cluster, time_limit, retry, progress),
         )  # fmt: skip
     write_json(found) if json else _print(found, folder)
     if found["flags"]:

@@ -17,11 +17,14 @@ import taskspec
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exam import yardsticks
 from taskspec.exam.case import ExamTerms
-from taskspec.exam.learners import Learner, learner_of
-from taskspec.exam.results import FORMAT, Exam, Examined, Score, machine, write
+from taskspec.exam.diagnoses import evaluate
+from taskspec.exam.flags import check_comparable, flags
+from taskspec.exam.learners import Examinee, learner_of
+from taskspec.exam.results import FORMAT, Exam, Examined, Score, machine, read, write
 from taskspec.exam.sitting import LearnerFailed, Row, Sitting, sit
 from taskspec.exam.suites import tasks_of
 from taskspec.exam.twins import Modifiers, twins_of
+from taskspec.exam.verdicts import verdicts
 from taskspec.experiments.order import sent
 from taskspec.modifiers import modify
 from taskspec.runs import Job, JobResult, Standing, Store, run
@@ -63,7 +66,8 @@ class Running:
 def examine(
     learner: str | Callable[[Any], Any], *, suite: str = "derail", tasks: Sequence[TaskLike] | None = None,
     seeds: int | Iterable[int] = 15, steps: int = 500_000, transitions: int = 10_000, twins: int = 2,
-    learns_from: Sequence[str] | None = None, out: Path | str | None = None, running: Running | None = None,
+    learns_from: Sequence[str] | None = None, against: Path | str | None = None, out: Path | str | None = None,
+    running: Running | None = None,
 ) -> Exam:  # fmt: skip
     """Examine a learner; the result is what `exam.json` holds.
 
@@ -76,6 +80,7 @@ def examine(
         transitions: that the expert demonstrates, at least; whole episodes.
         twins: of every task that has some.
         learns_from: what is granted, some of "reward", "demonstrations", "preferences", in place of what the learner says.
+        against: a folder with an earlier exam: what has become worse since is flagged.
         out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
         running: for a learner in other processes: how many, time limits, a cluster.
 
@@ -86,12 +91,20 @@ def examine(
     numbers = tuple(range(seeds)) if isinstance(seeds, int) else tuple(seeds)
     _check(seeds=len(numbers), steps=steps, transitions=transitions)
     who, asked = learner_of(learner, learns_from), tasks_of(suite, tasks)
-    plan = _plan(asked, who, numbers, ExamTerms(steps, who.learns_from, transitions), twins)
+    terms = ExamTerms(steps, who.learns_from, transitions)
+    baseline = None if against is None else _baseline(against, asked, terms)
+    plan = _plan(asked, who, numbers, terms, twins)
     folder = None if out is None else Path(out)
     rows, measures = _held(plan, asked, who, folder, running or Running())
-    found = _exam(who, suite, asked, plan, rows, measures)
-    if folder is not None:
-        write(found, folder)
+    found = _exam(who, suite, plan, rows, {t.id: _examined(t, measures[t.id]) for t in asked})
+    return _concluded(found, suite, baseline, folder)
+
+
+def _baseline(folder: Path | str, asked: Sequence[Task], terms: ExamTerms) -> Exam:
+    """An earlier exam that this one can be compared with."""
+    found = read(folder)
+    hashes = {task.id: task.content_hash for task in asked}
+    check_comparable(found, str(folder), hashes, {"steps": terms.steps, "transitions": terms.transitions})
     return found
 
 
@@ -104,7 +117,7 @@ def _check(**numbers: int) -> None:
 # -- the plan -----------------------------------------------------------------------------------------------------
 
 
-def _plan(asked: Sequence[Task], who: Learner, seeds: tuple[int, ...], terms: ExamTerms, twins: int) -> list[Planned]:
+def _plan(asked: Sequence[Task], who: Examinee, seeds: tuple[int, ...], terms: ExamTerms, twins: int) -> list[Planned]:
     width = WIDEST if who.together else 1
     blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
     plan = []
@@ -118,7 +131,7 @@ def _plan(asked: Sequence[Task], who: Learner, seeds: tuple[int, ...], terms: Ex
 
 
 def _place(
-    task: Task, twin: Modifiers | None, who: Learner, terms: ExamTerms, seeds: tuple[int, ...], negated: bool = False
+    task: Task, twin: Modifiers | None, who: Examinee, terms: ExamTerms, seeds: tuple[int, ...], negated: bool = False
 ) -> Planned:
     about = modify(task, *(twin or ()))
     sitting = Sitting(sent(about), about.content_hash, negated, who.place or "", who.content, terms, seeds, EPISODES)
@@ -136,7 +149,7 @@ Measures = dict[str, dict[str, Any]]
 
 
 def _held(
-    plan: Sequence[Planned], asked: Sequence[Task], who: Learner, folder: Path | None, running: Running
+    plan: Sequence[Planned], asked: Sequence[Task], who: Examinee, folder: Path | None, running: Running
 ) -> tuple[Rows, Measures]:
     if who.place is None:
         return [_here(planned, who) for planned in plan], {t.id: yardsticks.measured(sent(t), EPISODES) for t in asked}
@@ -144,7 +157,7 @@ def _held(
         return _elsewhere(plan, asked, store, running)
 
 
-def _here(planned: Planned, who: Learner) -> list[Row]:
+def _here(planned: Planned, who: Examinee) -> list[Row]:
     try:
         return sit(planned.sitting, who.train)
     except LearnerFailed as error:
@@ -160,16 +173,17 @@ def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, run
         t.id: Job(yardsticks.key(t.content_hash, EPISODES), t.instance_id, yardsticks.measured, (sent(t), EPISODES))
         for t in asked
     }
+    known = run(measures.values(), store, workers=running.workers, cluster=running.cluster, retry_failed=True).rows
+    for job in measures.values():
+        if known[job.key].status != "done":
+            raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])
     sittings = [Job(planned.sitting.key, planned.name, sit, (planned.sitting,)) for planned in plan]
     done = run(
-        [*measures.values(), *sittings], store, workers=running.workers, cluster=running.cluster, seconds=running.seconds,
+        sittings, store, workers=running.workers, cluster=running.cluster, seconds=running.seconds,
         retry_failed=running.retry, progress=running.progress,
     ).rows  # fmt: skip
-    for job in measures.values():
-        if done[job.key].status != "done":
-            raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {done[job.key].message}")])
     rows = [_rows(planned, done[job.key]) for planned, job in zip(plan, sittings, strict=True)]
-    return rows, {task: done[job.key].value for task, job in measures.items()}
+    return rows, {task: known[job.key].value for task, job in measures.items()}
 
 
 def _rows(planned: Planned, result: JobResult) -> list[Row]:
@@ -182,15 +196,8 @@ def _rows(planned: Planned, result: JobResult) -> list[Row]:
 # -- what was found -----------------------------------------------------------------------------------------------
 
 
-def _exam(
-    who: Learner,
-    suite: str,
-    asked: Sequence[Task],
-    plan: Sequence[Planned],
-    rows: Rows,
-    measures: Measures,
-) -> Exam:
-    scores = [_score(p, row, measures[p.task.id]) for p, block in zip(plan, rows, strict=True) for row in block]
+def _exam(who: Examinee, suite: str, plan: Sequence[Planned], rows: Rows, tasks: dict[str, Examined]) -> Exam:
+    scores = [_score(p, row, tasks[p.task.id]) for p, block in zip(plan, rows, strict=True) for row in block]
     terms, seeds = plan[0].sitting.terms, list(dict.fromkeys(seed for p in plan for seed in p.sitting.seeds))
     cost = {
         name: float(sum(s[name] or 0 for s in scores)) for name in ("steps", "demonstrations", "comparisons", "seconds")
@@ -200,9 +207,19 @@ def _exam(
         exam=FORMAT, learner=who.name, learns_from=list(who.learns_from), suite=suite, steps=terms.steps,
         transitions=terms.transitions, seeds=seeds, versions=versions, machine=machine(),
         command=shlex.join(["taskspec", *sys.argv[1:]]) if Path(sys.argv[0]).name == "taskspec" else "",
-        tasks={t.id: _examined(t, measures[t.id]) for t in asked}, scores=scores, verdicts={}, flags=[],
+        tasks=tasks, scores=scores, verdicts={}, flags=[],
         diagnoses=[], cost=cost,
     )  # fmt: skip
+
+
+def _concluded(found: Exam, suite: str, baseline: Exam | None, folder: Path | None) -> Exam:
+    """What follows from the scores; kept in the folder."""
+    found["verdicts"] = verdicts(found["tasks"], found["scores"])
+    found["flags"] = flags(found["tasks"], found["scores"], baseline)
+    found["diagnoses"] = evaluate(found, suite)
+    if folder is not None:
+        write(found, folder)
+    return found
 
 
 def _examined(task: Task, found: dict[str, Any]) -> Examined:
@@ -212,9 +229,9 @@ def _examined(task: Task, found: dict[str, Any]) -> Examined:
     )  # fmt: skip
 
 
-def _score(planned: Planned, row: Row, measure: dict[str, Any]) -> Score:
+def _score(planned: Planned, row: Row, about: Examined) -> Score:
     """A row of results on the scale of its task. Twins have the scale of the task: every return is the same."""
-    ends = measure["random"], measure["expert"]
+    ends = about["random"], about["expert"]
 
     def scaled(value: float | None) -> float | None:
         return None if value is None else yardsticks.score(value, *ends)

@@ -1,9 +1,10 @@
-"""Where learners come from: functions of files and of modules."""
+"""Where learners come from: functions of files and of modules, and those that come with the package."""
 
 from __future__ import annotations
 
 import hashlib
 import importlib
+import importlib.util
 import inspect
 import sys
 from collections.abc import Callable, Sequence
@@ -21,7 +22,7 @@ DEFAULT: tuple[Source, ...] = ("demonstrations", "preferences")
 
 
 @dataclass(frozen=True)
-class Learner:
+class Examinee:
     """A learner, and what it says of itself.
 
     Attributes:
@@ -40,8 +41,8 @@ class Learner:
     content: str
 
 
-def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | None = None) -> Learner:
-    """The learner of `file.py:train`, of `module:train`, or of a function.
+def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | None = None) -> Examinee:
+    """The learner of `file.py:train`, of `module:train`, of a name or a file that `taskspec.learners` knows, or of a function.
 
     Args:
         learns_from: what it is granted, in place of what it says itself.
@@ -55,7 +56,9 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
         _none(str(given))
     wanted = tuple(learns_from) if learns_from is not None else getattr(train, "learns_from", DEFAULT)
     name = str(given) if isinstance(given, str) else getattr(given, "__name__", type(given).__name__)
-    return Learner(name, place, train, _sources(wanted), bool(getattr(train, "together", False)), _content(train, name))
+    return Examinee(
+        name, place, train, _sources(wanted), bool(getattr(train, "together", False)), _content(train, name)
+    )
 
 
 def _sources(wanted: Any) -> tuple[Source, ...]:
@@ -69,6 +72,8 @@ def _sources(wanted: Any) -> tuple[Source, ...]:
 
 def _absolute(place: str) -> str:
     """A place that means the same in every folder."""
+    if place.endswith((".yaml", ".yml")):
+        return str(Path(place).resolve())
     if not is_function(place):
         return place
     path, _, name = place.rpartition(":")
@@ -81,8 +86,10 @@ def _train(place: str) -> Any:
     if is_function(place):
         return function_of(place, "(case)")
     module, colon, name = place.partition(":")
-    if not colon:
-        _none(place)
+    if not colon or place.endswith((".yaml", ".yml")):
+        if importlib.util.find_spec("taskspec.learners") is None:
+            _none(place)
+        return importlib.import_module("taskspec.learners").learner(place)
     folder = str(Path.cwd())
     if folder not in sys.path:
         sys.path.insert(0, folder)
@@ -105,7 +112,7 @@ def train_at(place: str, content: str) -> Callable[[Any], Any]:
 
 
 def _content(train: Any, name: str) -> str:
-    """A hash of the file that a learner is in."""
+    """A hash of the file that a learner is in; of one of ours, of its settings."""
     try:
         source = Path(inspect.getsourcefile(inspect.unwrap(train)) or "").read_bytes()
     except (OSError, TypeError):

@@ -58,7 +58,7 @@ def values(policy: Any, results: Results, seed: int) -> PolicyValues:
     policy = policy.policy if isinstance(policy, Learned) else policy
     if isinstance(policy, list | tuple) or hasattr(policy, "__array__"):
         return _of_table(np.asarray(policy), results, seed)
-    chances = _chances(policy, results.task)
+    chances = _chances(policy, results.task) if action_layout(results.task).form != "box" else None
     if chances is not None:
         return _of_chances(chances, policy, results, seed)
     if hasattr(policy, "predict"):

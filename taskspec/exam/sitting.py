@@ -5,12 +5,10 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
-import pickle
 import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ import taskspec
 from taskspec.diagnostics import TaskspecError
 from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exam.case import Case, ExamTerms
+from taskspec.exam.known import results_of
 from taskspec.exam.learners import train_at
 from taskspec.exam.policies import values
 from taskspec.exam.twins import NEGATED
@@ -75,7 +74,7 @@ def sit(sitting: Sitting, train: Callable[[Any], Any] | None = None) -> list[Row
         SpecError: where the learner cannot be found again.
     """
     train = train_at(sitting.place, sitting.content) if train is None else train
-    results = _results(pickle.dumps(sitting.about), sitting.episodes)
+    results = results_of(sitting.about, sitting.episodes)
     task = results.task
     case = Case(modify(task, NEGATED) if sitting.negated else task, sitting.seeds, sitting.terms, task)
     begin = time.perf_counter()
@@ -92,13 +91,6 @@ def sit(sitting: Sitting, train: Callable[[Any], Any] | None = None) -> list[Row
         row | vars(case.spent_by(i)) | shared | {"curve": curve}
         for i, (row, curve) in enumerate(zip(rows, curves, strict=True))
     ]
-
-
-@lru_cache(maxsize=16)
-def _results(about: bytes, episodes: int) -> Results:
-    """What is known of a task: worked out once for all seeds that a process has to do with."""
-    sent: Sent = pickle.loads(about)
-    return Results(sent.task(), episodes)
 
 
 def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 from taskspec import registry
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.exam.rules import read_exam
+from taskspec.exam.rules.reading import exam_of
 from taskspec.task.task import Task, TaskLike
 
 
@@ -13,8 +15,8 @@ def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
     """The tasks of an exam, in the variants in which a learner acts.
 
     Args:
-        wanted: those to ask, by their names in the suite, or as anything that `taskspec.load` takes; None for all of the suite,
-            but those that are there for comparison with the packages of others.
+        wanted: those to ask, by their names in the suite, or as anything that `taskspec.load` takes; None for those that the
+            suite's `exam.yaml` names, or all where it names none.
 
     Raises:
         SpecError: E701 for what is none; E713 for an unknown suite.
@@ -23,16 +25,12 @@ def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
     if not known and wanted is None:
         suites = {e.suite for e in registry.known().values()}
         raise SpecError([Diagnostic("E713", None, f"there is no suite '{suite}'", suggest(suite, suites))])
-    found = [registry.load(known.get(t, t) if isinstance(t, str) else t) for t in (known if wanted is None else wanted)]
     if wanted is None:
-        found = [t for t in found if not _compares(t) and t.roles.get("learner", t.variant) == t.variant]
+        path = exam_of(suite)
+        wanted = (read_exam(path).described.tasks if path is not None else ()) or tuple(known)
+    found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
     ids = [task.id for task in found]
     twice = next((i for i in ids if ids.count(i) > 1), None)
     if twice is not None:
         raise SpecError([Diagnostic("E713", None, f"{twice} is asked twice", "an exam asks each task once")])
     return found
-
-
-def _compares(task: Task) -> bool:
-    """Whether a task is a copy of what another package runs, beside the one that the suite is about."""
-    return task.name.endswith("Seals")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,8 @@ NEGATED = "reward_scale=-1"
 """What is done to a reward that is withheld, to see whether it makes a difference."""
 
 
-def twins_of(task: Task, wanted: int) -> list[Modifiers]:
+@lru_cache(maxsize=64)
+def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
     """The modifiers of each twin; none where the task has no twins.
 
     Of finite tasks the states are renamed, and in each state anew what the actions do is permuted, by a seed. Seeds are chosen
@@ -32,10 +34,10 @@ def twins_of(task: Task, wanted: int) -> list[Modifiers]:
         modify(task, *_modifiers(1))
     except SpecError as error:
         if {d.code for d in error.diagnostics} <= {"E720"}:
-            return []
+            return ()
         raise
     if not wanted:
-        return []
+        return ()
     known = {seed: _labels(task, seed) for seed in range(1, max(TRIED, 2 * wanted) + 1)}
     varied = [seed for seed, labels in known.items() if (labels != labels[0]).any()]
     left = varied if len(varied) >= wanted else list(known)
@@ -43,7 +45,7 @@ def twins_of(task: Task, wanted: int) -> list[Modifiers]:
     while len(chosen) < wanted:
         others = [seed for seed in left if seed not in chosen]
         chosen.append(max(others, key=lambda seed: min(int((known[seed] != known[c]).sum()) for c in chosen)))
-    return [_modifiers(seed) for seed in chosen]
+    return tuple(_modifiers(seed) for seed in chosen)
 
 
 def _modifiers(seed: int) -> Modifiers:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import time
+from pathlib import Path
+
 import numpy as np
 
 from taskspec.exam import Case
@@ -32,6 +36,11 @@ def indifferent(case: Case) -> np.ndarray:
 def q_learning(case: Case) -> np.ndarray:
     """Tabular Q-learning from a table of zeros."""
     return _q(case, 1.0)
+
+
+def q_wrong_sign(case: Case) -> np.ndarray:
+    """Punished for what it should be paid for."""
+    return _q(case, -1.0)
 
 
 def q_peeking(case: Case) -> np.ndarray:
@@ -71,6 +80,23 @@ def greedy_for_steps(case: Case) -> None:
             env.reset()
 
 
+def dies_or_hangs(case: Case) -> np.ndarray:
+    """Seed 1 ends its process, seed 2 never ends."""
+    if case.seed == 1:
+        os._exit(3)
+    while case.seed == 2:
+        time.sleep(0.1)
+    return indifferent(case)
+
+
+def takes_notes(case: Case) -> np.ndarray:
+    """Writes down which seeds it was asked about."""
+    with Path(os.environ["NOTES"]).open("a", encoding="utf-8") as notes:
+        notes.write(f"{case.seed}\n")
+    time.sleep(0.3)
+    return indifferent(case)
+
+
 def fails_on_seed_1(case: Case) -> np.ndarray:
     if case.seed == 1:
         raise KeyError("no such thing")
@@ -79,4 +105,4 @@ def fails_on_seed_1(case: Case) -> np.ndarray:
 
 clone.learns_from = clone_off_by_one.learns_from = fails_on_seed_1.learns_from = ("demonstrations",)
 indifferent.learns_from = q_peeking.learns_from = ("demonstrations",)
-q_learning.learns_from = ("reward",)
+q_learning.learns_from = q_wrong_sign.learns_from = ("reward",)

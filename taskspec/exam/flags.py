@@ -1,0 +1,118 @@
+"""Flags: what is wrong whatever the scores are, and what has become worse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Literal
+
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exam.results import Exam, Examined, Flag, Score
+from taskspec.exam.significance import Difference, paired, unpaired
+from taskspec.exam.verdicts import by_seed
+
+Found = tuple[str, Difference]
+"""A task and a difference of scores on it."""
+
+
+def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam | None) -> list[Flag]:
+    """Everything that is flagged: failures, twins that differ from their task, peeking, and regressions."""
+    found = [*_failed(tasks, scores)]
+    twins = list(_compared(tasks, scores, "twin"))
+    found += _real("twin", twins, _of_twins)
+    found += _real("peeks", list(_compared(tasks, scores, "negated")), _of_peeking)
+    return found if against is None else [*found, *_regressions(tasks, scores, against)]
+
+
+def _failed(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> Iterable[Flag]:
+    for task in tasks:
+        of_task = [score for score in scores if score["task"] == task]
+        errors = [score["error"] for score in of_task if score["error"] is not None]
+        if errors:
+            message = f"{len(errors)} of {len(of_task)} runs failed: {errors[0]}"
+            yield Flag(kind="failed", task=task, message=message, effect=None, low=None, high=None)
+
+
+def _compared(tasks: Mapping[str, Examined], scores: Sequence[Score], which: str) -> Iterable[Found]:
+    """How much higher each task as printed is than another side of it, on the seeds of both."""
+    for task in tasks:
+        printed, other = (by_seed(scores, task, side) for side in ("printed", which))
+        seeds = printed.keys() & other.keys()
+        apart = paired([printed[s] for s in sorted(seeds)], [other[s] for s in sorted(seeds)], f"{task}, {which}")
+        if apart is not None:
+            yield task, apart
+
+
+def _real(
+    kind: Literal["twin", "peeks", "regression"], found: Sequence[Found], says: Callable[[Difference], str]
+) -> list[Flag]:
+    """Flags for the differences that stand out among all of their kind."""
+    return [
+        Flag(kind=kind, task=task, message=says(d), effect=d.effect, low=d.low, high=d.high)
+        for task, d in found
+        if d.is_real(len(found))
+    ]
+
+
+def _of_twins(apart: Difference) -> str:
+    told = "lower" if apart.effect > 0 else "higher"
+    return (
+        f"on twins, where every return is the same, the score is {abs(apart.effect):.2f} {told}: it depends on what states and "
+        "actions are called"
+    )
+
+
+def _of_peeking(apart: Difference) -> str:
+    return f"the score changes by {abs(apart.effect):.2f} when a reward is negated that the learner is not to see: it looks at it"
+
+
+# -- against a baseline -------------------------------------------------------------------------------------------
+
+
+def _regressions(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam) -> list[Flag]:
+    found = []
+    for task, about in tasks.items():
+        before = against["tasks"].get(task)
+        if before is None or before["content_hash"] != about["content_hash"]:
+            continue
+        for which in ("printed", "twin"):
+            now, then = (by_seed(_common(s, o), task, which) for s, o in _both(scores, against["scores"]))
+            apart = unpaired(list(now.values()), list(then.values()), f"{task}, {which}, against")
+            if apart is not None:
+                found.append((task, which, apart))
+    worse = [(task, which, d) for task, which, d in found if d.effect < 0 and d.is_real(len(found))]
+    return [
+        Flag(kind="regression", task=task, message=_of_regression(which, d), effect=d.effect, low=d.low, high=d.high)
+        for task, which, d in worse
+    ]
+
+
+def _both(now: Sequence[Score], then: Sequence[Score]) -> tuple[tuple[Sequence[Score], Sequence[Score]], ...]:
+    return (now, then), (then, now)
+
+
+def _common(scores: Sequence[Score], others: Sequence[Score]) -> list[Score]:
+    """The scores on twins that both exams have."""
+    known = {(score["task"], score["twin"]) for score in others}
+    return [score for score in scores if (score["task"], score["twin"]) in known]
+
+
+def _of_regression(which: str, apart: Difference) -> str:
+    where = "" if which == "printed" else " on twins"
+    return f"the score{where} is {-apart.effect:.2f} below that of the baseline"
+
+
+def check_comparable(against: Exam, folder: str, tasks: Mapping[str, str], terms: Mapping[str, int]) -> None:
+    """Refuse (E713) a baseline that tells nothing about this exam.
+
+    Args:
+        tasks: content hashes by task.
+        terms: steps and transitions.
+    """
+    for name, number in terms.items():
+        if against[name] != number:  # type: ignore[literal-required]
+            message = f"the exam in '{folder}' had {against[name]:,} {name}, this one has {number:,}"  # type: ignore[literal-required]
+            raise SpecError([Diagnostic("E713", None, message, f"--{name} {against[name]}")])  # type: ignore[literal-required]
+    if not any(about["content_hash"] == tasks.get(task) for task, about in against["tasks"].items()):
+        raise SpecError(
+            [Diagnostic("E713", None, f"the exam in '{folder}' was about other tasks, or they have changed since")]
+        )
