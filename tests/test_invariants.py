@@ -15,7 +15,7 @@ from taskspec.lang.types import BOOL, INT, REAL, Kind, Type
 from taskspec.source import read_text
 from taskspec.task.build import build, build_abstract
 from taskspec.task.invariants import OF_NODES, OF_TASKS, ON_REQUEST, broken
-from taskspec.task.task import Figure, Task
+from taskspec.task.task import Figure, Symmetry, Task
 
 ROOT = Path(__file__).parents[1]
 SPECS = sorted(
@@ -103,6 +103,9 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
     "each component of a memory has values of its type": lambda t: remembering(t, initial=(t.reward,)),
     "a memory reads what is seen, and later itself, action and time": lambda t: remembering(t, initial=(t.next[0],)),
     "a memory draws nothing": lambda t: remembering(t, next=(COIN,)),
+    "a symmetry maps what is seen, or the action, and draws nothing": lambda t: damaged(
+        t, symmetries=(Symmetry("s", action=(t.next[0],)),)
+    ),
     "what is read is a component": lambda t: damaged(t, terminal=read(Role.STATE, "nobody", BOOL)),
     "a site of a draw is one node": lambda t: damaged(t, terminal=COIN, expert=(dataclasses.replace(COIN),)),
     "equal operations are one node": lambda t: damaged(

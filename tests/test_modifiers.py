@@ -35,6 +35,8 @@ IDS = [each for each in task_ids() if each.startswith("derail/") and "Seals" not
 NEVER = {
     ("LargestSum", "relabelled"), ("NoisyObs", "relabelled"), ("Parabola", "relabelled"), ("Sort", "relabelled"),
     ("ProcGoal", "relabelled"), ("Parabola", "permuted_actions"),
+    ("Branching", "symmetry"), ("EarlyTermPos", "symmetry"), ("EarlyTermNeg", "symmetry"), ("InitShiftExpert", "symmetry"),
+    ("InitShiftLearner", "symmetry"), ("RiskyPath", "symmetry"),
 }  # fmt: skip
 
 

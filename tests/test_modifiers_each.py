@@ -157,6 +157,10 @@ initial: {v: [1, 0], r: Normal(), u: 0, on: false}
 dynamics: {v': "clip(v + a, [0, -1], [2, 3])", u': "u + (2 if c == y else 1)", on': b}
 reward: u' + (1 if c == z else 0)
 expert: {a: [1, 1], b: true, c: z}
+symmetries:
+  turned:
+    observation: {v: reverse(v), f: not f, q: 3 - q}
+    action: {a: "[1 - a[0], -a[1]]", b: not b, c: {by: c, rows: {x: y, y: z, z: x}}}
 """
 
 

@@ -10,6 +10,7 @@ from taskspec.appendix import claims, examples, lines, modifiers, scores
 from taskspec.appendix.abstraction import abstraction
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.prose import CellTable, Cite, Inline, Inlines, Mark, Text, inlines
+from taskspec.appendix.symmetries import symmetries
 from taskspec.appendix.writing import Writing
 
 
@@ -47,6 +48,7 @@ _SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
     ("initial", "Initial state", lines.initial, False),
     ("expert", "Expert", lines.expert, False),
     ("abstraction", "Finite abstraction, for exact results", abstraction, False),
+    ("symmetries", "Symmetries", symmetries, False),
 )
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from taskspec.cli.checking import Checked, FileReport
     from taskspec.cli.proofs import Finding
     from taskspec.exact import Verdict
+    from taskspec.exact.abstraction.symmetries import Kept
     from taskspec.scan import Kind
     from taskspec.task.task import Task
 
@@ -107,7 +108,8 @@ def table_of(reports: Sequence[FileReport]) -> Table:
 
     built = any(each.task is not None for report in reports for each in report.tasks)
     shown = any(each.finding.examples for report in reports for each in report.tasks)
-    headers = ["sound by", "ranges", "claims", *(["examples"] if shown else [])]
+    mirrored = any(each.finding.symmetries for report in reports for each in report.tasks)
+    headers = ["sound by", "ranges", "claims", *(["examples"] if shown else []), *(["symmetries"] if mirrored else [])]
     table = columns("", "", *(headers if built else ("", "", "")), fold=(1,))
     for report in reports:
         table.add_row(mark(report.diagnostics), VisibleText(report.path, style="title"))
@@ -118,6 +120,7 @@ def table_of(reports: Sequence[FileReport]) -> Table:
             ranges = f"{found.cases} tried" if found.cases else ""
             name = VisibleText(f"  {each.title}", style="name")
             row = [found.how, ranges, found.claims_words, *([found.examples_words] if shown else [])]
+            row += [found.symmetries_words] if mirrored else []
             table.add_row(mark(each.diagnostics), name, *row)
     return table
 
@@ -210,7 +213,7 @@ def _record(path: str, each: Checked) -> dict[str, Any]:
         "claims_proved": each.finding.proved, "claims_tested": each.finding.tested,
         "claims": [_claim(verdict) for verdict in each.finding.verdicts],
         "examples": each.finding.examples, "examples_wrong": each.finding.wrong_examples, "skipped": each.finding.skipped,
-        "seconds": round(each.seconds, 6),
+        "symmetries": [_symmetry(found) for found in each.finding.symmetries], "seconds": round(each.seconds, 6),
     }  # fmt: skip
 
 
@@ -219,6 +222,14 @@ def _claim(verdict: Verdict) -> dict[str, Any]:
     return {
         "claim": verdict.claim.text, "parameters": dict(verdict.parameters), "status": verdict.status,
         "detail": verdict.detail, "episodes": verdict.episodes,
+    }  # fmt: skip
+
+
+def _symmetry(found: Kept) -> dict[str, Any]:
+    """One symmetry: `points` is how many it was tested at, 0 where it is proved."""
+    status = "false" if found.problem is not None else "proved" if found.is_proved else "tested"
+    return {
+        "symmetry": found.symmetry.name, "status": status, "detail": found.problem or "", "points": found.points
     }  # fmt: skip
 
 

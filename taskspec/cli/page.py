@@ -48,6 +48,7 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
     yield from _section("Observation", _observation(task.unmodified), space_words(observation_layout(task)))
     yield from _section("Modifiers", _modifiers(task), "in this order; the equations are those of the task as written")
     yield from _section("Equations", _equations(task.unmodified))
+    yield from _section("Symmetries", _symmetries(task.unmodified))
     yield from _section("Claims", _claims(task))
     yield from _section("Examples", _examples(task))
     yield from _section("Errata", _errata(spec.errata))
@@ -241,6 +242,19 @@ def _constant(value: Any, drawn: str = "") -> RenderableType:
 
 
 # -- the rest -----------------------------------------------------------------------------------------------------
+
+
+def _symmetries(task: Task) -> RenderableType | None:
+    """A line for each: its name and what it is; and one for each of its maps."""
+    lines: list[RenderableType] = []
+    for each in task.symmetries:
+        lines.append(VisibleText.assemble((visible(each.name), "cyan"), f"  {_words(each.doc or '')}"))
+        for key, exprs in task.surface.sections["symmetries"][each.name].items():
+            table = Table.grid(padding=(0, 2, 0, 0))
+            for name, expr in exprs.items():
+                table.add_row(VisibleText(f"  {key}", style="quiet"), colored(f"{name} -> {written(expr)}"))
+            lines.append(table)
+    return Group(*lines) if lines else None
 
 
 def _claims(task: Task) -> RenderableType | None:

@@ -9,6 +9,7 @@ from taskspec.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
     from taskspec.exact import Accepted, Verdict
+    from taskspec.exact.abstraction.symmetries import Kept
     from taskspec.exact.simulation.points import Method
     from taskspec.task.task import Task
 
@@ -34,20 +35,32 @@ class Finding:
     examples: int = 0
     wrong_examples: int = 0
     verdicts: tuple[Verdict, ...] = ()
+    symmetries: tuple[Kept, ...] = ()
 
     @property
     def claims_words(self) -> str:
         """`8 proved`, or what became of them otherwise; `3 (2 tested)` are three of which one is proved."""
-        if self.claims > self.proved + self.tested:
-            return f"{self.claims - self.proved - self.tested} failed"
-        if self.proved and self.tested:
-            return f"{self.claims} ({self.tested} tested)"
-        return f"{self.proved} proved" if self.proved else f"{self.tested} tested" if self.tested else ""
+        return _words(self.claims, self.proved, self.tested)
+
+    @property
+    def symmetries_words(self) -> str:
+        """The same of symmetries."""
+        proved = sum(each.is_proved for each in self.symmetries)
+        tested = sum(each.problem is None for each in self.symmetries) - proved
+        return _words(len(self.symmetries), proved, tested)
 
     @property
     def examples_words(self) -> str:
         """How many examples hold, or how many do not."""
         return f"{self.wrong_examples} wrong" if self.wrong_examples else f"{self.examples}" if self.examples else ""
+
+
+def _words(count: int, proved: int, tested: int) -> str:
+    if count > proved + tested:
+        return f"{count - proved - tested} failed"
+    if proved and tested:
+        return f"{count} ({tested} tested)"
+    return f"{proved} proved" if proved else f"{tested} tested" if tested else ""
 
 
 def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
@@ -67,7 +80,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
         statuses.count("proved"), statuses.count("tested"), report.skipped, report.accepted,
-        len(task.examples) if sense and defaults else 0, len(report.wrong_examples), report.verdicts,
+        len(task.examples) if sense and defaults else 0, len(report.wrong_examples), report.verdicts, report.symmetries,
     )  # fmt: skip
 
 

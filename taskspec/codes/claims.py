@@ -57,6 +57,23 @@ at the stated confidence. The message gives the estimate and its interval.
 """,
     ),
     Code(
+        "E605",
+        "not-a-symmetry",
+        "a symmetry that does not keep returns",
+        """
+A symmetry maps what is seen, or what is done, one-to-one, so that every policy has another one that earns the same. This map is
+not: two observations look alike, or two actions become one, or an action becomes something that is none; the message shows them.
+Or it is not known to be: it does more than move elements about and change their signs, there are too many values to try, and
+random ones do not come back when it is applied again and again.
+
+```yaml
+symmetries:
+  mirror: {observation: {x: abs(x)}}    # wrong: -1 and 1 look alike
+  mirror: {observation: {x: -x}}        # right
+```
+""",
+    ),
+    Code(
         "E611",
         "example-false",
         "an example that does not hold",

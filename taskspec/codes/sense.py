@@ -229,4 +229,21 @@ On pages two names look the same, or a name and a label: a parameter `D` and a m
 `symbol`. Labels of different components may share theirs.
 """,
     ),
+    Code(
+        "W525",
+        "idle-symmetry",
+        "a symmetry whose twin is solved as the task is",
+        """
+In the twin of a task by a symmetry, what solves the task as it is printed is to fail, so that learners can be told from
+solutions that were written down. Here the expert of the task earns in episodes of the twin at least nine tenths of what it earns
+in the task, though it takes what the twin shows for what the task shows. Often one map undoes the other: a mirror that exchanges
+left and right in what is seen, and in the moves as well. Leave one of the two maps out.
+
+```yaml
+symmetries:
+  mirror: {observation: {x: -x}, action: {move: -move}}    # the same task again
+  mirror: {observation: {x: -x}}                           # right
+```
+""",
+    ),
 )

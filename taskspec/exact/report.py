@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
 from taskspec.exact.abstraction.faith import unfaithful
+from taskspec.exact.abstraction.symmetries import Kept, kept, not_kept
 from taskspec.exact.checks.soundness import check_ranges, examine
 from taskspec.exact.claims.claims import Verdict, verdicts
 from taskspec.exact.claims.examples import wrong_examples
@@ -55,6 +56,7 @@ class Report:
     results: Results | None = field(default=None, repr=False)
     accepted: tuple[Accepted, ...] = ()
     wrong_examples: frozenset[int] = frozenset()  # by number
+    symmetries: tuple[Kept, ...] = ()
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -97,12 +99,14 @@ def check(
         others = check_ranges(task)
         found += others.diagnostics
         cases = others.cases
+    mirrored = tuple(kept(task, each) for each in task.symmetries) if is_as_written(task) else ()
+    found += not_kept(task, mirrored)
     followed = list(wrong_examples(task)) if claims else []
     found += [diagnostic for _, diagnostic in followed]
-    wrong = frozenset(i for i, _ in followed)
+    report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(followed)), symmetries=mirrored)
     if not is_installed("scipy"):
         skipped = f"sense and claims need scipy: {install('exact')}" if with_sense or claims else None
-        return Report(task, in_order(found), sound.method, cases, skipped=skipped, wrong_examples=wrong)
+        return replace(report, diagnostics=in_order(found), skipped=skipped)
     results = Results(task) if task.claims else Results(task, limit=MODERATE)
     said: tuple[Verdict, ...] = ()
     if with_sense and is_as_written(task) and not _SENSELESS & {d.code for d in sound.diagnostics}:
@@ -113,9 +117,7 @@ def check(
     left, accepted = set_aside(task, [*found, *(beside or ())])
     if with_sense and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
         left += idle(task, accepted, () if beside is not None else ELSEWHERE)
-    return Report(
-        task, in_order(left), sound.method, cases, said, results=results, accepted=tuple(accepted), wrong_examples=wrong,
-    )  # fmt: skip
+    return replace(report, diagnostics=in_order(left), verdicts=said, results=results, accepted=tuple(accepted))
 
 
 def at_defaults(task: Task) -> bool:

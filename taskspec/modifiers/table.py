@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from taskspec.modifiers import actions, episodes, observations, rewards
+from taskspec.modifiers import actions, episodes, observations, rewards, symmetries
 from taskspec.modifiers.entry import ModifierEntry
 
 MODIFIERS: dict[str, ModifierEntry] = {
-    entry.name: entry for entry in (*actions.TABLE, *observations.TABLE, *rewards.TABLE, *episodes.TABLE)
+    entry.name: entry
+    for entry in (*actions.TABLE, *observations.TABLE, *symmetries.TABLE, *rewards.TABLE, *episodes.TABLE)
 }
 """Every modifier by its name: what `modifiers=` and `-m` take."""

@@ -29,6 +29,7 @@ from taskspec.task.merge import Merged, abstracted, merge
 from taskspec.task.names import Names, signature
 from taskspec.task.schema import Spec, check_shape, validated
 from taskspec.task.sections import SectionBuilder
+from taskspec.task.symmetries import symmetries
 from taskspec.task.taken import check_names
 from taskspec.task.task import Component, Modifier, Parameter, Task
 
@@ -40,6 +41,7 @@ OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observ
 SEMANTIC = (
     "constants", "definitions", "noise", "state", "action", "observation", "horizon", "terminal", "discount", "initial",
     "dynamics", "reward", "absorbing_reward", "memory", "expert", "abstraction", "info",
+    "symmetries",
 )  # fmt: skip
 """Sections that decide what a task does; the content hash covers these and the parameter values."""
 
@@ -152,7 +154,7 @@ class _Build:
         return BoundParameters(tuple(self.context.parameters), self._hash())
 
     def _declare(self, given: dict[str, Any]) -> float:
-        """What the sections stand on: parameters, constants, components, horizon; gives the discount."""
+        """What the sections stand on: parameters, constants, components, horizon; then reads them, and gives the discount."""
         context = self.context
         check_names(self.merged, self.collector)
         self._bind_parameters(given)
@@ -162,14 +164,14 @@ class _Build:
         everything = (*context.state, *context.action, *context.memory)
         context.domains = [c.domain for c in everything if c.domain is not None]
         context.forms.labels = frozenset(x for d in context.domains for x in d.labels if not is_word(x))
-        context.horizon = self._horizon()
-        return self._discount()
+        context.horizon, discount = self._horizon(), self._discount()
+        self.sections.parse()
+        return discount
 
     def task(self, given: dict[str, Any], suite: str) -> Task:
         """The whole pipeline, in order."""
         context, sections, scope = self.context, self.sections, self.names.scope
         discount = self._declare(given)
-        sections.parse()
         with context.builder.written() as first:
             initial = sections.initial()
         with context.builder.written() as later:
@@ -182,7 +184,8 @@ class _Build:
             observation = sections.observation(initial, following)
         memory, expert = remembered(context, self.names, observation), sections.expert()
         self._check_unused()
-        mapped, drawn = sections.abstraction(), figure(context, scope("figure"))
+        mapped, mirrors = sections.abstraction(), symmetries(context, self.names, observation)
+        drawn = figure(context, scope("figure"))
         claims, examples = tuple(sections.claims()), tuple(read_examples(context))
         scope("claims")
         self.collector.raise_if_errors()
@@ -203,7 +206,7 @@ class _Build:
             raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
             claims=claims, examples=examples, figure=drawn, builder=context.builder, reset_draws=tuple((first | seen).values()),
             step_draws=tuple((later | seen).values()), spec=self.spec, document=self.merged.document, content_hash=self._hash(),
-            surface=context.surface(), fixed=self._fixed(), memory=memory,
+            surface=context.surface(), fixed=self._fixed(), memory=memory, symmetries=mirrors,
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ from taskspec.lang.operators import OPERATORS
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
 from taskspec.lang.variates import VARIATES
-from taskspec.task.task import Component, Task
+from taskspec.task.task import Component, Symmetry, Task
 
 ON_REQUEST = "TASKSPEC_INVARIANTS"
 """Environment variable: when it is set and not empty, every build checks its task."""
@@ -56,6 +56,7 @@ OF_TASKS: tuple[TaskRule, ...] = (
     ("each component of a memory has values of its type", lambda t: all(_typed(nodes, kept(t)) for nodes in memories(t))),
     ("a memory reads what is seen, and later itself, action and time", lambda t: _remembered(t)),
     ("a memory draws nothing", lambda t: not draws(n for nodes in memories(t) for n in nodes)),
+    ("a symmetry maps what is seen, or the action, and draws nothing", lambda t: all(map(_mapped, t.symmetries))),
     ("what is read is a component", lambda t: _names(t) <= {*(c.name for c in (*t.state, *t.action, *kept(t))), "t"}),
     ("a site of a draw is one node", lambda t: _distinct(n.site for n in walk(roots(t)) if isinstance(n, Draw))),
     ("equal operations are one node", lambda t: _distinct(_key(n) for n in walk(roots(t)) if isinstance(n, Apply))),
@@ -103,7 +104,8 @@ def components(task: Task) -> tuple[Component, ...]:
 
 def broken(task: Task) -> Iterator[str]:
     """The rules that a task breaks, each with the node or the task that breaks it; nothing for a task as it should be."""
-    for node in walk((*roots(task), *(n for nodes in memories(task) for n in nodes))):
+    maps = (n for each in task.symmetries for n in each.nodes)
+    for node in walk((*roots(task), *(n for nodes in memories(task) for n in nodes), *maps)):
         yield from (f"{rule}: {node!r}" for rule, holds in OF_NODES if not holds(node))
     yield from (f"{rule}: {task!r}" for rule, holds in OF_TASKS if not holds(task))
 
@@ -154,6 +156,13 @@ def _remembered(task: Task) -> bool:
     seen = {(Role.NEXT, c.name) for c in task.observation.components}
     own = {c.read for c in kept(task)} | {(Role.ACTION, c.name) for c in task.action} | {(Role.TIME, "t")}
     return reads(task.memory.initial) <= seen and reads(task.memory.next) <= seen | own
+
+
+def _mapped(symmetry: Symmetry) -> bool:
+    seen = {(Role.NEXT, c.name) for c in symmetry.seen}
+    alone = reads(symmetry.observation) <= seen and {role for role, _ in reads(symmetry.action)} <= {Role.ACTION}
+    typed = _typed(symmetry.observation, symmetry.components)
+    return typed and alone and not draws(symmetry.nodes)
 
 
 def _certain(task: Task, node: Node, low: float, high: float) -> bool:

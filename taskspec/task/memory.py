@@ -29,7 +29,7 @@ FIRST, LATER = "first memory", "memory"
 def remembered(context: Context, names: Names, observation: Observation) -> ExpertMemory | None:
     """The memory that the expert of a spec keeps; None for none, or for one that is broken (and reported)."""
     _check_names(context, observation)
-    seen = _seen(context.builder, observation)
+    seen = what_is_seen(context.builder, observation)
     scopes = {"initial": names.memory_scope(FIRST, seen), "next": names.memory_scope(LATER, seen)}
     found: dict[str, list[Node]] = {"initial": [], "next": []}
     for c in context.memory:
@@ -45,8 +45,8 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
     return ExpertMemory(context.memory, initial, following, raw_initial, raw_next)
 
 
-def _seen(builder: Builder, observation: Observation) -> Mapping[str, Value]:
-    """What is observed, by name, as the memory reads it."""
+def what_is_seen(builder: Builder, observation: Observation) -> Mapping[str, Value]:
+    """What is observed, by name, as the memory and symmetries read it."""
     pairs = zip(observation.components, observation.nodes, strict=True)
     reads = {c.name: builder.read(Role.NEXT, c.name, c.type, *builder.certain(node)) for c, node in pairs}
     return {c.name: Value(reads[c.name], c.domain, late=True) for c in observation.components}

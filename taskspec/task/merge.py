@@ -13,7 +13,7 @@ from taskspec.source import Document, Path
 
 NAMED = (
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "initial", "dynamics",
-    "accept", "memory",
+    "accept", "memory", "symmetries",
 )  # fmt: skip
 """Sections of named entries, which a variant overrides entry by entry."""
 
@@ -136,6 +136,8 @@ def abstracted(merged: Merged) -> Merged | None:
         return None
     memory = ("memory", "expert") if merged.data.get("memory") else ()  # a stand-in shows no observations to remember
     data = {key: value for key, value in merged.data.items() if key not in (*_NOT_ABSTRACT, *memory)}
+    if merged.data.get("symmetries"):  # a stand-in shows other things, and is steered alike
+        data["symmetries"] = {name: {"action": s.get("action") or {}} for name, s in data["symmetries"].items()}
     moved = dict(merged.moved)
     for section, value in over.items():
         if section != "map" and value is not None:

@@ -30,7 +30,9 @@ _WITHOUT_ACTION = {
     "abstraction": "the action is not known yet",
     "figure": "a figure shows states",
 }
-_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "first memory", "memory")
+_MAPS = ("seen", "done")
+"""Sections of a symmetry: the maps of what is observed, and of actions."""
+_WITHOUT_NOISE = ("expert", "absorbing", "claims", "abstraction", "figure", "first memory", "memory", *_MAPS)
 _OUTSIDE_STEPS = ("initial", "observation")
 """Sections in which a noise may stand that depends on no step."""
 _NO_DRAWS = {
@@ -40,6 +42,7 @@ _NO_DRAWS = {
     "memory": "a memory holds what was seen and done",
     "abstraction": "an abstraction is a function of the state",
     "figure": "a figure shows states",
+    **dict.fromkeys(_MAPS, "a symmetry gives one value for each"),
 }
 """Sections in which nothing may be drawn, and why."""
 
@@ -90,6 +93,17 @@ class Names:
         self._bind_memory(bindings, section)
         if later:
             self._bind_time(bindings, section)
+        self._bind_noise(bindings, section)
+        self._bind_end(bindings, section)
+        return self._finished(section, bindings)
+
+    def map_scope(self, section: str, visible: Mapping[str, Value]) -> Scope:
+        """The names visible in a map of a symmetry: what is mapped, and what is fixed."""
+        bindings: dict[str, Binding] = dict(self.context.constants)
+        for c in (*self.context.state, *self.context.action):
+            message = f"a symmetry maps what is seen, and what is done; '{c.name}' is not part of this"
+            bindings[c.name] = Unavailable("E302", message)
+        bindings |= visible
         self._bind_noise(bindings, section)
         self._bind_end(bindings, section)
         return self._finished(section, bindings)

@@ -83,6 +83,28 @@ class ExpertMemory:
 
 
 @dataclass(frozen=True)
+class Symmetry:
+    """Another way to see and to steer the task, in which every policy has one that earns the same.
+
+    `components` and `observation` are what is seen then, over NEXT, what the task shows by the names of `seen`; `action` has, in
+    the order of the task's action, what does then what an action, read as ACTION, did. None of them draws. Where one of the two
+    is empty, that stays as it is. Whether they are one-to-one is not known yet: `exact.abstraction.symmetries` finds out.
+    """
+
+    name: str
+    doc: str | None = None
+    seen: tuple[Component, ...] = ()
+    components: tuple[Component, ...] = ()
+    observation: tuple[Node, ...] = ()
+    action: tuple[Node, ...] = ()
+
+    @property
+    def nodes(self) -> tuple[Node, ...]:
+        """Both maps."""
+        return (*self.observation, *self.action)
+
+
+@dataclass(frozen=True)
 class Soft:
     """The Boltzmann-rational expert at inverse temperature `beta`."""
 

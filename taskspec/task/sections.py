@@ -20,7 +20,7 @@ from taskspec.task.names import Names, poison
 from taskspec.task.observe import Observed
 from taskspec.task.reach import reach
 from taskspec.task.task import FINITE_SPACES, Claim, Component, Observation, Soft
-from taskspec.task.widths import kept, saturated, widest
+from taskspec.task.widths import kept, saturated, too_wide, widest
 
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 
@@ -128,9 +128,7 @@ class SectionBuilder:
         if wide:
             narrow = [e for e, n in zip(lines, nodes, strict=False) if e is not None and widest([n])]
             place = narrow[0].place if narrow and len(lines) == len(nodes) else self.context.place(section)
-            message = f"ints have 64 bits, but one that this computes may reach {wide[0]:.3g}"
-            hint = "compute with reals (`1.0 * x`), or keep the values small: bounds, `clip`, `%`"
-            self.collector.add("E318", place, message, hint)
+            too_wide(self.collector, place, wide[0])
 
     # -- single values --------------------------------------------------------------------------------------------
 

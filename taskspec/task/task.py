@@ -31,6 +31,7 @@ from taskspec.task.parts import Parameter as Parameter
 from taskspec.task.parts import Soft as Soft
 from taskspec.task.parts import SpaceKind as SpaceKind
 from taskspec.task.parts import Surface as Surface
+from taskspec.task.parts import Symmetry as Symmetry
 
 if TYPE_CHECKING:
     import gymnasium
@@ -86,6 +87,8 @@ class Task:
     memory: ExpertMemory | None = None
     remembers: bool = False
     """Whether the expert's memory is part of the state (`remembering`)."""
+    symmetries: tuple[Symmetry, ...] = ()
+    """Those that the spec declares, of the task as written."""
     modifiers: tuple[Modifier, ...] = ()
     """What was changed since, in order (`taskspec.modify`); all else is as changed, except the spec and its surface."""
     written_as: Task | None = field(default=None, repr=False)

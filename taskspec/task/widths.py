@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from taskspec.diagnostics import Collector, Placed
 from taskspec.lang import interval
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, walk
@@ -74,3 +75,10 @@ def widest(roots: Iterable[Node], limit: int = INT_WIDEST, reads: Mapping[int, R
                 return float(most)
         known[id(node)] = Range(low, high, finite)
     return 0.0
+
+
+def too_wide(collector: Collector, place: Placed, most: float) -> None:
+    """Report (E318) an int that may not fit in 64 bits."""
+    message = f"ints have 64 bits, but one that this computes may reach {most:.3g}"
+    hint = "compute with reals (`1.0 * x`), or keep the values small: bounds, `clip`, `%`"
+    collector.add("E318", place, message, hint)

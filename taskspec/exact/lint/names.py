@@ -13,7 +13,7 @@ from taskspec.task.task import Task
 NAMED = ("parameters", "constants", "definitions", "noise")
 ROOTS = (
     "state", "action", "observation", "horizon", "terminal", "discount", "initial", "dynamics", "reward",
-    "absorbing_reward", "memory", "expert", "abstraction",
+    "absorbing_reward", "memory", "expert", "abstraction", "symmetries",
 )  # fmt: skip
 PROSE = frozenset({"doc", "symbol", "symbols", "message"})
 INSTANCE_SEED = "instance_seed"

@@ -167,6 +167,26 @@ class AbstractionEntry(Strict):
     expert: Expert = Field(None, description="The expert in terms of them.")
 
 
+class SymmetryEntry(Strict):
+    """Another way to see and to steer the task, in which every policy has one that earns the same."""
+
+    doc: str | None = Field(None, description="What is exchanged or turned, in a few words.")
+    observation: dict[Name, Expression] | None = Field(
+        None,
+        description="What is seen then, as a function of what the task shows. What is neither named nor used stays.",
+    )
+    action: dict[Name, Expression] | None = Field(
+        None,
+        description="The action that does then what an action of the task did. Components that are not named stay.",
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> SymmetryEntry:
+        if self.observation is None and self.action is None:
+            fail([Problem("E203", (), "this symmetry maps nothing", "`observation`, `action`, or both")])
+        return self
+
+
 class Sections(Strict):
     """The sections that a variant may override."""
 
@@ -240,5 +260,9 @@ class Sections(Strict):
     )
     abstraction: AbstractionEntry | None = Field(
         None, description="A finite stand-in for a continuous state, to solve the task exactly."
+    )
+    symmetries: dict[Name, SymmetryEntry] = Field(
+        default_factory=dict,
+        description="Other ways to see and to steer the task, by name, for the modifier `symmetry`.",
     )
     figure: FigureEntry | None = Field(None, description="How to draw the task.")

@@ -1,0 +1,178 @@
+"""The modifier of symmetries: a twin of a task, which is seen and steered in another way that its spec declares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from taskspec.diagnostics import suggest
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Node, Read, Role, rewrite
+from taskspec.lang.types import Kind
+from taskspec.modifiers.core import (
+    MOST,
+    acting,
+    apart,
+    combinations,
+    elements,
+    free,
+    joint,
+    observing,
+    present,
+    shaped,
+)
+from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
+from taskspec.task.bijection import MapPart, Moves, bounds, codes, outside, parts
+from taskspec.task.task import FINITE_SPACES, Component, Symmetry, Task
+
+
+def _twin(task: Task, given: Arguments) -> Task:
+    symmetry = _declared(task, given["name"])
+    if symmetry.observation:
+        task = _seen(task, symmetry)
+    return _steered(task, symmetry) if symmetry.action else task
+
+
+def _declared(task: Task, name: str) -> Symmetry:
+    """A symmetry by its name."""
+    known = {each.name: each for each in task.unmodified.symmetries}
+    if name not in known:
+        reason = f"it declares no symmetry '{name}'" if known else "it declares no symmetries"
+        raise Inapplicable(reason, suggest(name, known) or (f"it has {', '.join(known)}" if known else None))
+    return known[name]
+
+
+# -- what is seen -------------------------------------------------------------------------------------------------
+
+
+def _seen(task: Task, symmetry: Symmetry) -> Task:
+    """The task of which something else is seen; what other modifiers let be seen besides stays."""
+    now = {c.name: (c, node) for c, node in zip(task.observation.components, task.observation.nodes, strict=True)}
+    for c in symmetry.seen:
+        if c.name not in now or now[c.name][0].type != c.type:
+            hint = "give the symmetry before modifiers of what is observed"
+            raise Inapplicable(f"'{c.name}' is no longer observed as the symmetry knows it", hint)
+    seen = [now.pop(c.name)[0] for c in symmetry.seen]
+    found = parts(Role.NEXT, seen, symmetry.observation)
+    if any(part.clash() is not None for part in found):
+        raise Inapplicable("it is not one-to-one: two observations would look alike", "`taskspec check` shows two")
+    components = _bounded(symmetry.components, found)
+    _check_space(task, components)
+    shown = {c.name: n for c, n in zip(task.observation.components, task.observation.nodes, strict=True)}
+
+    def leaf(node: Node) -> Node | None:
+        return shown[node.name] if isinstance(node, Read) and node.role is Role.NEXT else None
+
+    nodes = rewrite(symmetry.observation, leaf, task.builder.remake_late)
+    others = [(replace(c, name=free(c.name, components)), node) for c, node in now.values()]
+    return observing(
+        task, [*components, *(c for c, _ in others)], [*nodes, *(n for _, n in others)], task.observation.space, {}
+    )
+
+
+def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[Component]:
+    """Components with the bounds that parts of a map give them, as far as these are known."""
+    made = list(components)
+    for part in found:
+        ends = list(bounds(part))
+        for i in part.outputs if part.is_decided else ():
+            own, ends = ends[: made[i].type.size], ends[made[i].type.size :]
+            made[i] = replace(made[i], low=tuple(a for a, _ in own), high=tuple(b for _, b in own))
+    return made
+
+
+def _check_space(task: Task, components: Sequence[Component]) -> None:
+    """Refuse what does not fit into the space that the spec asks for.
+
+    Raises:
+        Inapplicable: reals where there are to be none, or several numbers where one is to be.
+    """
+    space = task.observation.space
+    if space in FINITE_SPACES and not all(c.is_finite for c in components):
+        raise Inapplicable(f"a `{space}` observation holds no reals")
+    if space == "discrete" and not (len(components) == 1 and components[0].type.is_scalar):
+        raise Inapplicable("a `discrete` observation is one number")
+
+
+# -- what is done -------------------------------------------------------------------------------------------------
+
+
+def _steered(task: Task, symmetry: Symmetry) -> Task:
+    """The task in which an action does what that one did which it stands for."""
+    found = parts(Role.ACTION, task.action, symmetry.action, is_tied=True)
+    executed: dict[str, Node] = {}
+    for part in found:
+        own = [symmetry.action[i] for i in part.outputs]
+        if all(isinstance(n, Read) and n.name == c.name for n, c in zip(own, part.inputs, strict=True)):
+            continue
+        if not part.is_decided:
+            raise Inapplicable(
+                "it is not known to be one-to-one in the actions: they are no few, and more than moved about"
+            )
+        if part.clash() is not None or outside(part) is not None:
+            raise Inapplicable("it is not one-to-one in the actions", "`taskspec check` shows where")
+        executed |= zip((c.name for c in part.inputs), _undone(task, part), strict=True)
+    expert = task.expert
+    if isinstance(expert, tuple):
+        expert = _put(task.builder, symmetry.action, dict(zip((c.name for c in task.action), expert, strict=True)))
+    every = {c.name: executed.get(c.name) or present(task, c, Role.ACTION) for c in task.action}
+    plain = tuple(replace(c, domain=None) if c.name in executed else c for c in task.action)
+    return replace(acting(task, every), action=plain, expert=expert)
+
+
+def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[Node, ...]:
+    """A map of the action, of an action that is given."""
+
+    def leaf(node: Node) -> Node | None:
+        return actions[node.name] if isinstance(node, Read) and node.role is Role.ACTION else None
+
+    return rewrite(nodes, leaf, b.remake_late)
+
+
+def _undone(task: Task, part: MapPart) -> list[Node]:
+    """The action that a part of an action stands for, by component."""
+    b, given = task.builder, [present(task, c, Role.ACTION) for c in part.inputs]
+    if part.moves is not None:
+        return _moved_back(b, part.inputs, given, part.moves)
+    combinations(part.inputs, "the actions of a symmetry", MOST)
+    back = np.argsort(codes(part)).tolist()
+    return apart(b, part.inputs, back, joint(b, part.inputs, given))
+
+
+def _moved_back(b: Builder, components: Sequence[Component], given: Sequence[Node], moves: Moves) -> list[Node]:
+    flat = [element for node in given for element in elements(b, node)]
+    own: dict[int, Node] = {}
+    for node, source, sign, shift in zip(flat, moves.source, moves.sign, moves.shift, strict=True):
+        moved = b.apply("sub", node, b.scalar(int(shift))) if shift else node
+        own[int(source)] = b.apply("neg", moved) if sign < 0 else moved
+    found, at = [], 0
+    for c in components:
+        values = [own[at + i] for i in range(c.type.size)]
+        if c.type.kind is Kind.INT:
+            values = [b.within(v, low, high) for v, low, high in zip(values, c.low, c.high, strict=True)]
+        found.append(shaped(b, values, c.type))
+        at += c.type.size
+    return found
+
+
+def _says(task: Task, given: Arguments) -> str:
+    symmetry = _declared(task, given["name"])
+    maps = {"what is observed": symmetry.observation, "what actions do": symmetry.action}
+    said = " and ".join(what for what, nodes in maps.items() if nodes)
+    return f"{said} {'are' if ' and ' in said else 'is'} changed by the symmetry `{symmetry.name}`" + (
+        f": {symmetry.doc}" if symmetry.doc else ""
+    )
+
+
+TABLE = (
+    ModifierEntry(
+        "symmetry", (
+            ModifierArgument("name", "word", "which symmetry of the spec",
+                             sample=lambda task: task.symmetries[0].name if task.symmetries else "none"),
+        ),
+        "The task is seen and steered in another way, one that its spec declares under `symmetries`.",
+        _twin, _says, keeps="all returns", abstraction=as_well, needs="a spec that declares it",
+    ),
+)  # fmt: skip

@@ -1,0 +1,255 @@
+"""Whether a map of components is one-to-one: shown for all values, or from the form of its expressions.
+
+A map falls into parts, which share no components. A part is *moved* when it does nothing but move elements about, change their
+signs, and add whole numbers to whole numbers: then it is exact in floats of any width, and what is not lost can be had back. It
+is *listed* when it has few values: then all of them are looked at. Of other parts nothing is known here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.lang.batch import DTYPES, evaluate
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, walk
+from taskspec.lang.types import Kind
+from taskspec.limits import limits
+from taskspec.task.parts import Component
+
+Array = np.ndarray[Any, Any]
+Values = dict[str, Array]
+"""A value (*shape) for each component."""
+_PLACES = {"index": (1,), "put": (1,), "swap": (1, 2), "where": (0,)}
+"""Arguments that say which elements are meant, and are no elements themselves."""
+_CARRYING = frozenset({"vector", "concat", "slice", "element", "reshape", "fill", *_PLACES})
+
+
+@dataclass(frozen=True)
+class Moves:
+    """Elements that are moved: number i is `sign[i] * x[source[i]] + shift[i]`, where a source of -1 stands for none."""
+
+    source: Array
+    sign: Array
+    shift: Array
+
+
+@dataclass(frozen=True)
+class MapPart:
+    """Components in, and the numbers of the nodes that read them.
+
+    `moves` says how elements are moved, row-major in the order of the components; `listed` has what comes out (N, elements) for
+    all values in, the last component fastest. Where both are None, neither is known.
+    """
+
+    inputs: tuple[Component, ...]
+    outputs: tuple[int, ...]
+    moves: Moves | None = None
+    listed: Array | None = None
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether it is known to be one-to-one, or not to be."""
+        return self.moves is not None or self.listed is not None
+
+    def clash(self) -> tuple[Values, Values] | None:
+        """Two values that become one; None where there are none, or it is not known."""
+        if self.moves is not None:
+            lost = set(range(sum(c.type.size for c in self.inputs))) - set(self.moves.source.tolist())
+            return next((pair for i in sorted(lost) if (pair := _apart(self.inputs, i)) is not None), None)
+        if self.listed is None:
+            return None
+        values = self.listed.astype(np.float32) if self.listed.dtype.kind == "f" else self.listed
+        _, first, where = np.unique(values, axis=0, return_index=True, return_inverse=True)
+        again = np.flatnonzero(first[where.reshape(-1)] != np.arange(len(values)))
+        if not len(again):
+            return None
+        rows = np.array([first[where.reshape(-1)[again[0]]], again[0]])
+        one, other = (_values(self.inputs, _all(self.inputs, rows), i) for i in range(2))
+        return one, other
+
+
+def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tied: bool = False) -> tuple[MapPart, ...]:
+    """The parts of a map of components, which nodes read in a role; `is_tied` where node i becomes component i."""
+    found: list[tuple[set[str], list[int]]] = []
+    for i, node in enumerate(nodes):
+        names, numbers = {name for _, name in reads([node])} | ({inputs[i].name} if is_tied else set()), [i]
+        for group in [g for g in found if g[0] & names]:
+            found.remove(group)
+            names, numbers = names | group[0], [*group[1], *numbers]
+        found.append((names, numbers))
+    unread = {c.name for c in inputs} - {name for names, _ in found for name in names}
+    found += [({name}, []) for name in sorted(unread)]
+    return tuple(_part(role, tuple(c for c in inputs if c.name in names), sorted(numbers), nodes)
+                 for names, numbers in found)  # fmt: skip
+
+
+def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
+    """The bounds of every element that comes out of a part whose form or whose values are known."""
+    if part.listed is not None:
+        low, high = part.listed.min(axis=0).tolist(), part.listed.max(axis=0).tolist()
+        yield from zip(map(float, low), map(float, high), strict=True)
+    elif part.moves is not None:
+        ends = [pair for c in part.inputs for pair in zip(c.low, c.high, strict=True)]
+        for source, sign, shift in zip(part.moves.source, part.moves.sign, part.moves.shift, strict=True):
+            pair = (0.0, 0.0) if source < 0 else ends[source]
+            yield min(sign * v for v in pair) + float(shift), max(sign * v for v in pair) + float(shift)
+
+
+def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: Sequence[Node]) -> MapPart:
+    chosen, outputs = [nodes[i] for i in numbers], tuple(numbers)
+    moves = _moves(role, inputs, chosen)
+    if moves is not None:
+        return MapPart(inputs, outputs, moves)
+    size = math.prod(n for c in inputs for n in c.counts) if all(c.is_finite for c in inputs) else math.inf
+    elements = sum(n.type.size for n in chosen) + sum(c.type.size for c in inputs)
+    if size * elements > limits().points:
+        return MapPart(inputs, outputs)
+    read = {(role, c.name): v for c, v in zip(inputs, _all(inputs, np.arange(int(size))), strict=True)}
+    return MapPart(inputs, outputs, listed=_rows(evaluate(chosen, read), int(size)))
+
+
+# -- values -------------------------------------------------------------------------------------------------------
+
+
+def _all(components: Sequence[Component], rows: Array) -> list[Array]:
+    """Values (*shape, N) of finite components whose combinations have these numbers."""
+    rest, found = rows, []
+    for c in reversed(components):
+        digits = []
+        for low, n in reversed(list(zip(c.low, c.counts, strict=True))):
+            rest, digit = np.divmod(rest, n)
+            digits.append(digit + int(low))
+        found.append(np.stack(digits[::-1]).reshape(*c.type.shape, len(rows)).astype(DTYPES[c.type.kind]))
+    return found[::-1]
+
+
+def _rows(values: Sequence[Array], lanes: int) -> Array:
+    """All elements (lanes, elements) of values (*shape, lanes or 1)."""
+    flat = [np.broadcast_to(v.reshape(-1, v.shape[-1]), (math.prod(v.shape[:-1]), lanes)) for v in values]
+    return np.concatenate(flat).T if flat else np.zeros((lanes, 0), np.int64)
+
+
+def _values(components: Sequence[Component], arrays: Sequence[Array], lane: int) -> Values:
+    return {c.name: v[..., lane] for c, v in zip(components, arrays, strict=True)}
+
+
+def _apart(components: Sequence[Component], element: int) -> tuple[Values, Values] | None:
+    """Two values that differ in one element alone; None where it has a single value."""
+    one, other, at = {}, {}, 0
+    for c in components:
+        flat = np.array([min(max(0.0, a), b) for a, b in zip(c.low, c.high, strict=True)])
+        changed = flat.copy()
+        if at <= element < at + c.type.size:
+            i = element - at
+            if c.low[i] == c.high[i]:
+                return None
+            changed[i] = min(flat[i] + 1, c.high[i]) if flat[i] < c.high[i] else max(flat[i] - 1, c.low[i])
+        at += c.type.size
+        one[c.name], other[c.name] = (v.reshape(c.type.shape).astype(DTYPES[c.type.kind]) for v in (flat, changed))
+    return one, other
+
+
+# -- elements that are moved --------------------------------------------------------------------------------------
+
+
+def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Moves | None:
+    """How elements are moved, where the form of the expressions shows that nothing else is done to them.
+
+    Every element that comes out then depends on one that goes in, with a factor of 1 or -1; which one it is, numbers put in their
+    places tell.
+    """
+    if any(c.type.kind is Kind.BOOL for c in inputs) or not all(_only_moves(node) for node in nodes):
+        return None
+    tags, zeros, at = {}, {}, 1
+    for c in inputs:
+        own = np.arange(at, at + c.type.size).reshape(*c.type.shape, 1).astype(DTYPES[c.type.kind])
+        tags[role, c.name], zeros[role, c.name], at = own, np.zeros_like(own), at + c.type.size
+    shift = _rows(evaluate(nodes, zeros), 1)[0]
+    factor = np.rint(_rows(evaluate(nodes, tags), 1)[0] - shift).astype(np.int64)
+    whole = np.array([c.type.kind is Kind.INT for c in inputs for _ in range(c.type.size)], np.bool_)
+    source = np.abs(factor) - 1
+    may_shift = (source < 0) | (np.append(whole, True)[source] & (shift == np.rint(shift)))
+    return Moves(source, np.sign(factor), shift) if bool(((shift == 0) | may_shift).all()) else None
+
+
+def _only_moves(root: Node) -> bool:
+    """Whether an expression has a single element of what it reads in each of its own, with a factor of 1 or -1."""
+    fixed: dict[int, bool] = {}
+    for node in walk([root]):
+        args = [fixed[id(c)] for c in children(node)]
+        if isinstance(node, Draw):
+            return False
+        fixed[id(node)] = not isinstance(node, Read) and all(args)
+        if isinstance(node, Apply) and not all(args) and not _moves_one(node, args):
+            return False
+    return True
+
+
+def _moves_one(node: Apply, fixed: Sequence[bool]) -> bool:
+    match node.op:
+        case "neg" | "to_real":
+            return True
+        case "add" | "sub":
+            return any(fixed)
+        case "mul":
+            return any(isinstance(a, Const) and all(abs(v) == 1 for v in a.flat) for a in node.args)
+        case op:
+            return op in _CARRYING and all(fixed[i] for i in _PLACES.get(op, ()))
+
+
+# -- maps of components to themselves -----------------------------------------------------------------------------
+
+
+def codes(part: MapPart) -> Array:
+    """For each value that goes into a listed part, which of the same values comes out, by number; -1 where none of them does."""
+    assert part.listed is not None
+    found, at = np.zeros(len(part.listed), np.int64), 0
+    wrong = np.zeros(len(part.listed), np.bool_)
+    for c in part.inputs:
+        for low, count in zip(c.low, c.counts, strict=True):
+            digit = part.listed[:, at].astype(np.int64) - int(low)
+            wrong |= (digit < 0) | (digit >= count)
+            found, at = found * count + digit, at + 1
+    return np.where(wrong, -1, found)
+
+
+def outside(part: MapPart) -> tuple[Values, Values] | None:
+    """A value of a part that maps components to themselves, and what it becomes, which is no value of them; None for none."""
+    if part.listed is not None:
+        wrong = np.flatnonzero(codes(part) < 0)
+        if not len(wrong):
+            return None
+        lane = _values(part.inputs, _all(part.inputs, wrong[:1]), 0)
+        return lane, _of_row(part.inputs, part.listed[wrong[0]])
+    if part.moves is None:
+        return None
+    ends = [pair for c in part.inputs for pair in zip(c.low, c.high, strict=True)]
+    kinds = [c.type.kind for c in part.inputs for _ in range(c.type.size)]
+    for i, (made, source) in enumerate(zip(bounds(part), part.moves.source.tolist(), strict=True)):
+        if made != ends[i] or (source >= 0 and kinds[i] is not kinds[source]):
+            return _leaving(part, part.moves)
+    return None
+
+
+def _leaving(part: MapPart, moves: Moves) -> tuple[Values, Values]:
+    """A value at an end of the ranges, and what it becomes: one of the two ends leaves them, or does not reach all."""
+    found = []
+    for which in ("high", "low"):
+        flat = np.array([v for c in part.inputs for v in getattr(c, which)], np.float64)
+        flat = np.where(np.isfinite(flat), flat, 0.0)
+        made = np.where(moves.source < 0, 0.0, moves.sign * flat[moves.source]) + moves.shift
+        found.append((_of_row(part.inputs, flat), _of_row(part.inputs, made)))
+        low, high = (np.array([v for c in part.inputs for v in getattr(c, end)]) for end in ("low", "high"))
+        if ((made < low) | (made > high)).any():
+            return found[-1]
+    return found[0]
+
+
+def _of_row(components: Sequence[Component], row: Array) -> Values:
+    """A value whose elements are given in order."""
+    ends = np.cumsum([0, *(c.type.size for c in components)])
+    return {c.name: row[a:b].reshape(c.type.shape) for c, a, b in zip(components, ends, ends[1:], strict=False)}
