@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -17,6 +18,7 @@ from taskspec.cli.examined import show
 from taskspec.diagnostics import SpecError
 from taskspec.exam import diagnoses, report
 from taskspec.exam.report import pictures, told
+from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam
 
 PRINTED: dict[str, Any] = {
@@ -207,3 +209,39 @@ def test_a_format_that_there_is_not_is_refused(results: dict[str, Any], tmp_path
         report.write(results, tmp_path, ["html", "parket"])
     assert error.value.diagnostics[0].code == "E713" and "parquet" in str(error.value)
     assert list(tmp_path.iterdir()) == []
+
+
+# -- the command ------------------------------------------------------------------------------------------------------
+
+
+def stored(folder: Path, results: dict[str, Any]) -> Path:
+    """A folder as an exam leaves it."""
+    folder.mkdir()
+    (folder / "exam.json").write_text(json.dumps({"transitions": 10_000, **results}), encoding="utf-8")
+    return folder
+
+
+def test_the_command_shows_an_exam_again_and_draws_it(results: dict[str, Any], tmp_path: Path) -> None:
+    folder = stored(tmp_path / "im", results)
+    done = Done("report", folder, "--format", "html,svg")
+    assert done.status == 0 and "early termination" in done.out and "report.svg" in done.out
+    assert (folder / "report.html").is_file() and (folder / "report.svg").is_file()
+
+
+def test_the_command_puts_learners_side_by_side(tmp_path: Path) -> None:
+    one = stored(tmp_path / "one", exam({"Sort": 0.5, "Parabola": 1.0}, learner="BC", seeds=3))
+    two = stored(tmp_path / "two", exam({"Parabola": -1.7}, learner="GAIL", seeds=3))
+    done = Done("report", one, two, "-f", "svg", "-f", "parquet", "-o", tmp_path / "out")
+    assert done.status == 0
+    lines = [line.split() for line in done.out.splitlines()]
+    assert ["BC", "GAIL"] in lines and ["Sort", "0.50", "·"] in lines and ["Parabola", "1.00", "−1.70"] in lines
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"table.svg", "task-Sort.svg", "learner-GAIL.svg", "scores.parquet"} <= names
+    assert len(names) == 2 + len(TITLES) + 2
+
+
+def test_the_command_refuses_what_is_no_exam_and_learners_that_are_one(tmp_path: Path) -> None:
+    assert Done("report", tmp_path / "none").status == 1
+    one = stored(tmp_path / "one", exam({"Sort": 0.5}, seeds=2))
+    again = Done("report", one, one)
+    assert again.status == 2 and "one learner" in again.err

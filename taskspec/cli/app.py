@@ -22,6 +22,7 @@ from taskspec.cli.new import new
 from taskspec.cli.options import flowed
 from taskspec.cli.play import play
 from taskspec.cli.reference import reference
+from taskspec.cli.report import report
 from taskspec.cli.run import run as run_command
 from taskspec.cli.schema import schema
 from taskspec.cli.scoring import score, solve
@@ -45,6 +46,7 @@ COMMANDS = (
     ("score", score, USE),
     ("sweep", sweep, USE),
     ("exam", exam, USE),
+    ("report", report, USE),
     ("demos", demos, USE),
     ("preferences", preferences, USE),
     ("docs", docs, PRINT),

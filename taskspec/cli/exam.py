@@ -14,8 +14,6 @@ from taskspec.cli.options import Json, LimitsGiven
 from taskspec.cli.sweep import Cluster, Jobs, Retry
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from taskspec.exam import Exam
 
 _COUNT = re.compile(r"(\d+(?:\.\d+)?)([kM]?)")
@@ -81,7 +79,8 @@ def exam(
     """Examine a learner: train it on every task, and on twins of them, and say which capability fails.
 
     Results are kept in OUT as they come: an exam that was stopped goes on where it was. OUT/exam.json has all that was
-    found. A learner that fails on a task, or takes too long, is told, and the others go on.
+    found, and OUT/report.html shows it; [cyan]taskspec report OUT[/] draws pictures of it. A learner that fails on a task,
+    or takes too long, is told, and the others go on.
 
     Flagged are regressions against an earlier exam, twins on which scores differ, learners that look at rewards that
     are withheld from them, and failures. Exit status 1 if something is.
@@ -123,36 +122,11 @@ def _named(learner: str) -> str:
 
 
 def _print(found: Exam, folder: Path) -> None:
-    from taskspec.cli.console import console, line, say
+    from taskspec.cli.console import say
+    from taskspec.cli.examined import show
     from taskspec.cli.targets import near
+    from taskspec.exam.report import write
 
-    out = console(wide=True)
-    source = " and ".join(found["learns_from"]) or "nothing"
-    told = f"  learns from {source}; {found['steps']:,} steps, {len(found['seeds'])} seeds"
-    out.print(line((found["learner"], "title"), (told, "quiet")))
-    out.print(table_of(found))
-    for flag in found["flags"]:
-        out.print(line((flag["kind"], "bad"), " ", (flag["task"], "name"), f": {flag['message']}"))
-    say(f"wrote {near(folder / 'exam.json')}")
-
-
-def table_of(found: Exam) -> Table:
-    """A row for each task: mean scores as printed, of the actions drawn, and on twins, beside the best constant action."""
-    from taskspec.cli.console import columns, number
-    from taskspec.cli.terminal import VisibleText
-
-    table = columns("task", "score", "drawn", "twins", "constant", right=range(1, 5))
-    for task, about in found["tasks"].items():
-        rows = [score for score in found["scores"] if score["task"] == task and score["probe"] is None]
-        printed, twins = ([s for s in rows if (s["twin"] is None) is is_printed] for is_printed in (True, False))
-        means = [
-            _mean([s["deterministic"] for s in printed]), _mean([s["stochastic"] for s in printed]),
-            _mean([s["deterministic"] for s in twins]), about["constant"],
-        ]  # fmt: skip
-        table.add_row(VisibleText(task, style="name"), *("" if m is None else number(m, 2) for m in means))
-    return table
-
-
-def _mean(scores: Sequence[float | None]) -> float | None:
-    known = [score for score in scores if score is not None]
-    return sum(known) / len(known) if known else None
+    show(found)
+    for path in (folder / "exam.json", *write(found, folder)):
+        say(f"wrote {near(path)}")

@@ -59,13 +59,14 @@ def _add_task(table: Table, row: TaskRow) -> None:
     several = len(row.printed.scores) > 1
     ends = told.interval(*row.printed.interval) if several else ""
     constant = SeedCell(() if row.constant is None else (row.constant,))
-    cells = [_cell(cell) for cell in (row.printed, row.twins, row.drawn, constant)]
+    cells = [shaded(cell) for cell in (row.printed, row.twins, row.drawn, constant)]
     table.add_row(
         VisibleText(f"  {row.name}", style="name"), "", cells[0], VisibleText(ends, style="quiet"), *cells[1:]
     )
 
 
-def _cell(cell: SeedCell) -> VisibleText:
+def shaded(cell: SeedCell) -> VisibleText:
+    """A mean score on its colour."""
     if cell.mean is None:
         return VisibleText(cell.words or "·", style="quiet")
     background = told.colour(cell.mean)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +31,7 @@ _WRITERS: dict[str, tuple[str, Callable[[Mapping[str, Any], Path], None]]] = {
 }  # fmt: skip
 FORMATS = tuple(_WRITERS)
 """Forms of a report besides `exam.json`, which it is made of."""
+PICTURES = ("png", "pdf", "svg")
 
 
 def write(exam: Mapping[str, Any], folder: Path | str, formats: Iterable[str] = ("html",)) -> list[Path]:
@@ -47,14 +48,42 @@ def write(exam: Mapping[str, Any], folder: Path | str, formats: Iterable[str] = 
     Raises:
         SpecError: E713 for another format; E705 without matplotlib, or pyarrow; E716 for a file that cannot be written.
     """
-    wanted = list(dict.fromkeys(formats))
-    for name in wanted:
-        if name not in _WRITERS:
-            hint = suggest(name, FORMATS) or f"use {', '.join(FORMATS)}"
-            raise SpecError([Diagnostic("E713", None, f"'{name}' is not a format of reports", hint)])
     written = []
-    for name in wanted:
+    for name in _known(formats, FORMATS):
         file, writer = _WRITERS[name]
         writer(exam, Path(folder) / file)
         written.append(Path(folder) / file)
     return written
+
+
+def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, formats: Iterable[str]) -> list[Path]:
+    """Write exams of several learners side by side, as the paper has them.
+
+    Args:
+        exams: what `exam.json` holds, by what the learner is called.
+        folder: made if need be.
+        formats: of `PICTURES`: a heat map `table`, and box plots `task-NAME` and `learner-NAME`; `parquet`: all scores.
+
+    Returns:
+        The files written, in order.
+
+    Raises:
+        SpecError: as `write`.
+    """
+    place, written = Path(folder), []
+    for name in _known(formats, (*PICTURES, "parquet")):
+        if name == "parquet":
+            written.append(write_scores(exams, place / "scores.parquet"))
+        else:
+            written += [pictures.save(drawn, place / f"{stem}.{name}") for stem, drawn in pictures.of_several(exams)]
+    return written
+
+
+def _known(formats: Iterable[str], known: Sequence[str]) -> list[str]:
+    """The formats asked for, each once; another is refused."""
+    wanted = list(dict.fromkeys(formats))
+    for name in wanted:
+        if name not in known:
+            hint = suggest(name, known) or f"use {', '.join(known)}"
+            raise SpecError([Diagnostic("E713", None, f"'{name}' is not a format of this report", hint)])
+    return wanted

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -188,6 +189,18 @@ def _curves(part: Any, rows: Sequence[TaskRow]) -> None:
 
 
 # -- several learners -------------------------------------------------------------------------------------------------
+
+
+def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Any]]:
+    """The heat map of several learners, and a box plot for each task and each learner, by names for their files."""
+    found = {name: {row.name: row.printed for row in told.rows(exam)} for name, exam in exams.items()}
+    tasks = dict.fromkeys(task for cells in found.values() for task in cells)
+    yield "table", table(exams)
+    for task in tasks:
+        yield f"task-{task}", boxes({name: cells.get(task, SeedCell(())) for name, cells in found.items()}, task)
+    for name, cells in found.items():
+        stem = re.sub(r"[^\w.-]+", "-", name)
+        yield f"learner-{stem}", boxes(cells, name)
 
 
 def table(exams: Mapping[str, Mapping[str, Any]], title: str = "") -> Any:

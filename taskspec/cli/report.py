@@ -1,0 +1,90 @@
+"""`taskspec report`: what exams found, shown again, drawn, or side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from taskspec.cli.failures import misuse
+from taskspec.cli.options import Json
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from taskspec.exam import Exam
+
+FORMATS = ("html", "png", "pdf", "svg", "parquet")
+Folders = Annotated[
+    list[Path],
+    typer.Argument(metavar="FOLDER...", help="What exams left: folders with an exam.json.", show_default=False),
+]
+Format = Annotated[
+    list[str] | None,
+    typer.Option("--format", "-f", metavar="|".join(FORMATS), help="What to write; may be repeated, or given with commas.",
+                 autocompletion=lambda: FORMATS, show_default=False),
+]  # fmt: skip
+Output = Annotated[
+    Path | None,
+    typer.Option("--output", "--out", "-o", metavar="FOLDER", file_okay=False, show_default=False,
+                 help="Where to write: the exam's own folder, or build/report for several, unless given."),
+]  # fmt: skip
+
+
+def report(folders: Folders, format: Format = None, output: Output = None, json: Json = False) -> None:
+    """Show what an exam found, and draw it; or several exams side by side.
+
+    Of one exam: verdicts, scores, diagnoses and flags, and as files a page ([green]html[/]), a picture ([green]png[/],
+    [green]pdf[/], [green]svg[/]), or the scores as a table ([green]parquet[/]). Of several: a heat map of learners and
+    tasks, and as pictures a box plot for each learner and each task as well.
+    """
+    from taskspec.cli.console import console, say, write_json
+    from taskspec.cli.examined import show
+    from taskspec.cli.targets import near
+    from taskspec.exam import read
+    from taskspec.exam.report import write, write_several
+
+    wanted = [name.strip() for text in format or () for name in text.split(",")]
+    exams = [read(folder) for folder in folders]
+    if len(exams) == 1:
+        written = write(exams[0], output or _folder(folders[0]), wanted)
+    else:
+        written = write_several(_by_learner(exams), output or Path("build/report"), wanted)
+    if json:
+        write_json({"exams": exams, "files": list(map(str, written))})
+        return
+    if len(exams) == 1:
+        show(exams[0])
+    else:
+        console(wide=True).print(table_of(_by_learner(exams)))
+    for path in written:
+        say(f"wrote {near(path)}")
+
+
+def _folder(path: Path) -> Path:
+    return path if path.is_dir() else path.parent
+
+
+def _by_learner(exams: Sequence[Exam]) -> dict[str, Exam]:
+    found = {exam["learner"]: exam for exam in exams}
+    if len(found) < len(exams):
+        raise misuse("two of these exams are of one learner", "give one exam of each")
+    return found
+
+
+def table_of(exams: Mapping[str, Exam]) -> Table:
+    """Mean scores: a row for each task, a column for each learner, each number on its colour."""
+    from taskspec.cli.console import columns
+    from taskspec.cli.examined import shaded
+    from taskspec.cli.terminal import VisibleText
+    from taskspec.exam.report.told import SeedCell, rows
+
+    found = {name: {row.id: row for row in rows(exam)} for name, exam in exams.items()}
+    tasks = {task: row.name for each in found.values() for task, row in each.items()}
+    table = columns("", *exams, right=range(1, len(exams) + 1))
+    for task, name in tasks.items():
+        cells = [by[task].printed if task in by else SeedCell(()) for by in found.values()]
+        table.add_row(VisibleText(name, style="name"), *map(shaded, cells))
+    return table
