@@ -35,6 +35,7 @@ from gymnasium.envs.registration import registry as gym_registry
 from taskspec import registry
 from taskspec.cli import manual, specs
 from taskspec.cli.checking import check_file, check_other
+from taskspec.cli.manual.commands import commands
 from taskspec.cli.targets import files_of
 from tests.conftest import needs_vectors
 
@@ -46,7 +47,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "modifiers.md": manual.modifiers,
     "difficulty.md": manual.difficulty,
     "names.md": manual.public,
-    "commands.md": manual.commands,
+    "commands.md": commands,
 }
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
 PAGES.remove(DOCS / "errors.md")  # its snippets show mistakes; tests/errors has a whole spec for each

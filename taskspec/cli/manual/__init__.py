@@ -1,8 +1,7 @@
-"""The manual's generated pages, from what the program runs on: language, errors, difficulty, modifiers, commands, names."""
+"""The manual's generated pages, from what the program runs on: language, errors, difficulty, modifiers, names."""
 
 from __future__ import annotations
 
-from taskspec.cli.manual.commands import commands as commands
 from taskspec.cli.manual.difficulty import difficulty as difficulty
 from taskspec.cli.manual.errors import errors as errors
 from taskspec.cli.manual.language import language as language

@@ -1,4 +1,7 @@
-"""The page of commands, from the functions behind them: their docstrings, arguments and options."""
+"""The page of commands, from the functions behind them: their docstrings, arguments and options.
+
+Not among the pages of `taskspec reference`, which is a command itself.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,8 @@ from typing import Any, get_type_hints
 
 from typer.models import ArgumentInfo, OptionInfo
 
+from taskspec.cli.app import COMMANDS, USE
+from taskspec.cli.bench import BENCHES
 from taskspec.cli.manual.markdown import code, table
 from taskspec.cli.options import flowed
 
@@ -23,9 +28,6 @@ MARKED = re.compile(r"\[(green|cyan|bold)\](.*?)\[/(?:\1)?\]")
 
 def commands() -> str:
     """The page."""
-    from taskspec.cli.app import COMMANDS, USE
-    from taskspec.cli.bench import BENCHES
-
     named: list[tuple[str, Callable[..., Any], str]] = [
         *COMMANDS,
         *((f"bench {name}", function, USE) for name, function in BENCHES),
