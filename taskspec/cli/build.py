@@ -73,7 +73,7 @@ def _table(reports: Sequence[FileReport], width: int) -> Any:
     from taskspec.cli.records import horizon, size
     from taskspec.cli.terminal import VisibleText
 
-    headers = ["", "task", "size", *(["horizon"] if width >= WIDE else []), "sound by", "claims"]
+    headers = ["", "task", "size", *(["horizon"] if width >= WIDE else []), "validated by", "claims"]
     table = columns(*headers, right=(2, 3) if width >= WIDE else (2,))
     for each in (each for report in reports for each in report.tasks):
         cells = [

@@ -35,7 +35,9 @@ Format = Annotated[
     ),
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")]
-Quick = Annotated[bool, typer.Option("--quick", help="Soundness for the given parameters only; no sense, no claims.")]
+Quick = Annotated[
+    bool, typer.Option("--quick", help="Soundness for the given parameters only; no sanity checks, no claims.")
+]
 
 
 def check(
@@ -52,9 +54,9 @@ def check(
     """Prove specs right, or say exactly what is wrong and where.
 
     Every task and variant of the given files and folders: the shape of the spec, the meaning of every expression,
-    soundness (with a counterexample where it fails) for the default parameters and at the ends of their ranges, sense,
-    and the claims that are made. With [green]-p[/], soundness and sense for those parameters. Of experiments, that
-    every instance exists; of exams and findings, that every rule means something.
+    soundness (with a counterexample where it fails) for the default parameters and at the ends of their ranges, sanity
+    checks, and the claims that are made. With [green]-p[/], soundness and sanity checks for those parameters. Of
+    experiments, that every instance exists; of exams and findings, that every rule means something.
 
     Exit status 1 if there is an error.
     """
@@ -109,7 +111,13 @@ def table_of(reports: Sequence[FileReport]) -> Table:
     built = any(each.task is not None for report in reports for each in report.tasks)
     shown = any(each.finding.examples for report in reports for each in report.tasks)
     mirrored = any(each.finding.symmetries for report in reports for each in report.tasks)
-    headers = ["sound by", "ranges", "claims", *(["examples"] if shown else []), *(["symmetries"] if mirrored else [])]
+    headers = [
+        "validated by",
+        "settings",
+        "claims",
+        *(["examples"] if shown else []),
+        *(["symmetries"] if mirrored else []),
+    ]
     table = columns("", "", *(headers if built else ("", "", "")), fold=(1,))
     for report in reports:
         table.add_row(mark(report.diagnostics), VisibleText(report.path, style="title"))

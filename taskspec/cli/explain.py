@@ -17,7 +17,7 @@ CLASSES = {
     "E2": "the shape of a spec",
     "E3": "expressions",
     "E4": "soundness",
-    "W5": "sense",
+    "W5": "sanity checks",
     "E6": "claims and examples",
     "E7": "using tasks",
 }

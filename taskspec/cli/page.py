@@ -51,7 +51,7 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
     yield from _section("Symmetries", _symmetries(task.unmodified))
     yield from _section("Claims", _claims(task))
     yield from _section("Examples", _examples(task))
-    yield from _section("Errata", _errata(spec.errata))
+    yield from _section("Corrections to the source", _errata(spec.errata))
     yield from _section("Sources", _sources(spec.sources))
     yield VisibleText()
     yield _foot(task)

@@ -1,4 +1,4 @@
-"""What can be proved of a task: soundness, sense and claims, with how each was found out."""
+"""What can be proved of a task: soundness, sanity checks and claims, with how each was found out."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
     """Everything that is wrong with a well-formed task.
 
     Args:
-        sense: whether sense and claims are looked at, beyond soundness.
+        sense: whether sanity checks and claims are looked at, beyond soundness.
         defaults: whether its parameters have their defaults: claims speak of these, and ranges are looked at
             from there.
     """

@@ -86,7 +86,7 @@ def check(
     claims: bool = True,
     beside: Sequence[Diagnostic] | None = None,
 ) -> Report:
-    """Check a task: soundness always; other parameter values, sense, claims and examples unless told otherwise.
+    """Check a task: soundness always; other parameter values, sanity checks, claims and examples unless told otherwise.
 
     `beside` are the warnings that only other parts of the package can give (`ELSEWHERE`), None where these did not look; the spec
     may accept them like others. Never raises for a wrong task: everything found is in the report.
@@ -105,7 +105,7 @@ def check(
     found += [diagnostic for _, diagnostic in followed]
     report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(followed)), symmetries=mirrored)
     if not is_installed("scipy"):
-        skipped = f"sense and claims need scipy: {install('exact')}" if with_sense or claims else None
+        skipped = f"sanity checks and claims need scipy: {install('exact')}" if with_sense or claims else None
         return replace(report, diagnostics=in_order(found), skipped=skipped)
     results = Results(task) if task.claims else Results(task, limit=MODERATE)
     said: tuple[Verdict, ...] = ()

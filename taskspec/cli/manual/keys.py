@@ -9,7 +9,7 @@ from taskspec.scan import EXTENDS, REQUIRED
 from taskspec.task.schema import json_schema
 
 FIRST, LAST = ("taskspec", "name"), ("variants", EXTENDS)
-NEEDED = "needed"
+NEEDED = "required"
 
 
 def sections() -> str:
