@@ -18,7 +18,8 @@ from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exam.case import Case, ExamTerms
 from taskspec.exam.known import results_of
 from taskspec.exam.learners import train_at
-from taskspec.exam.policies import values
+from taskspec.exam.policies import Learned, values
+from taskspec.exam.rewards import told
 from taskspec.exam.twins import NEGATED
 from taskspec.experiments.order import Sent
 from taskspec.modifiers import modify
@@ -106,7 +107,10 @@ def _scored(policy: Any, results: Results, seed: int) -> Row:
     if policy is None:
         raise TypeError("`train` gave no policy: does it end with `return`?")
     found = values(policy, results, seed)
-    return {"seed": seed, **_told("deterministic", found.deterministic), **_told("stochastic", found.stochastic)}
+    row = {"seed": seed, **_told("deterministic", found.deterministic), **_told("stochastic", found.stochastic)}
+    if isinstance(policy, Learned) and policy.reward is not None:
+        row |= told(results.task, policy.reward)
+    return row
 
 
 def _told(name: str, value: Return) -> Row:
