@@ -24,14 +24,14 @@ jnp = jax.numpy
 
 from taskspec.learners.deep.advantages import advantages  # noqa: E402
 from taskspec.learners.deep.ppo import PpoUpdate, acting, begun_actor  # noqa: E402
-from taskspec.learners.deep.spaces import Head  # noqa: E402
+from taskspec.learners.deep.spaces import ActionHead  # noqa: E402
 from taskspec.learners.deep.world import World  # noqa: E402
 
 TASKS = ("RiskyPath", "EarlyTermNeg", "NoisyObs", "Parabola", "Sort", "ProcGoal", "LargestSum")
 
 
-def head(task: str) -> Head:
-    return Head(Vectors.of(action_layout(taskspec.load(task))))
+def head(task: str) -> ActionHead:
+    return ActionHead(Vectors.of(action_layout(taskspec.load(task))))
 
 
 @pytest.mark.parametrize("task", ["RiskyPath", "Branching", "ProcGoal?D=3"])
@@ -174,10 +174,10 @@ def test_policies_in_numpy_say_what_nets_say(task: str) -> None:
 
 
 def test_ties_are_drawn() -> None:
-    from taskspec.learners.policies import Policy
+    from taskspec.learners.policies import NetPolicy
 
     vectors = Vectors.of(observation_layout(taskspec.load("RiskyPath")))
-    flat = Policy(vectors, head("RiskyPath").vectors, [(np.zeros((4, 2)), np.zeros(2))], np.zeros(0))
+    flat = NetPolicy(vectors, head("RiskyPath").vectors, [(np.zeros((4, 2)), np.zeros(2))], np.zeros(0))
     chosen = flat.predict(np.zeros(200, int), deterministic=True)[0]
     assert 50 < chosen.sum() < 150
 

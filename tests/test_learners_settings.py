@@ -15,6 +15,7 @@ from taskspec.learners import BUILT_IN, FAMILIES, learner
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_every_learner_is_in_every_family(name: str, family: str) -> None:
     found = learner(name, family)
+    assert found == learner(f"{family}/{name}")
     assert (found.name, found.family, found.learns_from) == (name, family, BUILT_IN[name].learns_from)
     assert found.together and pickle.loads(pickle.dumps(found)) == found
     if family != "released":  # where some learners have no mistakes of their own

@@ -6,6 +6,6 @@ from taskspec.learners.learner import FAMILIES as FAMILIES
 from taskspec.learners.learner import Learner as Learner
 from taskspec.learners.learner import learner as learner
 from taskspec.learners.table import BUILT_IN as BUILT_IN
-from taskspec.learners.table import Entry as Entry
+from taskspec.learners.table import BuiltIn as BuiltIn
 
-__all__ = ["BUILT_IN", "FAMILIES", "Entry", "Learner", "learner"]
+__all__ = ["BUILT_IN", "FAMILIES", "BuiltIn", "Learner", "learner"]

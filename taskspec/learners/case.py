@@ -8,7 +8,7 @@ from taskspec.data import Demonstrations
 from taskspec.task.task import Task
 
 
-class Given(Protocol):
+class LearnerCase(Protocol):
     """What is asked of a learner: to learn `task` in `steps` steps, once for every one of `seeds`."""
 
     @property

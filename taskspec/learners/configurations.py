@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+Activation = Literal["relu", "tanh"]
+
 
 @dataclass(frozen=True, slots=True)
 class Experience:
@@ -49,6 +51,40 @@ class Ppo:
 
 
 @dataclass(frozen=True, slots=True)
+class Trpo:
+    """Trust-region policy optimisation.
+
+    Attributes:
+        kl, accepted_kl: the size of a step, and up to where the line search accepts it.
+        strict: accept only what is better; else what is no worse.
+        halvings, shrink: of the line search.
+        fisher_every: the Fisher matrix is that of every so many samples.
+        critic: a net, or ridge regression on what was seen in the last round.
+        entropy: added to the standardised advantage of a step, without a gradient: it only sways the line search.
+    """
+
+    experience: Experience = Experience(steps=1024)
+    hidden: tuple[int, ...] = (64, 64)
+    weights: Literal["orthogonal", "xavier"] = "orthogonal"
+    discount: float = 0.99
+    trace: float = 0.98
+    kl: float = 0.01
+    accepted_kl: float = 0.015
+    strict: bool = False
+    halvings: int = 10
+    shrink: float = 0.5
+    cg_iterations: int = 10
+    damping: float = 0.01
+    fisher_every: int = 5
+    critic: Literal["net", "ridge"] = "net"
+    critic_learning_rate: float = 3e-4
+    critic_epochs: int = 3
+    critic_batch: int = 128
+    ridge: float = 1e-5
+    entropy: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Cloning:
     """Behavioural cloning.
 
@@ -67,6 +103,95 @@ class Cloning:
     updates: int = 0
     loss: Literal["squared", "likelihood"] = "squared"
     joint: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Reward:
+    """A net that says how good a step is: theta, and where `shaped`, + discount phi(s') - phi(s).
+
+    Attributes:
+        inputs: what theta sees.
+        scaled: boxes whose bounds are all finite are scaled to [0, 1].
+        standardised: observations by a running mean and deviation of what was seen.
+    """
+
+    hidden: tuple[int, ...] = (32, 32)
+    activation: Activation = "relu"
+    inputs: Literal["state, action", "state"] = "state, action"
+    shaped: bool = False
+    scaled: bool = False
+    standardised: bool = False
+    learning_rate: float = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Adversarial:
+    """GAIL and AIRL: a discriminator of learner and expert, and a policy that is paid for confusing it.
+
+    With l = log D - log(1 - D), D being how much a step looks like the expert's, pay is `softplus(l)` = -log(1 - D) >= 0,
+    `-softplus(-l)` = log D <= 0, `l`, or `f`, what the net says.
+
+    Attributes:
+        minus_log_policy: l = f - log pi (AIRL); otherwise l = f.
+        deviation_as_variance: a mistake in the density of real actions in log pi.
+        updates, batch: gradient steps of the discriminator at a time, on so many steps of each kind; 0 for all there are.
+        every: so many rounds of the policy.
+        kept: recent steps of the learner that are drawn from; 0 for those of the round alone.
+        entropy: the weight of the entropy of D in its loss.
+        budget_factor: the steps that are taken, over those that are granted.
+    """
+
+    policy: Ppo | Trpo = Ppo()
+    reward: Reward = Reward()
+    pay: Literal["softplus(l)", "-softplus(-l)", "l", "f"] = "softplus(l)"
+    minus_log_policy: bool = False
+    deviation_as_variance: bool = False
+    updates: int = 2
+    batch: int = 25
+    every: int = 1
+    kept: int = 4000
+    entropy: float = 0.0
+    budget_factor: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Novelty:
+    """Random network distillation: the standardised error of a net that learns what a random one says is added to the reward."""
+
+    weight: float = 0.5
+    hidden: tuple[int, ...] = (32, 32, 32)
+    outputs: int = 50
+    learning_rate: float = 1e-3
+    rate: float = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Comparing:
+    """Deep reinforcement learning from human preferences.
+
+    Attributes:
+        episodes: asked about in a round; neighbours are compared.
+        random: the probability of a uniform action in these.
+        total: the loss is summed over pairs, and ties count nothing; else it is a mean, and ties are halves.
+        kept: pairs that are kept to learn from; 0 for those of the round alone.
+        updates, batch: gradient steps of a round, on so many pairs; 0 for all there are.
+        stale: the first action of a round is taken for what was seen last, though the environment was reset since.
+        noise_ties: nobody is preferred on tasks whose observations have noise, as if rewards could not be told from these.
+        budget_factor: the steps that are taken, over those that are granted; those asked about come on top.
+    """
+
+    policy: Ppo = Ppo(learning_rate=1e-3)
+    reward: Reward = Reward(shaped=True, scaled=True)
+    episodes: int = 100
+    random: float = 0.0
+    total: bool = True
+    kept: int = 0
+    updates: int = 1
+    batch: int = 0
+    stale: bool = True
+    noise_ties: bool = False
+    novelty: Novelty | None = None
+    budget_factor: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,4 +216,4 @@ class Matching:
     absorb: bool = True
 
 
-Configuration = Ppo | Cloning | Matching
+Configuration = Ppo | Cloning | Adversarial | Comparing | Matching

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
-from taskspec.learners.case import Given
-from taskspec.learners.configurations import Cloning, Configuration, Matching, Ppo
+from taskspec.learners.case import LearnerCase
+from taskspec.learners.configurations import Adversarial, Cloning, Comparing, Configuration, Matching, Ppo
 from taskspec.learners.settings import changed
-from taskspec.learners.table import BUILT_IN, Entry
+from taskspec.learners.table import BUILT_IN, BuiltIn
 from taskspec.source import Document, read_file
 
 FAMILIES = {
@@ -42,7 +42,7 @@ class Learner:
     learns_from: tuple[str, ...]
     together: ClassVar[bool] = True
 
-    def __call__(self, case: Given) -> list[Any]:
+    def __call__(self, case: LearnerCase) -> list[Any]:
         """Raises SpecError: E705 where JAX or optax are not installed, E713 for tasks that it cannot learn."""
         match self.configuration:
             case Matching() as config:
@@ -53,6 +53,10 @@ class Learner:
                 return _deep("reinforce").reinforced(config, case)  # type: ignore[no-any-return]
             case Cloning() as config:
                 return _deep("clone").cloned(config, case)  # type: ignore[no-any-return]
+            case Adversarial() as config:
+                return _deep("adversarial").imitated(config, case)  # type: ignore[no-any-return]
+            case Comparing() as config:
+                return _deep("preferences").preferred(config, case)  # type: ignore[no-any-return]
 
 
 def _deep(module: str) -> Any:
@@ -62,10 +66,15 @@ def _deep(module: str) -> Any:
 def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learner:
     """A learner by its name, or as a file has it: `learner: gail_im`, and maybe a `family` and `settings`.
 
+    A name may have its family in front: `paper/gail_im`.
+
     Raises:
         SpecError: E710, E713 for a name that there is none of; E2xx for mistakes in the file, each with its place.
     """
     name = os.fspath(source)
+    before, slash, rest = name.partition("/")
+    if slash and before in FAMILIES and rest in BUILT_IN:
+        return _made(BUILT_IN[rest], before)
     if name in BUILT_IN:
         return _made(BUILT_IN[name], family)
     if not name.endswith((".yaml", ".yml")):
@@ -78,7 +87,7 @@ def learner(source: str | os.PathLike[str], family: str = "corrected") -> Learne
     return Learner(made.name, made.family, changed(made.configuration, document, ("settings",)), made.learns_from)
 
 
-def _written(document: Document) -> Entry:
+def _written(document: Document) -> BuiltIn:
     """The learner that a file names."""
     data = document.data
     if not isinstance(data, dict) or "learner" not in data:
@@ -95,7 +104,7 @@ def _written(document: Document) -> Entry:
     return BUILT_IN[data["learner"]]
 
 
-def _made(entry: Entry, family: str) -> Learner:
+def _made(entry: BuiltIn, family: str) -> Learner:
     if family not in FAMILIES:
         raise SpecError(
             [

@@ -15,7 +15,7 @@ Array = np.ndarray[Any, Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Policy:
+class NetPolicy:
     """A net whose outputs are logits of actions, or their means.
 
     Attributes:

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from taskspec.learners.configurations import Cloning, Configuration, Matching, Ppo
+from taskspec.learners.configurations import (
+    Adversarial,
+    Cloning,
+    Comparing,
+    Configuration,
+    Experience,
+    Matching,
+    Novelty,
+    Ppo,
+    Reward,
+    Trpo,
+)
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class BuiltIn:
     """A learner: what it is in a sentence, what it has to be granted, and its settings as published."""
 
     name: str
@@ -17,14 +28,45 @@ class Entry:
     published: Configuration
 
 
-_REWARD, _SHOWN = ("reward",), ("demonstrations",)
-BUILT_IN: dict[str, Entry] = {
+_FU = Trpo(
+    Experience(lanes=2, steps=100, whole=True), hidden=(32, 32), weights="xavier", trace=1.0, accepted_kl=0.01, strict=True,
+    halvings=15, shrink=0.8, damping=1e-5, fisher_every=1, critic="ridge",
+)  # fmt: skip
+_GAIL_IM = Adversarial(budget_factor=0.64)
+_GAIL_SB = Adversarial(
+    Trpo(), Reward(hidden=(100, 100), activation="tanh", standardised=True, learning_rate=3e-4),
+    updates=1, batch=0, every=3, kept=0, entropy=1e-3, budget_factor=3.0,
+)  # fmt: skip
+_GAIL_FU = Adversarial(_FU, pay="-softplus(-l)", updates=50, batch=32, kept=0)
+_AIRL_SA = replace(
+    _GAIL_IM, reward=Reward(shaped=True, scaled=True), pay="l", minus_log_policy=True, deviation_as_variance=True
+)
+_AIRL_SO = replace(_AIRL_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
+_AIRL_FU = replace(_GAIL_FU, policy=replace(_FU, entropy=1.0), pay="f", minus_log_policy=True, updates=100)
+_DRLHP_SA = Comparing(budget_factor=0.64)
+_DRLHP_SO = replace(_DRLHP_SA, reward=Reward(inputs="state", shaped=True, scaled=True))
+
+_REWARD, _SHOWN, _COMPARED = ("reward",), ("demonstrations",), ("preferences",)
+BUILT_IN: dict[str, BuiltIn] = {
     entry.name: entry
     for entry in (
-        Entry("ppo", "proximal policy optimisation on the true reward", _REWARD, Ppo()),
-        Entry("bc", "behavioural cloning", _SHOWN, Cloning()),
-        Entry("maxent", "maximum-entropy inverse reinforcement learning on the exact model", _SHOWN, Matching(causal=False)),
-        Entry("mce", "its causal kind, which does not take chance for choice", _SHOWN, Matching()),
+        BuiltIn("ppo", "proximal policy optimisation on the true reward", _REWARD, Ppo()),
+        BuiltIn("bc", "behavioural cloning", _SHOWN, Cloning()),
+        BuiltIn("gail_im", "GAIL, paid -log(1 - D) >= 0, with PPO", _SHOWN, _GAIL_IM),
+        BuiltIn("gail_sb", "GAIL, paid -log(1 - D) >= 0, with TRPO", _SHOWN, _GAIL_SB),
+        BuiltIn("gail_fu", "GAIL, paid log D <= 0, with TRPO", _SHOWN, _GAIL_FU),
+        BuiltIn("airl_im_sa", "AIRL with PPO, its reward one of state and action", _SHOWN, _AIRL_SA),
+        BuiltIn("airl_im_so", "AIRL with PPO, its reward one of the state", _SHOWN, _AIRL_SO),
+        BuiltIn("airl_fu", "AIRL with TRPO", _SHOWN, _AIRL_FU),
+        BuiltIn("drlhp_sa", "a reward of state and action from comparisons, with PPO", _COMPARED, _DRLHP_SA),
+        BuiltIn("drlhp_so", "a reward of the state from comparisons, with PPO", _COMPARED, _DRLHP_SO),
+        BuiltIn("drlhp_slow", "drlhp_sa with a policy that learns slowly", _COMPARED,
+              replace(_DRLHP_SA, policy=Ppo(learning_rate=1e-4))),
+        BuiltIn("drlhp_eps", "drlhp_sa that asks about episodes with some random actions", _COMPARED,
+              replace(_DRLHP_SA, random=0.1)),
+        BuiltIn("drlhp_rnd", "drlhp_sa that pays for what is new", _COMPARED, replace(_DRLHP_SA, novelty=Novelty())),
+        BuiltIn("maxent", "maximum-entropy inverse reinforcement learning on the exact model", _SHOWN, Matching(causal=False)),
+        BuiltIn("mce", "its causal kind, which does not take chance for choice", _SHOWN, Matching()),
     )
 }  # fmt: skip
 """Every learner by its name."""

@@ -10,7 +10,7 @@ import numpy as np
 from taskspec.data import Demonstrations, Tabular
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.failure import misused, refuse
-from taskspec.learners.case import Given
+from taskspec.learners.case import LearnerCase
 from taskspec.learners.configurations import Matching
 from taskspec.progress import tell
 from taskspec.task.spaces import observation_layout
@@ -41,7 +41,7 @@ class Timed:
         return self.table.astype(dtype or np.float64)
 
 
-def matched(config: Matching, case: Given) -> list[Timed]:
+def matched(config: Matching, case: LearnerCase) -> list[Timed]:
     """A policy for each seed, of rewards that begin at random.
 
     Raises:

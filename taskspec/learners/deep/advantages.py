@@ -7,12 +7,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from taskspec.learners.deep.world import Steps, Walk, World
+from taskspec.learners.deep.world import Played, Walk, World
 
 Array = Any
 
 
-def judged(world: World, steps: Steps, walk: Walk, sees_time: bool) -> Array:
+def judged(world: World, steps: Played, walk: Walk, sees_time: bool) -> Array:
     """What a critic sees of steps and of where they led, (T + 1, E, D)."""
     return jnp.concatenate([_seen(world, *steps[:3], sees_time), _last(world, walk, sees_time)[None]])
 

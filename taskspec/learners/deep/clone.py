@@ -9,19 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from taskspec.learners.case import Given
+from taskspec.learners.case import LearnerCase
 from taskspec.learners.configurations import Cloning, Experience
-from taskspec.learners.deep.engine import Plan, trained
+from taskspec.learners.deep.engine import Schedule, trained
 from taskspec.learners.deep.nets import says
-from taskspec.learners.deep.ppo import Actor, begun_actor
+from taskspec.learners.deep.ppo import PolicyNet, begun_actor
 from taskspec.learners.deep.reinforce import policies, world_of
 from taskspec.learners.deep.world import World
-from taskspec.learners.policies import Policy
+from taskspec.learners.policies import NetPolicy
 
 Array = Any
 
 
-def cloned(config: Cloning, case: Given) -> list[Policy]:
+def cloned(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
     """Policies that do what was demonstrated."""
     world, shown = world_of(case, Experience()), case.demonstrations
     first = shown.starts[max(1, round(config.share * len(shown.starts))) :]
@@ -43,11 +43,11 @@ def cloned(config: Cloning, case: Given) -> list[Policy]:
         return optax.apply_updates(actor, change), optimiser
 
     updates = max(config.updates, config.epochs * -(-rows // config.batch))
-    actor, _ = trained(case, init, advance, Plan(updates, 0), data)
+    actor, _ = trained(case, init, advance, Schedule(updates, 0), data)
     return policies(case, world, actor)
 
 
-def loss(actor: Actor, config: Cloning, world: World, seen: Array, action: Array) -> Array:
+def loss(actor: PolicyNet, config: Cloning, world: World, seen: Array, action: Array) -> Array:
     """How far the actor is from actions (N, K) on what is seen (N, D)."""
     said, vectors = says(actor.net, seen), world.head.vectors
     if not vectors.counts and config.loss == "squared":

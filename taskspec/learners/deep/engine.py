@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from taskspec.learners.case import Given
+from taskspec.learners.case import LearnerCase
 from taskspec.progress import tell
 
 Array = Any
@@ -19,7 +19,7 @@ CHUNKS = 10
 
 
 @dataclass(frozen=True)
-class Plan:
+class Schedule:
     """How long it is trained.
 
     Attributes:
@@ -36,7 +36,11 @@ class Plan:
 
 
 def trained(
-    case: Given, init: Callable[[Array], Any], advance: Callable[[Any, Array, Any], Any], plan: Plan, shared: Any = ()
+    case: LearnerCase,
+    init: Callable[[Array], Any],
+    advance: Callable[[Any, Array, Any], Any],
+    plan: Schedule,
+    shared: Any = (),
 ) -> Any:
     """The state of every seed in the end, seeds first.
 

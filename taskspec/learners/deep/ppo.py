@@ -11,12 +11,12 @@ import optax
 from taskspec.learners.configurations import Ppo
 from taskspec.learners.deep.advantages import advantages, critic_inputs, judged, mean, standardised
 from taskspec.learners.deep.nets import Net, net, orthogonal, says
-from taskspec.learners.deep.world import Act, Steps, Walk, World, round_length, whole
+from taskspec.learners.deep.world import Act, Played, Walk, World, complete, round_length
 
 Array = Any
 
 
-class Actor(NamedTuple):
+class PolicyNet(NamedTuple):
     """A policy: its net, and the log-deviations of real actions."""
 
     net: Net
@@ -26,7 +26,7 @@ class Actor(NamedTuple):
 class ActorCritic(NamedTuple):
     """What a policy optimiser holds: `critic` is a net, or the weights of a regression."""
 
-    actor: Actor
+    actor: PolicyNet
     critic: Any
     optimiser: Any
 
@@ -49,14 +49,14 @@ class PpoUpdate:
         judge = net(critic, inputs, self.config.hidden, 1, orthogonal(1.0))
         return ActorCritic(found, judge, self._adam.init((found, judge)))
 
-    def update(self, held: ActorCritic, steps: Steps, walk: Walk, rewards: Array, key: Array) -> ActorCritic:
+    def update(self, held: ActorCritic, steps: Played, walk: Walk, rewards: Array, key: Array) -> ActorCritic:
         """The policy after a round of steps (T, E, ...), paid `rewards` (T, E), that led to `walk`."""
         config = self.config
         seen = judged(self.world, steps, walk, self.experience.critic_sees_time)
         values = says(held.critic, seen)[..., 0]
         gains = advantages(rewards, values, steps.ended, config.discount, config.trace)
         if self.experience.whole:
-            steps = whole(steps)
+            steps = steps._replace(weight=steps.weight * complete(steps))
         flat = steps.flat()
         old = self.world.head.log_prob(says(held.actor.net, flat.seen), held.actor.deviations, flat.action)
         judged_as = seen[:-1].reshape(len(old), -1)
@@ -105,12 +105,12 @@ class PpoUpdate:
         return -better - config.entropy * spread + config.value_weight * 0.5 * error.mean()
 
 
-def begun_actor(key: Array, world: World, hidden: tuple[int, ...]) -> Actor:
+def begun_actor(key: Array, world: World, hidden: tuple[int, ...]) -> PolicyNet:
     """A policy whose actions are nearly as likely as each other; deviations are 1."""
     head = world.head
-    return Actor(net(key, world.seen.size, hidden, head.vectors.size, orthogonal(0.01)), jnp.zeros(head.deviations))
+    return PolicyNet(net(key, world.seen.size, hidden, head.vectors.size, orthogonal(0.01)), jnp.zeros(head.deviations))
 
 
-def acting(world: World, actor: Actor) -> Act:
+def acting(world: World, actor: PolicyNet) -> Act:
     """The policy's actions, drawn."""
     return lambda seen, noise: world.head.sample(says(actor.net, seen), actor.deviations, noise)

@@ -10,15 +10,17 @@ import numpy as np
 
 from taskspec.data.demonstrations import role
 from taskspec.exact.model.failure import misused
-from taskspec.learners.case import Given
-from taskspec.learners.configurations import Experience, Ppo
-from taskspec.learners.deep.engine import Plan, of_seed, trained
-from taskspec.learners.deep.ppo import Actor, ActorCritic, PpoUpdate, acting
-from taskspec.learners.deep.world import Steps, Walk, World
-from taskspec.learners.policies import Policy
+from taskspec.learners.case import LearnerCase
+from taskspec.learners.configurations import Experience, Ppo, Trpo
+from taskspec.learners.deep.engine import Schedule, of_seed, trained
+from taskspec.learners.deep.ppo import ActorCritic, PolicyNet, PpoUpdate, acting
+from taskspec.learners.deep.trpo import TrpoUpdate
+from taskspec.learners.deep.world import Played, Walk, World
+from taskspec.learners.policies import NetPolicy
 from taskspec.modifiers import modify
 
 Array = Any
+Update = PpoUpdate | TrpoUpdate
 
 
 class Learning(NamedTuple):
@@ -28,7 +30,7 @@ class Learning(NamedTuple):
     walk: Walk
 
 
-def world_of(case: Given, experience: Experience) -> World:
+def world_of(case: LearnerCase, experience: Experience) -> World:
     """Where a learner acts."""
     task = role(case.task, experience.where)
     if experience.horizon is not None:
@@ -36,13 +38,18 @@ def world_of(case: Given, experience: Experience) -> World:
     return World.of(task, experience.absorb)
 
 
-def begun(update: PpoUpdate, key: Array) -> Learning:
+def update_of(config: Ppo | Trpo, world: World) -> Update:
+    """How a policy is improved."""
+    return PpoUpdate(config, world) if isinstance(config, Ppo) else TrpoUpdate(config, world)
+
+
+def begun(update: Update, key: Array) -> Learning:
     """A policy that has learned nothing."""
     first, second = jax.random.split(key)
     return Learning(update.init(first), update.world.begin(second, update.experience.lanes))
 
 
-def played(update: PpoUpdate, learning: Learning, key: Array) -> tuple[Walk, Steps]:
+def played(update: Update, learning: Learning, key: Array) -> tuple[Walk, Played]:
     """A round of steps with the policy as it is."""
     first, second = jax.random.split(key)
     world, experience = update.world, update.experience
@@ -50,18 +57,20 @@ def played(update: PpoUpdate, learning: Learning, key: Array) -> tuple[Walk, Ste
     return world.walk(walk, acting(world, learning.policy.actor), second, update.steps)
 
 
-def policies(case: Given, world: World, actors: Actor, rewards: Callable[[int], Any] | None = None) -> list[Policy]:
+def policies(
+    case: LearnerCase, world: World, actors: PolicyNet, rewards: Callable[[int], Any] | None = None
+) -> list[NetPolicy]:
     """A policy for each seed; `rewards` gives what a seed learned of the reward."""
     found = []
     for i, seed in enumerate(case.seeds):
         actor = of_seed(actors, i)
         layers = [(np.asarray(w, np.float64), np.asarray(b, np.float64)) for w, b in actor.net]
         reward = None if rewards is None else rewards(i)
-        found.append(Policy(world.seen, world.head.vectors, layers, np.asarray(actor.deviations), seed, reward))
+        found.append(NetPolicy(world.seen, world.head.vectors, layers, np.asarray(actor.deviations), seed, reward))
     return found
 
 
-def reinforced(config: Ppo, case: Given) -> list[Policy]:
+def reinforced(config: Ppo, case: LearnerCase) -> list[NetPolicy]:
     """Policies that learned from the reward."""
     world = world_of(case, config.experience)
     update = PpoUpdate(config, world)
@@ -72,12 +81,12 @@ def reinforced(config: Ppo, case: Given) -> list[Policy]:
         return Learning(update.update(learning.policy, steps, walk, steps.reward, second), walk)
 
     each = update.steps * update.experience.lanes
-    plan = Plan(rounds(case, each), each, shown=lambda learning: policies(case, world, learning.policy.actor))
+    plan = Schedule(rounds(case, each), each, shown=lambda learning: policies(case, world, learning.policy.actor))
     last = trained(case, lambda key: begun(update, key), advance, plan)
     return policies(case, world, last.policy.actor)
 
 
-def rounds(case: Given, each: int) -> int:
+def rounds(case: LearnerCase, each: int) -> int:
     """How many rounds of so many counted steps there are in the budget.
 
     Raises:

@@ -16,7 +16,7 @@ LOG_2PI = float(np.log(2 * np.pi))
 
 
 @dataclass(frozen=True)
-class Head:
+class ActionHead:
     """The distribution of an action, given what the net says (..., vectors.size): logits, or means.
 
     Finite actions are int32 (..., K), of K independent categoricals; real ones float32 (..., D), of independent Gaussians whose

@@ -14,7 +14,7 @@ from taskspec.backends.jax.pack import acted, observed
 from taskspec.exact.model.failure import misused
 from taskspec.lang.ir import Const
 from taskspec.learners.configurations import Experience
-from taskspec.learners.deep.spaces import Head
+from taskspec.learners.deep.spaces import ActionHead
 from taskspec.learners.vectors import Vectors
 from taskspec.modifiers import modify
 from taskspec.task.task import Task
@@ -30,7 +30,7 @@ class Walk(NamedTuple):
     gone: Array
 
 
-class Steps(NamedTuple):
+class Played(NamedTuple):
     """Steps, (T, E, ...) where they are in order; `next_seen` is what the step itself led to, whatever begins anew.
 
     `gone` is 1.0 where the step was taken in a state that absorbs, and `next_gone` where it led to one; `seen` and `taken`
@@ -49,9 +49,9 @@ class Steps(NamedTuple):
     ended: Array
     weight: Array
 
-    def flat(self) -> Steps:
+    def flat(self) -> Played:
         """One axis in the place of the first two."""
-        return Steps(*(x.reshape(-1, *x.shape[2:]) for x in self))
+        return Played(*(x.reshape(-1, *x.shape[2:]) for x in self))
 
 
 Act = Callable[[Array, Array], Array]
@@ -66,7 +66,7 @@ class World:
     horizon: int | None
     absorbs: bool
     seen: Vectors
-    head: Head
+    head: ActionHead
 
     @classmethod
     def of(cls, task: Task, absorb: bool) -> World:
@@ -74,8 +74,13 @@ class World:
         ends = not (isinstance(task.terminal, Const) and not task.terminal.value)
         absorbs = absorb and ends and task.horizon is not None and task.ending == "terminate"
         program = compile_jax(modify(task, "absorbing") if absorbs else task)
-        head = Head(Vectors.of(program.action))
+        head = ActionHead(Vectors.of(program.action))
         return cls(program.task, task.horizon, absorbs, Vectors.of(program.observation), head)
+
+    @property
+    def may_end(self) -> bool:
+        """Whether there are terminal states."""
+        return not (isinstance(self.task.terminal, Const) and not self.task.terminal.value)
 
     @property
     def length(self) -> int:
@@ -97,7 +102,7 @@ class World:
         state, seen = program.reset(words)
         return Walk(state, self._vectors(seen), jnp.zeros(lanes))
 
-    def step(self, walk: Walk, action: Array) -> tuple[Walk, Steps]:
+    def step(self, walk: Walk, action: Array) -> tuple[Walk, Played]:
         """A step of every lane; an episode that ends begins anew."""
         program = compile_jax(self.task)
         after, result = program.step(walk.state, acted(program.action, self.head.played(action)))
@@ -111,13 +116,13 @@ class World:
             jnp.where(ended, 0.0, gone),
         )
         taken = self.head.vectors.one_hot(action) * (1 - walk.gone)[:, None]
-        told = Steps(
+        told = Played(
             walk.seen, walk.gone, walk.state.time, action, taken, next_seen, gone,
             result.reward, ended.astype(jnp.float32), 1 - walk.gone,
         )  # fmt: skip
         return following, told
 
-    def walk(self, walk: Walk, act: Act, key: Array, steps: int) -> tuple[Walk, Steps]:
+    def walk(self, walk: Walk, act: Act, key: Array, steps: int) -> tuple[Walk, Played]:
         """So many steps of every lane: (T, E, ...)."""
         noise = self.head.noise(key, (steps, len(walk.seen)))
         return jax.lax.scan(lambda w, n: self.step(w, act(w.seen, n)), walk, noise)
@@ -134,7 +139,6 @@ def round_length(world: World, experience: Experience) -> int:
     return -(-experience.steps // world.length) * world.length
 
 
-def whole(steps: Steps) -> Steps:
-    """The same steps, of which those of the last episode, which was cut, do not count."""
-    ends = jnp.flip(jax.lax.cummax(jnp.flip(steps.ended, 0), axis=0), 0)
-    return steps._replace(weight=steps.weight * ends)
+def complete(steps: Played) -> Array:
+    """1.0 for steps (T, E) of episodes whose ends are among them; 0.0 for those of the last one where it was cut."""
+    return jnp.flip(jax.lax.cummax(jnp.flip(steps.ended, 0), axis=0), 0)
