@@ -126,7 +126,7 @@ class Written:
 UP, DOWN, LEFT, RIGHT, STAY = range(5)
 
 
-def _walk(dx: float, dy: float) -> int:
+def walk(dx: float, dy: float) -> int:
     return RIGHT if dx > 0 else UP if dy < 0 else LEFT if dx < 0 else DOWN if dy > 0 else STAY
 
 
@@ -143,9 +143,9 @@ def _follow(o: Array) -> Array:
 
 SOLUTIONS: dict[str, Callable[[Array], Any]] = {
     "LargestSum": lambda o: int(o[: len(o) // 2].sum() > o[len(o) // 2 :].sum()),
-    "NoisyObs": lambda o: _walk(1 - o[0], 1 - o[1]),
+    "NoisyObs": lambda o: walk(1 - o[0], 1 - o[1]),
     "Parabola": _follow,
-    "ProcGoal": lambda o: _walk(o[2] - o[0], o[3] - o[1]),
+    "ProcGoal": lambda o: walk(o[2] - o[0], o[3] - o[1]),
     "Sort": _swap,
 }
 

@@ -28,13 +28,13 @@ def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
 
     Of finite tasks the states are renamed, and in each state anew what the actions do is permuted, by a seed. Seeds are chosen
     among the first ones: such that no constant action is the expert's, where that can be, and that from twin to twin its actions
-    differ in as many states as possible.
+    differ in as many states as possible. Other tasks are seen and steered by the symmetries that they declare.
     """
     try:
         modify(task, *_modifiers(1))
     except SpecError as error:
         if {d.code for d in error.diagnostics} <= {"E720"}:
-            return ()
+            return tuple((f"symmetry={each.name}",) for each in task.symmetries[:wanted])
         raise
     if not wanted:
         return ()

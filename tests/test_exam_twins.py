@@ -1,0 +1,65 @@
+"""Twins of tasks with structure: what an exam says of solutions that are written down, and of learned rewards."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec.exam import Case, Learned, examine
+from taskspec.exam.twins import twins_of
+from tests.test_symmetries import SOLUTIONS, STRUCTURED, Written, walk
+
+Array = np.ndarray[Any, Any]
+
+
+PRINTED = SOLUTIONS | {"NoisyObs": lambda o: walk(2 - o[0], 2 - o[1])}  # on a grid of five rows
+
+
+def written_down(case: Case) -> Written:
+    """What solves the task as its page prints it."""
+    return Written(PRINTED[case.task.name])
+
+
+class Plane:
+    """The side of a plane that divides what the demonstrations show, by least squares."""
+
+    def __init__(self, case: Case) -> None:
+        shown = case.demonstrations
+        self.weights = np.linalg.lstsq(shown.obs - 0.5, 2.0 * shown.acts - 1, rcond=None)[0]
+
+    def predict(self, observations: Any) -> Array:
+        return (np.asarray(observations - 0.5) @ self.weights > 0).astype(np.int64)
+
+
+def test_solutions_that_are_written_down_are_flagged_and_what_is_learned_is_not() -> None:
+    found = examine(written_down, tasks=list(STRUCTURED), seeds=3, twins=1)
+    assert {f["task"] for f in found["flags"] if f["kind"] == "twin"} == {f"derail/{n}-v0" for n in STRUCTURED}
+    learned = examine(Plane, tasks=["LargestSum"], seeds=3, twins=1)
+    assert learned["flags"] == []
+    assert {round(s["deterministic"], 1) for s in learned["scores"]} == {1.0}
+
+
+def test_tasks_have_the_twins_that_suit_them() -> None:
+    assert twins_of(taskspec.load("derail/ProcGoal"), 2) == (("symmetry=mirror",), ("symmetry=turned",))
+    assert twins_of(taskspec.load("derail/Sort"), 2) == (("symmetry=downwards",),)
+    assert twins_of(taskspec.load("derail/Sort"), 0) == ()
+    assert all("relabelled" in twin[1] for twin in twins_of(taskspec.load("derail/RiskyPath"), 2))
+
+
+@pytest.mark.parametrize(("sign", "starc", "lost"), [(3.0, 0.0, 0.0), (-1.0, 1.0, 8.0)])
+def test_what_is_told_of_a_learned_reward_is_in_the_results(sign: float, starc: float, lost: float) -> None:
+    """EarlyTermPos pays 1 a step; who wants the opposite ends it in the second step and gets 2 of 10."""
+
+    def learner(case: Case) -> Learned:
+        paid = case.task.tabular().R[:, :, None] * np.ones(case.task.tabular().n_states)
+        return Learned(lambda observation: 0, sign * paid)
+
+    found = examine(learner, tasks=["EarlyTermPos"], seeds=1, twins=1, learns_from=["reward"])
+    scores = [s for s in found["scores"] if s["probe"] is None]
+    assert len(scores) == 2
+    for each in scores:
+        assert each["starc"] == pytest.approx(starc, abs=1e-9)
+        assert each["reward_regret"] == pytest.approx(lost)
