@@ -69,9 +69,9 @@ def entries(folder: Path) -> Iterable[Entry]:
                 yield Entry(folder.resolve().name, name, found.version, path, variant)
 
 
-def files_in(folder: Path, kind: scan.Kind = "taskspec") -> list[Path]:
-    """The specs of a folder, or its files of another kind, sorted by name."""
-    return [path for path, text in _texts(folder) if scan.kind(text) == kind]
+def files_in(folder: Path) -> list[tuple[Path, scan.Kind]]:
+    """The YAML files of a folder, sorted by name, and what each of them holds."""
+    return [(path, scan.kind(text)) for path, text in _texts(folder)]
 
 
 def _texts(folder: Path) -> Iterable[tuple[Path, str]]:

@@ -61,14 +61,14 @@ def check(
     Exit status 1 if there is an error.
     """
     from taskspec.cli.checking import check_file, check_other, counts
-    from taskspec.cli.targets import OTHERS, checked_choice, files_of, others_of
+    from taskspec.cli.targets import checked_choice, files_of, others_of
 
     start = time.perf_counter()
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
     files = files_of(targets or [], parameters or [], modifiers or [])
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
-    reports = [check_other(path, kind) for kind in OTHERS for path in others_of(targets or [], kind)]
+    reports = [check_other(path, kind) for path, kind in others_of(targets or [])]
     reports += [check_file(file, partial(_examined, sense=not quick, defaults=not file.parameters)) for file in files]
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)

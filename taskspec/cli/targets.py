@@ -80,11 +80,15 @@ def files_of(targets: Sequence[str], parameters: Sequence[str] = (), modifiers: 
     return [file.at(values, modifiers) for file in found for values in settings(parameters)]
 
 
-def others_of(targets: Sequence[str], kind: scan.Kind) -> list[Path]:
-    """Files of a kind that is no spec: those named, in folders and suites, each once; for no targets those of the suites."""
-    if not targets:
-        return [near(path) for folder in sorted(registry.tasks_root().iterdir()) for path in _below(folder, kind)]
-    return list(dict.fromkeys(path for target in targets for path in _others(target, kind)))
+def others_of(targets: Sequence[str]) -> list[tuple[Path, scan.Kind]]:
+    """Files that are no specs, and what they hold, kind by kind: those named, in folders and suites; of all suites for none."""
+    if targets:
+        found = dict.fromkeys(other for target in targets for other in _others(target))
+    else:
+        found = dict.fromkeys(
+            other for folder in sorted(registry.tasks_root().iterdir()) for other in _below(near(folder))
+        )
+    return sorted(found, key=lambda other: OTHERS.index(other[1]))
 
 
 def kind_of(target: str) -> scan.Kind | None:
@@ -93,18 +97,19 @@ def kind_of(target: str) -> scan.Kind | None:
     return scan.kind(path.read_text(encoding="utf-8", errors="replace")) if path.is_file() else None
 
 
-def _others(target: str, kind: scan.Kind) -> list[Path]:
-    path, suite = Path(target), registry.tasks_root() / target
-    if path.is_file():
-        return [path] if kind_of(target) == kind else []
+def _others(target: str) -> list[tuple[Path, scan.Kind]]:
+    path, suite, kind = Path(target), registry.tasks_root() / target, kind_of(target)
+    if kind is not None:
+        return [(path, kind)] if kind in OTHERS else []
     if path.is_dir():
-        return _below(path, kind)
-    return list(map(near, _below(suite, kind))) if target.isidentifier() and suite.is_dir() else []
+        return _below(path)
+    return _below(near(suite)) if target.isidentifier() and suite.is_dir() else []
 
 
-def _below(folder: Path, kind: scan.Kind) -> list[Path]:
+def _below(folder: Path) -> list[tuple[Path, scan.Kind]]:
     folders = [folder, *(p for depth in ("*", "*/*") for p in sorted(folder.glob(depth)))]
-    return [path for p in folders if p.is_dir() and p.name[0] != "." for path in registry.files_in(p, kind)]
+    inside = [p for p in folders if p.is_dir() and p.name[0] != "."]
+    return [found for p in inside for found in registry.files_in(p) if found[1] in OTHERS]
 
 
 def _files(target: str) -> list[File]:
@@ -134,9 +139,10 @@ def _of_folder(folder: Path) -> list[File]:
     found = [
         File(path, registry.suite_of(path))
         for each in (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")))
-        for path in registry.files_in(each)
+        for path, kind in registry.files_in(each)
+        if kind == "taskspec"
     ]
-    if not found and not any(_below(folder, kind) for kind in OTHERS):
+    if not found and not _below(folder):
         raise refuse("E710", f"there is no spec (*.yaml) in '{folder}'", "`taskspec new Name` writes one to start from")
     return found
 
