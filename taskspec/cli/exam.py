@@ -78,9 +78,8 @@ def exam(
 ) -> None:
     """Examine a learner: train it on every task, and on twins of them, and say which capability fails.
 
-    Results are kept in OUT as they come: an exam that was stopped goes on where it was. OUT/exam.json has all that was
-    found, and OUT/report.html shows it; [cyan]taskspec report OUT[/] draws pictures of it. A learner that fails on a task,
-    or takes too long, is told, and the others go on.
+    Results are kept in OUT as they come: an exam that was stopped goes on where it was. OUT/exam.json has all of them, and
+    OUT/report.html shows them. A learner that fails on a task, or takes too long, is told, and the others go on.
 
     Flagged are regressions against an earlier exam, twins on which scores differ, learners that look at rewards that
     are withheld from them, and failures. Exit status 1 if something is.

@@ -31,15 +31,30 @@ Output = Annotated[
     typer.Option("--output", "--out", "-o", metavar="FOLDER", file_okay=False, show_default=False,
                  help="Where to write: the exam's own folder, or build/report for several, unless given."),
 ]  # fmt: skip
+Suite = Annotated[
+    str | None,
+    typer.Option("--findings", metavar="SUITE", show_default=False,
+                 help="Evaluate the findings of a suite; a set of results is what lies in one folder."),
+]  # fmt: skip
 
 
-def report(folders: Folders, format: Format = None, output: Output = None, json: Json = False) -> None:
+def report(
+    folders: Folders, format: Format = None, output: Output = None, findings: Suite = None, json: Json = False
+) -> None:
     """Show what an exam found, and draw it; or several exams side by side.
 
     Of one exam: verdicts, scores, diagnoses and flags, and as files a page ([green]html[/]), a picture ([green]png[/],
     [green]pdf[/], [green]svg[/]), or the scores as a table ([green]parquet[/]). Of several: a heat map of learners and
     tasks, and as pictures a box plot for each learner and each task as well.
+
+    With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute, as findings.md and
+    findings.json. Exams in folders side by side, as in [cyan]results/paper/bc results/paper/ppo[/], are one set of results.
     """
+    if findings is not None:
+        from taskspec.cli.findings import print_findings
+
+        print_findings(findings, folders, output or Path("build/report"), json)
+        return
     from taskspec.cli.console import console, say, write_json
     from taskspec.cli.examined import show
     from taskspec.cli.targets import near

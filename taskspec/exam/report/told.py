@@ -10,11 +10,10 @@ import numpy as np
 
 from taskspec.exam.bootstrap import estimate, mean
 from taskspec.exam.rules.samples import side_of
+from taskspec.exam.verdicts import grade
 
 FLOOR = -1.0
 """Where pictures cut scores off, as the paper does; numbers are told as they are."""
-MASTERED = 0.9
-"""The score from which on a task is mastered."""
 SIGNS = {"masters": "✓", "unsure": "?", "fails": "✗"}
 Colour = tuple[int, int, int]
 _EXPERT: Colour = (0, 114, 178)
@@ -82,7 +81,7 @@ class TaskRow:
         if any(len(cell.scores) < 2 for cell in known):
             return "unsure"
         lows, highs = zip(*(cell.interval for cell in known), strict=True)
-        return "fails" if min(highs) < MASTERED else "unsure" if min(lows) < MASTERED else "masters"
+        return grade(min(lows), min(highs))
 
     @property
     def optimum(self) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from taskspec.exam.rules.judge import Compared as Compared
 from taskspec.exam.rules.judge import Judge as Judge
 from taskspec.exam.rules.judge import Judged as Judged
 from taskspec.exam.rules.reading import Book as Book

@@ -9,7 +9,8 @@ from taskspec.exam.rules.vocabulary import FIXED, FUNCTIONS, NUMBERS, QUANTIFIER
 from taskspec.lang import syntax as s
 
 Bound = Mapping[str, str]
-"""Variables of comprehensions, each with what it stands for: `task` or `learner`."""
+"""Variables of comprehensions, each with what it stands for: `task`, `learner`, or what cannot be told."""
+UNKNOWN = "unknown"
 
 
 class RuleChecker:
@@ -94,7 +95,7 @@ class RuleChecker:
     def member(self, expr: s.Expr, kind: str, bound: Bound) -> None:
         """A task or a learner, or a variable for one."""
         if isinstance(expr, s.Name) and expr.id in bound:
-            if bound[expr.id] != kind:
+            if bound[expr.id] not in (kind, UNKNOWN):
                 self.fail("E306", expr, f"'{expr.id}' is a {bound[expr.id]} here; a {kind} is needed")
             return
         known = self.names.tasks if kind == "task" else self.names.learners
@@ -131,7 +132,7 @@ class RuleChecker:
                 members = self.names.group(name)
                 if members is None:
                     self.name_of(expr, self.names.known_groups, "group")
-                return self.kind_of(members or ())
+                return UNKNOWN if members is None else self.kind_of(members)
             case s.SetOf(items=items) | s.Vector(items=items):
                 names = tuple(i.id for i in items if isinstance(i, s.Name))
                 kind = self.kind_of(names)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -29,7 +30,8 @@ _NUMERIC: dict[str, Callable[..., Any]] = {
 class Compared:
     """One comparison: what was compared, its estimate and interval, and which tasks and learners it is about.
 
-    Of two sides that both rest on seeds, the number is their difference.
+    Of two sides that both rest on seeds, the number is their difference. `margin` is how far the interval of the difference of
+    both sides reaches beyond 0, on the side on which it lies; below 0, how far it reaches to the other side.
     """
 
     text: str
@@ -38,9 +40,15 @@ class Compared:
     high: float
     tasks: tuple[str, ...] = ()
     learners: tuple[str, ...] = ()
+    margin: float = math.nan
+
+    @property
+    def is_missing(self) -> bool:
+        """Whether results that it needs are not there; the text says which."""
+        return math.isnan(self.value)
 
     def __str__(self) -> str:
-        if not self.text or np.isnan(self.value):
+        if self.is_missing:
             return self.text
         if np.isinf(self.low):
             return f"{self.text} = {_number(self.value)}, of too few seeds for an interval"
@@ -109,12 +117,16 @@ class Judge:
         except Undecidable as error:
             return Judged(None, (Compared(str(error), np.nan, -np.inf, np.inf, tasks, learners),))
         difference = a.map(np.subtract, b)
+        low, high = difference.interval
         shown = [(_text(e, bound), n) for e, n in ((left, a), (right, b)) if not isinstance(e, s.Number | s.Unary)]
         if len(shown) == 1:
             text, number = shown[0]
         else:
             text, number = f"{_text(left, bound)} − {_text(right, bound)}", difference
-        return Judged(_compare(op, difference), (Compared(text, number.value, *number.interval, tasks, learners),))
+        return Judged(
+            _compare(op, difference),
+            (Compared(text, number.value, *number.interval, tasks, learners, max(low, -high)),),
+        )
 
     def _about(self, exprs: tuple[s.Expr, ...], bound: Bound) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The tasks and learners that are named below some expressions."""

@@ -125,6 +125,8 @@ def _names(
         kind = "learner" if is_learners else "task"
         _all_in(members, learners if is_learners else tasks, kind, ("groups", name), document, collector)
     if isinstance(described, FindingsDocument):
+        for name, other in described.same.items():
+            _all_in([other], tasks, "task", ("same", name), document, collector)
         for name, members in described.unable.items():
             _all_in([name], learners, "learner", ("unable",), document, collector)
             _all_in(members, tasks, "task", ("unable", name), document, collector)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Any
 
 import numpy as np
@@ -14,11 +14,11 @@ from taskspec.exam.bootstrap import Array
 
 ONE = ""
 """The learner where there is only one."""
-_VERSIONED = re.compile(r"(?:.*/)?(.+?)(?:-v\d+)?")
+_VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?(?:[?+].*)?")
 
 
 def short(task: str) -> str:
-    """The name of a task in rules: `RiskyPath` for `derail/RiskyPath-v0`."""
+    """The name of a task in rules: `NoisyObs` for `derail/NoisyObs-v0?L=50`."""
     found = _VERSIONED.fullmatch(task)
     return found[1] if found else task
 
@@ -32,19 +32,28 @@ def side_of(record: Mapping[str, Any]) -> str:
 class SeedScores:
     """Results of learners by name, as `exam.json` holds them; of one learner under the name `ONE`.
 
-    With a floor, scores below it count as that.
+    Args:
+        exams: results by the name of the learner.
+        floor: scores below it count as it.
+        drawn: whether scores are those of policies that draw their actions, instead of those that take their best ones.
+        same: names of tasks that count as others, where those were not run.
     """
 
-    def __init__(self, exams: Mapping[str, Mapping[str, Any]], floor: float | None = None) -> None:
-        self.floor = floor
+    def __init__(
+        self, exams: Mapping[str, Mapping[str, Any]], floor: float | None = None, drawn: bool = False,
+        same: Mapping[str, str] | None = None,
+    ) -> None:  # fmt: skip
+        self.floor, self.drawn = floor, drawn
         self.records: dict[tuple[str, str, str], list[Mapping[str, Any]]] = defaultdict(list)
         self.tasks: dict[str, Mapping[str, Any]] = {}
         self.ids: dict[str, str] = {}
         for learner, exam in exams.items():
-            self.ids |= {short(task): task for task in exam["tasks"]}
-            self.tasks |= {short(task): about for task, about in exam["tasks"].items()}
+            own = {short(task) for task in exam["tasks"]}
+            called = {task: _known_as(short(task), own, same or {}) for task in exam["tasks"]}
+            self.ids |= {called[task]: task for task in exam["tasks"]}
+            self.tasks |= {called[task]: about for task, about in exam["tasks"].items()}
             for record in exam["scores"]:
-                self.records[learner, short(record["task"]), side_of(record)].append(record)
+                self.records[learner, called[record["task"]], side_of(record)].append(record)
 
     def values(self, learner: str, task: str, side: str, entry: str) -> Array:
         """One number for each seed, the mean over the twins where it was run on several, seeds in order.
@@ -52,6 +61,7 @@ class SeedScores:
         Raises:
             Undecidable: where there is none.
         """
+        entry = "stochastic" if self.drawn and entry == "deterministic" else entry
         by_seed: dict[int, list[float]] = defaultdict(list)
         for record in self.records.get((learner, task, side), ()):
             if record.get("error") is None and record.get(entry) is not None:
@@ -73,6 +83,11 @@ class SeedScores:
         if found is None:
             raise Undecidable(f"the best constant action of {task} is not known")
         return float(found)
+
+
+def _known_as(task: str, own: Set[str], same: Mapping[str, str]) -> str:
+    other = same.get(task, task)
+    return task if other in own else other
 
 
 def _called(task: str, side: str) -> str:

@@ -20,6 +20,11 @@ def _lowest(samples: Array) -> Array:
     return found
 
 
+def _median(samples: Array) -> Array:
+    found: Array = np.median(samples, axis=-1)
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class OverSeeds:
     """A number over the seeds of a task: which entry of a result it is made of, and how."""
@@ -39,6 +44,7 @@ NUMBERS: dict[str, OverSeeds] = {
         _over_seeds("score", "deterministic", mean, "Mean score of the best actions of the policy; 0 is random, 1 the expert."),
         _over_seeds("sampled", "stochastic", mean, "Mean score of the policy that draws its actions."),
         _over_seeds("sd", "deterministic", deviation, "Standard deviation of the scores between seeds."),
+        _over_seeds("median", "deterministic", _median, "Score that half of the seeds reach."),
         _over_seeds("highest", "deterministic", _highest, "Score of the best seed."),
         _over_seeds("lowest", "deterministic", _lowest, "Score of the worst seed."),
         _over_seeds("starc", "starc", mean, "Mean distance of the learned reward to the true one, up to shaping and scale."),

@@ -70,6 +70,14 @@ class FindingsDocument(Strict):
     groups: dict[Name, list[str]] = Field(
         default_factory=dict, description="Names for several learners, or for several tasks."
     )
+    same: dict[str, str] = Field(
+        default_factory=dict, description="Tasks whose results count as those of another, where that was not run."
+    )
+    floor: float | None = Field(None, description="Scores below it count as it.")
+    drawn: bool = Field(
+        False,
+        description="Whether `score`, `sd`, `median`, `highest` and `lowest` are of policies that draw their actions.",
+    )
     unable: dict[Name, list[str]] = Field(
         default_factory=dict,
         description="Tasks that a learner cannot be run on: `all`, `any` and `most` pass them over.",
