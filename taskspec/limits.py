@@ -57,7 +57,7 @@ class Limits:
     horizon: int = _fixed(2**31 - 2, "steps of an episode")
     points: int = _limit(2_000_000, "state-action pairs that `check` tries one by one")
     outcomes: int = _limit(1_000_000, "outcomes of one step")
-    transitions: int = _limit(25_000_000, "transitions of an exact model")
+    transitions: int = _limit(20_000_000, "transitions of an exact model")
     episodes: int = _limit(1_000_000, "episodes that are simulated for one claim")
     lanes: int = _limit(2**24, "environments that are stepped together")
     instances: int = _limit(100_000, "instances of an experiment")

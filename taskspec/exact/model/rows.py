@@ -77,12 +77,12 @@ class RowCollector:
         sparse = scipy_sparse()
         columns, weights = self.columns[: self.entry], self.weights[: self.entry]
         indptr = np.concatenate(([0], np.cumsum(self.counts, dtype=np.int32 if self.entry < 2**31 else np.int64)))
-        parts = [weights]
+        parts = [(weights, columns, indptr)]
         if "ends" in self.marked:
             ends = self.marked["ends"][: self.entry]
-            parts = [np.where(ends, 0.0, weights), np.where(ends, weights, 0.0)]
+            parts = [_only(flags, *parts[0]) for flags in (~ends, ends)]
         shape, kind = (self.row, states), columns.dtype if self.entry < 2**31 else np.int64
-        built = [sparse.csr_array((data, columns, indptr.astype(kind)), shape=shape) for data in parts]
+        built = [sparse.csr_array((data, where, first.astype(kind)), shape=shape) for data, where, first in parts]
         if self.entry <= TIDY:
             built = [_tidy(matrix.copy()) for matrix in built]
         slots = None if self.entry <= TIDY or len(built) > 1 else self._shared(self.row // states)
@@ -97,6 +97,13 @@ class RowCollector:
             return None
         table = np.array(found).reshape(actions, -1, len(found[0]))
         return table[:, 0].copy() if (table == table[:, :1]).all() else None
+
+
+def _only(flags: Array, weights: Array, columns: Array, indptr: Array) -> tuple[Array, Array, Array]:
+    """The entries of rows that are marked: weights, columns, and where each row begins."""
+    before = np.zeros(len(flags) + 1, indptr.dtype)
+    np.cumsum(flags, out=before[1:])
+    return weights[flags], columns[flags], before[indptr]
 
 
 def _tidy(matrix: Any) -> Any:
