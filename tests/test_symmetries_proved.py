@@ -110,11 +110,12 @@ name: Plane
 state:
   p: {type: real, low: -1, high: 1, shape: [2]}
   q: {type: real, low: 0, high: 1}
+  n: {type: int, low: 0, high: 3000000}
 action:
   a: {type: real, low: -1, high: 1}
   b: {type: real, low: 0, high: 3}
 horizon: 3
-initial: {p: "Uniform(-1, 1, shape=2)", q: "Uniform(0, 1)"}
+initial: {p: "Uniform(-1, 1, shape=2)", q: "Uniform(0, 1)", n: 7}
 dynamics: {"p'": "clip([p[0] + a, p[1] - b], -1, 1)"}
 reward: p'[0] + q
 """
@@ -129,6 +130,8 @@ reward: p'[0] + q
         ("{observation: {q: 1 - q}}", "tested"),  # 1 - q of a float below 2**-54 is 1
         ("{observation: {p: '[0.5 * p[0] - sqrt(0.75) * p[1], sqrt(0.75) * p[0] + 0.5 * p[1]]'}}", "tested"),  # a sixth of a turn
         ("{action: {a: -a}}", "proved"),
+        ("{observation: {n: 5 - n}}", "proved"),  # with what is observed still a whole number of 24 bits
+        ("{observation: {n: 16777000 - n}}", "tested"),  # and beyond it
     ],
 )  # fmt: skip
 def test_what_rounds_is_tested_and_no_more(symmetry: str, status: str) -> None:

@@ -1,8 +1,8 @@
 """Whether a map of components is one-to-one: shown for all values, or from the form of its expressions.
 
 A map falls into parts, which share no components. A part is *moved* when it does nothing but move elements about, change their
-signs, and add whole numbers to whole numbers: then it is exact in floats of any width, and what is not lost can be had back. It
-is *listed* when it has few values: then all of them are looked at. Of other parts nothing is known here.
+signs, and add whole numbers to small whole numbers: then it is exact in floats, and what is not lost can be had back. It is
+*listed* when it has few values: then all of them are looked at. Of other parts nothing is known here.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from taskspec.task.parts import Component
 Array = np.ndarray[Any, Any]
 Values = dict[str, Array]
 """A value (*shape) for each component."""
+EXACT = 2**24
+"""Whole numbers up to here are floats of 32 bits, as observations are."""
 _PLACES = {"index": (1,), "put": (1,), "swap": (1, 2), "where": (0,)}
 """Arguments that say which elements are meant, and are no elements themselves."""
 _CARRYING = frozenset({"vector", "concat", "slice", "element", "reshape", "fill", *_PLACES})
@@ -62,7 +64,7 @@ class MapPart:
             return next((pair for i in sorted(lost) if (pair := _apart(self.inputs, i)) is not None), None)
         if self.listed is None:
             return None
-        values = self.listed.astype(np.float32) if self.listed.dtype.kind == "f" else self.listed
+        values = self.listed.astype(np.float32)  # as they are observed
         _, first, where = np.unique(values, axis=0, return_index=True, return_inverse=True)
         again = np.flatnonzero(first[where.reshape(-1)] != np.arange(len(values)))
         if not len(again):
@@ -170,10 +172,11 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
         tags[role, c.name], zeros[role, c.name], at = own, np.zeros_like(own), at + c.type.size
     shift = _rows(evaluate(nodes, zeros), 1)[0]
     factor = np.rint(_rows(evaluate(nodes, tags), 1)[0] - shift).astype(np.int64)
-    whole = np.array([c.type.kind is Kind.INT for c in inputs for _ in range(c.type.size)], np.bool_)
+    room = [max(abs(a), abs(b)) if c.type.kind is Kind.INT else math.inf
+            for c in inputs for a, b in zip(c.low, c.high, strict=True)]  # fmt: skip
     source = np.abs(factor) - 1
-    may_shift = (source < 0) | (np.append(whole, True)[source] & (shift == np.rint(shift)))
-    return Moves(source, np.sign(factor), shift) if bool(((shift == 0) | may_shift).all()) else None
+    is_exact = (shift == np.rint(shift)) & (np.append(room, 0.0)[source] + np.abs(shift) <= EXACT)
+    return Moves(source, np.sign(factor), shift) if bool(((shift == 0) | (source < 0) | is_exact).all()) else None
 
 
 def _only_moves(root: Node) -> bool:
