@@ -18,7 +18,7 @@ from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exam.case import Case, ExamTerms
 from taskspec.exam.known import results_of
 from taskspec.exam.learners import train_at
-from taskspec.exam.policies import Learned, values
+from taskspec.exam.policies import values
 from taskspec.exam.rewards import told
 from taskspec.exam.twins import NEGATED
 from taskspec.experiments.order import Sent
@@ -108,7 +108,7 @@ def _scored(policy: Any, results: Results, seed: int) -> Row:
         raise TypeError("`train` gave no policy: does it end with `return`?")
     found = values(policy, results, seed)
     row = {"seed": seed, **_told("deterministic", found.deterministic), **_told("stochastic", found.stochastic)}
-    if isinstance(policy, Learned) and policy.reward is not None:
+    if getattr(policy, "reward", None) is not None:
         row |= told(results.task, policy.reward)
     return row
 

@@ -22,18 +22,31 @@ TOLD = 5000
 
 
 @dataclass(frozen=True, eq=False)
+class StateReward:
+    """A reward of where a step leads: `worth`, float64 (O,), of observations that are numbers from `first`."""
+
+    worth: Array
+    first: int
+
+    def __call__(self, observations: Any, actions: Any, next_observations: Any) -> Array:
+        """Float64 (N,), of observations (N,), actions, and what followed (N,)."""
+        found: Array = self.worth[np.asarray(next_observations) - self.first]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class Timed:
     """A policy that knows the time, as a table of probabilities (T, O, A) of actions over observations, which are one number.
 
     Attributes:
         table: float64.
-        reward: float64 (O,), what it is worth to see an observation.
+        reward: what was learned of it.
         gap: how far the visits of the learner were from those of the expert in the end, at most in a state.
         iterations: that it took.
     """
 
     table: Array
-    reward: Array
+    reward: StateReward
     gap: float
     iterations: int
 
@@ -58,12 +71,15 @@ def matched(config: Matching, case: LearnerCase) -> list[Timed]:
     reward, gaps, taken = fit(config, found, wanted, start)
     tables = soft_policy(found, reward, config)
     tables = np.moveaxis(tables[..., states], -1, -2)
-    learned, count = [], observation_layout(case.task).counts[0]
+    layout = observation_layout(case.task)
+    learned, count, first = [], layout.counts[0], layout.starts[0]
     for i in range(len(reward)):
         table = np.full((len(tables), count, found.n_actions), 1 / found.n_actions)
         worth = np.zeros(count)
-        table[:, seen[states]], worth[seen[states]] = tables[:, i], reward[i, states]
-        learned.append(Timed(table, worth, float(gaps[i]), int(taken[i])))
+        table[:, seen[states]] = tables[:, i]
+        for some in (np.flatnonzero(found.absorbed), states):  # where both look alike, episodes go on
+            worth[seen[some]] = reward[i, some]
+        learned.append(Timed(table, StateReward(worth, first), float(gaps[i]), int(taken[i])))
     return learned
 
 
