@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import importlib.util
 import inspect
 import sys
 from collections.abc import Callable, Sequence
@@ -16,6 +15,7 @@ from typing import Any, NoReturn
 from taskspec.data.functions import function_of, is_function
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exam.case import SOURCES, Source
+from taskspec.learners import learner
 
 DEFAULT: tuple[Source, ...] = ("demonstrations", "preferences")
 """What a learner that does not say is granted: everything but the reward."""
@@ -87,9 +87,7 @@ def _train(place: str) -> Any:
         return function_of(place, "(case)")
     module, colon, name = place.partition(":")
     if not colon or place.endswith((".yaml", ".yml")):
-        if importlib.util.find_spec("taskspec.learners") is None:
-            _none(place)
-        return importlib.import_module("taskspec.learners").learner(place)
+        return learner(place)
     folder = str(Path.cwd())
     if folder not in sys.path:
         sys.path.insert(0, folder)
