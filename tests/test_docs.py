@@ -5,7 +5,8 @@ On a page, top to bottom and in a folder of its own:
 - a `yaml` block with a `taskspec:` line is a spec; it is written to the file named by `<!-- file: NAME -->` above it, and
   checked. Any other `yaml` block replaces or adds sections of the last spec, in a copy; with `<!-- add: NAME -->`, in the file.
   `<!-- error: E302 -->` says which codes the check must give; none unless given.
-- a `python` block is executed; all blocks of a page share their names. A `text` block directly below is what it prints.
+- a `python` block is executed; all blocks of a page share their names. A `text` block directly below is what it prints. With
+  `<!-- file: NAME -->` it is a file as well.
 - in a `console` block, lines after `$ ` are commands. Those of taskspec and python are run; what follows is their output.
 - `<!-- script: train.py -->` stands above the text of a file beside the page, which `test_howto_scripts.py` runs.
 - `<!-- skip: reason -->` leaves a block alone, `<!-- needs: package -->` does so where a package is not installed.
@@ -172,6 +173,8 @@ def test_snippets_do_what_the_page_says(page: Page, update_golden: bool) -> None
         elif block.language == "console":
             run_commands(block, page)
         elif block.language == "python":
+            if block.key == "file":
+                (page.folder / block.value).write_text(block.body, encoding="utf-8")
             printed = after if after and after.language == "text" and after.start - block.end < 16 else None
             execute(block, printed, page)
     for start, end, new in reversed(page.changes):

@@ -20,6 +20,8 @@ SCRIPTS = {
     "imitate": (("imitation",), {"cloned": 0.95, "DAgger": 0.95}),
     "clone": (("imitation",), {"cloned": 0.98}),
     "maxent": (("imitation",), {"learnt": 0.98}),
+    "exam_sb3": (("stable_baselines3",), {"PPO": 0.99}),
+    "exam_imitation": (("imitation",), {"cloned": 0.98}),
     "demonstrations": (("minari", "h5py"), {}),
 }
 """The packages that each needs, and the scores that it prints and at least reaches."""

@@ -20,8 +20,9 @@ _COUNT = re.compile(r"(\d+(?:\.\d+)?)([kM]?)")
 LearnerArgument = Annotated[
     str,
     typer.Argument(
-        metavar="LEARNER", help="[cyan]FILE.py:train[/] or [cyan]module:train[/], a function of a case that gives a policy.",
-        show_default=False,
+        metavar="LEARNER", show_default=False,
+        help="[cyan]FILE.py:train[/] or [cyan]module:train[/], a function of a case that gives a policy; or one that comes with "
+        "the package, by its name ([cyan]bc[/]) or as a YAML file of its settings.",
     ),
 ]  # fmt: skip
 Suite = Annotated[str, typer.Option("--suite", metavar="NAME", help="Whose tasks are asked.")]
