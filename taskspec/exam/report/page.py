@@ -27,11 +27,17 @@ def page(exam: Mapping[str, Any]) -> str:
 
 
 def _verdict(capability: str, verdict: Mapping[str, Any]) -> dict[str, str]:
-    grade = verdict["verdict"]
+    grade, twins = verdict["verdict"], verdict["twins"]
     return {
-        "capability": capability, "grade": grade, "sign": told.SIGNS[grade], "mean": told.decimal(verdict["mean"]),
-        "interval": told.interval(verdict["low"], verdict["high"]), "tasks": ", ".join(map(_short, verdict["tasks"])),
+        "capability": capability, "grade": grade, "sign": told.SIGNS[grade], "mean": _mean(verdict),
+        "twins": _mean(twins) if twins and twins["verdict"] != "masters" else "",
     }  # fmt: skip
+
+
+def _mean(found: Mapping[str, Any]) -> str:
+    """A mean with its interval; nothing where there is none."""
+    interval = told.interval(found["low"], found["high"])
+    return told.decimal(found["mean"]) + (f", 95 % from {interval}" if interval else "")
 
 
 def _row(row: TaskRow, ends: tuple[float, float]) -> dict[str, Any]:

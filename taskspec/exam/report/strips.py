@@ -67,7 +67,7 @@ def axis(ends: tuple[float, float]) -> Markup:
     words = ((0.0, "random 0"), (1.0, "expert 1"))
     ticks = [
         Markup('<text x="{}" y="11" text-anchor="{}">{}</text>').format(
-            _n(_at(x, ends)), "end" if WIDTH - _at(x, ends) < 30 else "middle", text
+            _n(_at(x, ends)), "end" if WIDTH - _at(x, ends) < 30 else "start" if _at(x, ends) < 30 else "middle", text
         )
         for x, text in words
     ]

@@ -131,9 +131,10 @@ def finding(exam: Mapping[str, Any]) -> str:
     graded: dict[str, list[str]] = {"masters": [], "unsure": [], "fails": []}
     for capability, verdict in exam["verdicts"].items():
         graded[verdict["verdict"]].append(capability)
-    words = {"masters": "masters", "unsure": "is unsure about", "fails": "fails"}
-    told = [f"{words[grade]} {listed(names)}" for grade, names in graded.items() if names]
-    return f"It {'; it '.join(told)}." if told else "It has no verdict."
+    told = [f"it {grade} {listed(graded[grade])}" for grade in ("masters", "fails") if graded[grade]]
+    told += [f"unsure: {listed(graded['unsure'])}"] if graded["unsure"] else []
+    text = "; ".join(told) or "nothing is known"
+    return f"{text[0].upper()}{text[1:]}."
 
 
 def listed(names: Sequence[str]) -> str:
