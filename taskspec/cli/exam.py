@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from taskspec.cli.console import say, write_json
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, LimitsGiven
 from taskspec.cli.sweep import Cluster, Jobs, Retry
@@ -85,7 +86,6 @@ def exam(
     Flagged are regressions against an earlier exam, twins on which scores differ, learners that look at rewards that
     are withheld from them, and failures. Exit status 1 if something is.
     """
-    from taskspec.cli.console import write_json
     from taskspec.cli.progress import bar
     from taskspec.exam import Running, examine
 
@@ -122,7 +122,6 @@ def _named(learner: str) -> str:
 
 
 def _print(found: Exam, folder: Path) -> None:
-    from taskspec.cli.console import say
     from taskspec.cli.examined import show
     from taskspec.cli.targets import near
     from taskspec.exam.report import write
