@@ -19,7 +19,7 @@ from taskspec.exam.bootstrap import estimate, mean
 from taskspec.exam.rules import Judge, Judged, SeedScores, read_exam
 from taskspec.exam.rules.check import RuleChecker
 from taskspec.exam.rules.samples import ONE
-from taskspec.exam.rules.vocabulary import RuleNames
+from taskspec.exam.rules.vocabulary import FIXED, FUNCTIONS, NUMBERS, QUANTIFIERS, SIDES, RuleNames
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
 from taskspec.task.schema import exam_schema
@@ -150,6 +150,7 @@ LUCK = [0.0, 1.0, 0.0, 1.0, 1.0] * 3
         ("takes_risks", {"RiskyPath": 0.15}, {"RiskyPath": 0.17}),
         ("same_action", {}, {"RiskyPath": 0.2, "EarlyTermPos": 0.09, "EarlyTermNeg": -0.4, "Branching": 0.0}),
         ("meaning_of_names", {}, {"NoisyObs": 0.4}),
+        ("meaning_of_names", {}, {"InitShiftLearner": -1.0}),  # where nothing was shown, the first action
         ("never_finds", {"Branching": 0.0}, {"Branching": 0.0}),
         ("finds_by_luck", {"Branching": LUCK}, {"Branching": LUCK}),
         ("copies_the_action", {"InitShiftLearner": -0.5}, {"InitShiftLearner": -0.5}),
@@ -198,6 +199,15 @@ def test_a_diagnosis_says_where_it_is_from_and_what_speaks_for_it() -> None:
     assert found["tasks"] == ["derail/EarlyTermPos-v0", "derail/EarlyTermNeg-v0"]
     assert found["evidence"] == ["score(EarlyTermPos) = 1.00", "score(EarlyTermNeg) = −0.60"]
     assert found["source"].startswith("Kostrikov et al. (2019). Discriminator-Actor-Critic") and found["try"]
+
+
+def test_the_documentation_lists_what_rules_may_say() -> None:
+    page = (registry.tasks_root().parent / "docs" / "diagnoses.md").read_text(encoding="utf-8")
+    for written in (*(n.word.written for n in NUMBERS.values()), *(w.written for w in FIXED.values())):
+        assert f"`{written}`" in page, written
+    for name in (*QUANTIFIERS, *FUNCTIONS):
+        assert f"`{name}(" in page, name
+    assert "score(task, twin)" in page and all(side in page for side in SIDES)
 
 
 def test_a_suite_without_an_exam_has_no_diagnoses(tmp_path: Path) -> None:
