@@ -12,7 +12,8 @@ import taskspec
 from taskspec import source
 from taskspec.diagnostics import SpecError
 from taskspec.exact import scores
-from taskspec.exam.rewards import _Chain, distance
+from taskspec.exam import reward_distance
+from taskspec.exam.rewards import _Chain
 from taskspec.task.build import build
 from taskspec.task.task import Task
 
@@ -75,10 +76,10 @@ def test_shaping_scale_and_redistribution_make_no_difference() -> None:
     task, rng = discounted(), np.random.default_rng(0)
     for _ in range(5):
         same = 7.5 * paid(task) + shaping(task, rng.normal(size=5)) + redistributed(task, rng)
-        found = distance(task, same)
+        found = reward_distance(task, same)
         assert found.starc == pytest.approx(0, abs=1e-9)
         assert found.lost == pytest.approx(0, abs=1e-9)
-        assert distance(task, -same).starc == pytest.approx(1)
+        assert reward_distance(task, -same).starc == pytest.approx(1)
 
 
 def test_with_a_horizon_potentials_have_to_end_at_nothing() -> None:
@@ -88,8 +89,8 @@ def test_with_a_horizon_potentials_have_to_end_at_nothing() -> None:
     inner = known.P.argmax(axis=2) != np.arange(known.n_states)[:, None]  # its actions lead on
     potential = np.where(inner.all(axis=1), rng.normal(size=known.n_states), 0.0)
     assert np.count_nonzero(potential) >= 3
-    assert distance(task, 3 * paid(task) + shaping(task, potential)).starc == pytest.approx(0, abs=1e-9)
-    assert distance(task, 3 * paid(task) + shaping(task, rng.normal(size=known.n_states))).starc > 0.01
+    assert reward_distance(task, 3 * paid(task) + shaping(task, potential)).starc == pytest.approx(0, abs=1e-9)
+    assert reward_distance(task, 3 * paid(task) + shaping(task, rng.normal(size=known.n_states))).starc > 0.01
 
 
 @pytest.mark.parametrize("name", FINITE)
@@ -97,9 +98,9 @@ def test_the_true_reward_is_at_distance_0_and_its_opposite_at_1(name: str) -> No
     task = taskspec.load(f"derail/{name}")
     known = scores(task)
     assert known.optimal is not None and known.worst is not None
-    assert distance(task, 0.01 * paid(task)).starc == pytest.approx(0, abs=1e-9)
-    assert distance(task, 1e-9 * paid(task)).lost == pytest.approx(0, abs=1e-9)
-    opposite = distance(task, -paid(task))
+    assert reward_distance(task, 0.01 * paid(task)).starc == pytest.approx(0, abs=1e-9)
+    assert reward_distance(task, 1e-9 * paid(task)).lost == pytest.approx(0, abs=1e-9)
+    opposite = reward_distance(task, -paid(task))
     assert opposite.starc == pytest.approx(1)
     assert opposite.lost == pytest.approx(known.optimal.value - known.worst.value)
 
@@ -110,12 +111,12 @@ def test_the_true_reward_is_at_distance_0_and_its_opposite_at_1(name: str) -> No
 def test_a_constant_matters_where_episodes_may_end_early(name: str, constant: float, starc: float) -> None:
     """EarlyTermPos pays 1 in each step, and EarlyTermNeg -1: beyond 0 they want the opposite."""
     task = taskspec.load(f"derail/{name}")
-    assert distance(task, paid(task) + constant).starc == pytest.approx(starc, abs=1e-9)
+    assert reward_distance(task, paid(task) + constant).starc == pytest.approx(starc, abs=1e-9)
 
 
 def test_a_reward_that_tells_no_actions_apart_is_half_way() -> None:
     task = taskspec.load("derail/RiskyPath")
-    nothing = distance(task, np.zeros(task.tabular().n_states))
+    nothing = reward_distance(task, np.zeros(task.tabular().n_states))
     assert nothing.starc == pytest.approx(0.5)
     measured = scores(task)
     assert measured.optimal is not None and measured.random is not None
@@ -132,7 +133,7 @@ def test_what_no_episode_comes_to_does_not_count() -> None:
     never = np.setdiff1d(np.arange(known.n_states), _entered(task))
     assert len(never)
     changed[never] = np.random.default_rng(0).normal(size=changed[never].shape)
-    assert distance(task, changed).starc == pytest.approx(0, abs=1e-9)
+    assert reward_distance(task, changed).starc == pytest.approx(0, abs=1e-9)
 
 
 def _entered(task: Task) -> Array:
@@ -152,7 +153,7 @@ def test_on_a_bandit_the_distance_is_a_function_of_the_correlation() -> None:
     task, rng = build(source.read_text(BANDIT)), np.random.default_rng(3)
     true = np.array([0.3, -1, 0.7, 2, 0.1])
     for learned in rng.normal(size=(8, 5)):
-        found = distance(task, learned[None, :])
+        found = reward_distance(task, learned[None, :])
         assert found.starc == pytest.approx(np.sqrt((1 - np.corrcoef(true, learned)[0, 1]) / 2))
         assert found.lost == pytest.approx(2 - true[learned.argmax()])
 
@@ -165,7 +166,7 @@ def test_the_distance_is_that_of_advantages_worked_out_one_by_one(horizon: str) 
         learned = rng.normal(size=(5, 3, 5))
         one, other = (_advantages(known, r) for r in (paid(task), learned))
         wanted = np.linalg.norm(one / np.linalg.norm(one) - other / np.linalg.norm(other)) / 2
-        assert distance(task, learned).starc == pytest.approx(wanted, rel=1e-6)
+        assert reward_distance(task, learned).starc == pytest.approx(wanted, rel=1e-6)
 
 
 def _advantages(known: Any, reward: Array) -> Array:
@@ -218,7 +219,7 @@ def test_what_is_lost_is_what_the_plan_for_the_learned_reward_earns_less(horizon
             earned = np.array([known.R[s, plan[s]] + known.discount * known.P[s, plan[s]] @ earned for s in range(5)])
         best = scores(task).optimal
         assert best is not None
-        assert distance(task, learned).lost == pytest.approx(best.value - known.p0 @ earned, abs=1e-8)
+        assert reward_distance(task, learned).lost == pytest.approx(best.value - known.p0 @ earned, abs=1e-8)
 
 
 # -- rewards in other forms ---------------------------------------------------------------------------------------
@@ -234,13 +235,13 @@ def test_functions_of_observations_are_asked_for_the_steps_that_there_are() -> N
         asked.append((obs, action, following))
         return table[obs, action, following]
 
-    assert distance(task, learned) == distance(task, table)
+    assert reward_distance(task, learned) == reward_distance(task, table)
     steps = np.concatenate([np.stack(each, axis=1) for each in asked])
     assert all(known.P[s, a, n] > 0 for s, a, n in steps)
     twin = taskspec.modify(task, "permuted_actions=3,per_state=true", "relabelled=2")  # other names for the same
     shown = {tuple(row): i for i, row in enumerate(twin.tabular().observations.reshape(-1, 1))}
     assert len(shown) == known.n_states
-    negative = distance(twin, lambda obs, action, following: -paid(twin)[[shown[o,] for o in obs], action, 0])
+    negative = reward_distance(twin, lambda obs, action, following: -paid(twin)[[shown[o,] for o in obs], action, 0])
     assert negative.starc == pytest.approx(1)
 
 
@@ -250,7 +251,7 @@ def test_rewards_after_the_end_are_not_asked() -> None:
     known = task.tabular()
     assert known.absorbed.any()
     beyond = np.where(known.absorbed[:, None, None], 100.0, paid(task))
-    assert distance(task, beyond) == distance(task, paid(task))
+    assert reward_distance(task, beyond) == reward_distance(task, paid(task))
 
 
 @pytest.mark.parametrize(
@@ -266,6 +267,6 @@ def test_rewards_after_the_end_are_not_asked() -> None:
 )
 def test_what_cannot_be_told_has_a_code(task_id: str, reward: Any, code: str, message: str) -> None:
     with pytest.raises(SpecError) as error:
-        distance(f"derail/{task_id}", reward)
+        reward_distance(f"derail/{task_id}", reward)
     assert [d.code for d in error.value.diagnostics] == [code]
     assert message in error.value.diagnostics[0].message

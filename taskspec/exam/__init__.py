@@ -10,5 +10,9 @@ from taskspec.exam.holding import examine as examine
 from taskspec.exam.policies import Learned as Learned
 from taskspec.exam.results import Exam as Exam
 from taskspec.exam.results import read as read
+from taskspec.exam.rewards import RewardDistance as RewardDistance
+from taskspec.exam.rewards import reward_distance as reward_distance
 
-__all__ = ["BudgetSpent", "Case", "Exam", "Learned", "NotGranted", "Running", "examine", "read"]
+__all__ = [
+    "BudgetSpent", "Case", "Exam", "Learned", "NotGranted", "RewardDistance", "Running", "examine", "read", "reward_distance",
+]  # fmt: skip

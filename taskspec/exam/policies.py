@@ -29,7 +29,8 @@ class Learned:
     """A policy, and the reward that it was learned from.
 
     Args:
-        reward: float64 (S, A, S) over the states and actions of the exact model, or a function of (obs, action, next_obs).
+        reward: float64 (S, A, S) over the states and actions of `task.tabular()`, or a function of (obs, action, next_obs), all
+            (N, ...); `reward_distance` says how far it is from the true one.
     """
 
     policy: Any

@@ -46,7 +46,7 @@ class RewardDistance:
     lost: float
 
 
-def distance(task: TaskLike, reward: Any) -> RewardDistance:
+def reward_distance(task: TaskLike, reward: Any) -> RewardDistance:
     """How far a learned reward is from the true one; exact, on the exact model `task.tabular()`.
 
     Args:
@@ -69,7 +69,7 @@ def distance(task: TaskLike, reward: Any) -> RewardDistance:
 def told(task: Task, reward: Any) -> dict[str, float | None]:
     """The same as fields of a result; None where it cannot be worked out."""
     try:
-        found = distance(task, reward)
+        found = reward_distance(task, reward)
     except SpecError as error:
         if {d.code for d in error.diagnostics} != {"E712"}:
             raise
@@ -107,7 +107,7 @@ class _Chain:
         """The expected reward (S, A) of each step.
 
         Raises:
-            SpecError: as for `distance`.
+            SpecError: as for `reward_distance`.
         """
         given = None if callable(reward) else np.asarray(reward, np.float64)
         s, a = self.model.n_states, self.model.n_actions
