@@ -207,7 +207,7 @@ def make_registered(
     Raises:
         SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.
     """
-    made = make(_source(task, path), variant, modifiers=(*id_modifiers, *modifiers), **options)
+    made = make(_source(task, path), variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options)
     _check_horizon(made.task, max_episode_steps)
     return made
 
@@ -227,7 +227,7 @@ def make_vec_registered(
     Raises:
         SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.
     """
-    made = make_vec(_source(task, path), variant, modifiers=(*id_modifiers, *modifiers), **options)
+    made = make_vec(_source(task, path), variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options)
     _check_horizon(made.task, max_episode_steps)
     return made
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -114,12 +114,24 @@ def load(
         SpecError: unknown id, or any mistake in the spec, each with its place; modifiers that the task cannot be given.
     """
     found = _found(source, variant, parameters)
-    wanted = [*(instance(source).modifiers if isinstance(source, str) else ()), *modifiers]
+    wanted = [*(instance(source).modifiers if isinstance(source, str) else ()), *listed(modifiers)]
     if not wanted:
         return found
     from taskspec.modifiers import modify
 
     return modify(found, *wanted)
+
+
+def listed(modifiers: Any) -> tuple[Written, ...]:
+    """Modifiers as a list, for a text and a mapping are iterables of something else.
+
+    Raises:
+        SpecError: E718 for anything but a list or its like.
+    """
+    if isinstance(modifiers, str | Mapping) or not isinstance(modifiers, Iterable):
+        hint = 'for example modifiers=["sticky=0.25"]'
+        raise SpecError([Diagnostic("E718", None, f"modifiers are given as a list, not as {modifiers!r}", hint)])
+    return tuple(modifiers)
 
 
 def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:

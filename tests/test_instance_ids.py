@@ -68,6 +68,14 @@ def test_gymnasium_adds_modifiers_to_those_of_the_id() -> None:
     assert env.unwrapped.task == again.unwrapped.task == lanes.task == wanted
 
 
+@pytest.mark.parametrize("modifiers", ["sticky=0.25", {"sticky": 0.25}, None], ids=repr)
+def test_modifiers_are_a_list(modifiers: Any) -> None:
+    for make in (taskspec.load, taskspec.make, taskspec.make_vec, gymnasium.make):
+        with pytest.raises(SpecError, match="given as a list") as caught:
+            make("derail/RiskyPath-v0", modifiers=modifiers)
+        assert caught.value.diagnostics[0].code == "E718"
+
+
 @pytest.mark.parametrize(
     ("name", "code", "words"),
     [
