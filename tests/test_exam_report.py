@@ -88,7 +88,10 @@ def test_what_an_exam_took_is_told_in_words() -> None:
 # -- the terminal -----------------------------------------------------------------------------------------------------
 
 
-def test_the_terminal_shows_all_of_it(results: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_terminal_shows_all_of_it(
+    results: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
     show(results, console(wide=True))
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     assert "early termination ✗ fails" in lines and "continuous control ✓ masters" in lines

@@ -42,7 +42,7 @@ def _parts(exam: Mapping[str, Any]) -> Iterable[RenderableType]:
 
 def _table(exam: Mapping[str, Any]) -> Table:
     """A row for each capability with its verdict, and under it its tasks with their mean scores on their colours."""
-    table = columns("", "", "score", "95 %", "twins", "drawn", "constant", right=range(2, 7))
+    table = columns("", "score", "95 %", "twins", "drawn", "constant", right=range(1, 6))
     rows = told.rows(exam)
     verdicts: Mapping[str, Mapping[str, Any]] = exam["verdicts"]
     order = list(dict.fromkeys([*verdicts, *(row.capability for row in rows)]))
@@ -60,9 +60,7 @@ def _add_task(table: Table, row: TaskRow) -> None:
     ends = told.interval(*row.printed.interval) if several else ""
     constant = SeedCell(() if row.constant is None else (row.constant,))
     cells = [shaded(cell) for cell in (row.printed, row.twins, row.drawn, constant)]
-    table.add_row(
-        VisibleText(f"  {row.name}", style="name"), "", cells[0], VisibleText(ends, style="quiet"), *cells[1:]
-    )
+    table.add_row(VisibleText(f"  {row.name}", style="name"), cells[0], VisibleText(ends, style="quiet"), *cells[1:])
 
 
 def shaded(cell: SeedCell) -> VisibleText:
