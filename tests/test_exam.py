@@ -162,6 +162,22 @@ def test_tasks_without_a_model_are_scored_in_episodes() -> None:
         assert 0 < score["half"] < 0.1 and abs(score["deterministic"]) < 2 * score["half"]
 
 
+def test_a_block_of_seeds_that_trains_together_is_scored_seed_by_seed() -> None:
+    def block(case: Case) -> list[np.ndarray]:
+        case.count(10)
+        case.each[1].count(5)
+        case.show(*[np.zeros((3, 2))] * len(case.seeds))
+        return [np.full(3, seed % 2) for seed in case.seeds]
+
+    block.together, block.learns_from = True, ("reward",)
+    found = examine(block, tasks=["EarlyTermNeg"], seeds=[4, 5], twins=0)["scores"]
+    assert [score["seed"] for score in found] == [4, 5] and [score["steps"] for score in found] == [10, 15]
+    assert found[0]["deterministic"] != 1 and found[1]["deterministic"] == 1
+    assert [score["curve"] for score in found] == [[[10, pytest.approx(0)]]] * 2
+    wrong = examine(lambda case: 3, tasks=["EarlyTermNeg"], seeds=1, twins=0, learns_from=["reward"])["scores"][0]
+    assert "int is no policy" in wrong["error"]
+
+
 # -- the command --------------------------------------------------------------------------------------------------
 
 

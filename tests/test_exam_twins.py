@@ -49,9 +49,9 @@ def test_tasks_have_the_twins_that_suit_them() -> None:
     assert all("relabelled" in twin[1] for twin in twins_of(taskspec.load("derail/RiskyPath"), 2))
 
 
-@pytest.mark.parametrize(("sign", "starc", "lost"), [(3.0, 0.0, 0.0), (-1.0, 1.0, 8.0)])
+@pytest.mark.parametrize(("sign", "starc", "lost"), [(3.0, 0.0, 0.0), (-1.0, 1.0, 8 / (10 - 3.875))])
 def test_what_is_told_of_a_learned_reward_is_in_the_results(sign: float, starc: float, lost: float) -> None:
-    """EarlyTermPos pays 1 a step; who wants the opposite ends it in the second step and gets 2 of 10."""
+    """EarlyTermPos pays 1 a step; who wants the opposite ends it in the second step and gets 2 of 10; random gets 3.875."""
 
     def learner(case: Case) -> Learned:
         paid = case.task.tabular().R[:, :, None] * np.ones(case.task.tabular().n_states)

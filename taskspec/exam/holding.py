@@ -245,6 +245,6 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
         "half": row.get("deterministic_half", 0.0) / unit, "return": row.get("deterministic"), "error": row.get("error"),
         "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
         "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
-        "reward_regret": row.get("reward_regret"),
+        "reward_regret": None if (lost := row.get("reward_regret")) is None else lost / unit,
         "curve": None if curve is None else [[steps, scaled(value)] for steps, value in curve],
     }  # fmt: skip

@@ -22,7 +22,8 @@ Score = TypedDict(
     },
 )  # fmt: skip
 """One seed on a task (`twin` None), on a twin of it (its modifiers), or with the reward negated (`probe`); 0 is random, 1 the
-expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact."""
+expert. `half` is half the 95 % confidence interval of a deterministic score that was simulated, 0 where it is exact; `starc` the
+distance of a learned reward to the true one, `reward_regret` the score lost by optimising it."""
 
 
 class Examined(TypedDict):
