@@ -38,6 +38,7 @@ from taskspec.cli import manual, specs
 from taskspec.cli.checking import check_file, check_other
 from taskspec.cli.manual.commands import commands
 from taskspec.cli.targets import files_of
+from taskspec.learners import learner
 from tests.conftest import needs_vectors
 
 ROOT = Path(__file__).parent.parent
@@ -186,7 +187,12 @@ def test_snippets_do_what_the_page_says(page: Page, update_golden: bool) -> None
 
 
 def read_spec(block: Block, page: Page) -> None:
-    """Write a spec, an experiment, or a change of a spec, and check it."""
+    """Write a spec, an experiment, settings of a learner, or a change of a spec, and check it."""
+    if re.search(r"^learner:", block.body, re.MULTILINE):
+        path = page.folder / "learner.yaml"
+        path.write_text(block.body, encoding="utf-8")
+        assert learner(path).configuration != learner("paper/gail_im").configuration
+        return
     if re.search(r"^experiment:", block.body, re.MULTILINE):
         path = page.folder / (block.value if block.key == "file" else "experiment.yaml")
         path.write_text(block.body, encoding="utf-8")

@@ -62,3 +62,9 @@ def test_unknown_names_are_told(name: str, family: str) -> None:
     with pytest.raises(SpecError) as raised:
         learner(name, family)
     assert raised.value.diagnostics[0].code == "E713"
+
+
+def test_the_page_lists_every_learner() -> None:
+    page = (Path(__file__).parent.parent / "docs/learners.md").read_text(encoding="utf-8")
+    rows = [f"| `{e.name}` | {e.summary} | {' '.join(e.learns_from)} |" for e in BUILT_IN.values()]
+    assert "\n".join(rows) == page.partition("|---|---|---|\n")[2].partition("\n<!-- /learners -->")[0]
