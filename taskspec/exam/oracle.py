@@ -14,6 +14,8 @@ from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]
 Key = tuple[bytes, bytes, bytes]
+KEPT = 250_000
+"""Different steps that are remembered at least, of which the latest count."""
 
 
 class Oracle:
@@ -31,9 +33,12 @@ class Oracle:
         self.task, self.rng = task, np.random.default_rng([seed, 0x7EAC4])
         self.seen, self.done = (_dtype(layout.form) for layout in (observation_layout(task), action_layout(task)))
         self.rewards: dict[Key, float] = {}
+        self.older: dict[Key, float] = {}
 
     def keep(self, before: Any, actions: Any, after: Any, rewards: Array) -> None:
-        """Remember steps; each argument is a batch of N."""
+        """Remember steps; each argument is a batch of N. What was not seen for long is forgotten."""
+        if len(self.rewards) >= KEPT:
+            self.rewards, self.older = {}, self.rewards
         for key, reward in zip(self._keys(before, actions, after), rewards.tolist(), strict=True):
             self.rewards[key] = reward
 
@@ -48,9 +53,12 @@ class Oracle:
         obs, discount = trajectory.obs, self.task.discount
         keys = self._keys(_rows(obs, slice(None, -1)), trajectory.acts, _rows(obs, slice(1, None)))
         try:
-            rewards = [self.rewards[key] for key in keys]
+            rewards = [self.rewards[key] if key in self.rewards else self.older[key] for key in keys]
         except KeyError:
-            message = "`prefer` compares steps that `case.env()`, `case.make_vec()` or the demonstrations have shown"
+            message = (
+                "`prefer` compares steps that `case.env()`, `case.make_vec()` or the demonstrations have shown, among the "
+                f"latest {KEPT:,}"
+            )
             raise ValueError(message) from None
         return sum(discount**t * reward for t, reward in enumerate(rewards))
 
