@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import yaml
 
 from taskspec import registry
 from taskspec.diagnostics import SpecError
-from taskspec.exam.findings import evaluate, markdown
+from taskspec.exam.findings import evaluate, html, markdown
 from taskspec.exam.rules import read_findings
 from taskspec.task.schema import findings_schema
 from tests.shared.commands import Done
@@ -128,6 +129,16 @@ def test_sets_of_results_stand_beside_each_other_on_the_page() -> None:
     assert "**confirmed**: `score(gail_im, EarlyTermNeg)` = −0.90 and 1 more" in row
     assert "**refuted**: `score(gail_im, EarlyTermNeg)` = 1.00 |" in row
     assert all(line.count("|") - line.count("\\|") == 5 for line in lines if line.startswith("| F"))
+
+
+def test_the_page_in_html_stands_alone() -> None:
+    world = learners() | {"gail_fu": {"EarlyTermNeg": 1.0, "EarlyTermPos": 0.5}}
+    text = html(evaluate("derail", {"<paper>": results(world)}), ["on a machine"])
+    assert not re.search(r"<script|<link|<img|src=|href=|url\(", text)
+    words = " ".join(re.sub(r"<[^>]+>", " ", text.partition("</style>")[2]).split())
+    assert "on a machine" in words and "&lt;paper&gt;" in words
+    assert "&lt;paper&gt; refuted score(gail_fu, EarlyTermPos) = 0.50" in words
+    assert words.count("&lt;paper&gt;") == 36  # beside each finding, and once for how many came to what
 
 
 def test_a_learner_that_no_finding_is_about_is_refused() -> None:

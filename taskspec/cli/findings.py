@@ -20,18 +20,19 @@ STYLES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run":
 def print_findings(suite: str, folders: Sequence[Path], output: Path, json: bool) -> None:
     """Evaluate a suite's findings, show them, and write them as a page and as JSON data."""
     from taskspec.cli.console import console, say, to_json, write_json
-    from taskspec.exam.findings import evaluate, markdown
+    from taskspec.exam.findings import evaluate, html, markdown
     from taskspec.files import write_text
 
     sets = results_of(folders)
     found = evaluate(suite, sets)
     write_text(output / "findings.md", markdown(found, held(sets)))
+    write_text(output / "findings.html", html(found, held(sets)))
     write_text(output / "findings.json", to_json(found.data) + "\n")
     if json:
         write_json(found.data)
         return
     console(wide=True).print(table_of(found))
-    for name in ("findings.md", "findings.json"):
+    for name in ("findings.md", "findings.html", "findings.json"):
         say(f"wrote {near(output / name)}")
 
 

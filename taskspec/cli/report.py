@@ -47,8 +47,9 @@ def report(
     [green]pdf[/], [green]svg[/]), or the scores as a table ([green]parquet[/]). Of several: a heat map of learners and
     tasks, and as pictures a box plot for each learner and each task as well.
 
-    With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute, as findings.md and
-    findings.json. Exams in folders side by side, as in [cyan]results/paper/bc results/paper/ppo[/], are one set of results.
+    With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute, as findings.md,
+    findings.html and findings.json. Exams in folders side by side, as in [cyan]results/paper/bc results/paper/ppo[/],
+    are one set of results.
     """
     if findings is not None:
         from taskspec.cli.findings import print_findings

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from taskspec.appendix.render.html import page_of
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exam.rules import Book, Compared, Judge, Judged, SeedScores, read_findings
 from taskspec.exam.rules.reading import findings_of
@@ -136,6 +137,28 @@ def markdown(found: FindingsResult, told: Sequence[str] = ()) -> str:
     lines += [*_table(["results", *OUTCOMES], counts), "", legend, ""]
     rows = [_row(each, found.sets) for each in found.results]
     return "\n".join([*lines, *_table(["", "the paper says", *found.sets], rows)]) + "\n"
+
+
+def html(found: FindingsResult, told: Sequence[str] = ()) -> str:
+    """The same as a page that stands alone."""
+    described = found.described
+    findings = [
+        {
+            "name": each.name, "says": each.entry.says, "where": each.entry.where, "note": each.entry.note,
+            "outcomes": [_outcome(each, name) for name in found.sets],
+        }
+        for each in found.results
+    ]  # fmt: skip
+    return page_of(
+        "findings.html", title=described.title or "Findings", doc=described.doc or "", told=told, findings=findings,
+        tallies={name: found.counts(name) for name in found.sets},
+    )  # fmt: skip
+
+
+def _outcome(each: FindingResult, name: str) -> dict[str, Any]:
+    outcome, deciding = each.outcome(name), each.deciding(name)
+    evidence = str(deciding) if deciding is not None and outcome != "not run" else ""
+    return {"set": name, "outcome": outcome, "evidence": evidence, "more": len(each.judged[name].seen) - 1}
 
 
 def _row(each: FindingResult, sets: Sequence[str]) -> list[str]:

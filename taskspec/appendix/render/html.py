@@ -65,11 +65,11 @@ def _style() -> str:
     return html_environment().get_template("style.css").render() + gallery_style() + _highlight_style()
 
 
-def report_page(**values: Any) -> str:
-    """A page of its own in the style of the others, from the template `report.html`."""
+def page_of(template: str, **values: Any) -> str:
+    """A page that stands alone, in the style of the others: the templates are `report.html` and `findings.html`."""
     env = html_environment()
     style = Markup("".join(env.get_template(name).render() for name in ("style.css", "report.css")))
-    return visible(env.get_template("report.html").render(style=style, **values), ON_PAGES)
+    return visible(env.get_template(template).render(style=style, **values), ON_PAGES)
 
 
 def _page(suite: Suite, page: Page) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from taskspec.appendix.render.html import report_page
+from taskspec.appendix.render.html import page_of
 from taskspec.exam.report import strips, told
 from taskspec.exam.report.told import SeedCell, TaskRow
 
@@ -16,8 +16,8 @@ def page(exam: Mapping[str, Any]) -> str:
     """The page of an exam."""
     rows = told.rows(exam)
     ends = strips.scale(rows)
-    return report_page(
-        learner=exam["learner"], suite=exam["suite"], headline=told.headline(exam), finding=told.finding(exam),
+    return page_of(
+        "report.html", learner=exam["learner"], suite=exam["suite"], headline=told.headline(exam), finding=told.finding(exam),
         verdicts=[_verdict(name, verdict) for name, verdict in exam["verdicts"].items()],
         rows=[_row(row, ends) for row in rows], axis=strips.axis(ends),
         curves=[{"name": row.name, "picture": strips.curves(row), "steps": _last(row)} for row in rows if row.curves],

@@ -199,7 +199,7 @@ def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, An
     for task in tasks:
         yield f"task-{task}", boxes({name: cells.get(task, SeedCell(())) for name, cells in found.items()}, task)
     for name, cells in found.items():
-        stem = re.sub(r"[^\w.-]+", "-", name)
+        stem = re.sub(r"[^\w.-]+", "-", name).strip("-")
         yield f"learner-{stem}", boxes(cells, name)
 
 
