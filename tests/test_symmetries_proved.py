@@ -148,6 +148,8 @@ def test_what_rounds_is_tested_and_no_more(symmetry: str, status: str) -> None:
         ("{observation: {p: 2 * p}}", "does not come back"),
         ("{observation: {p: '[p[0] + q, p[1]]', q: q}}", "does not come back"),
         ("{observation: {o: 'p[0] + q'}}", "other things than p, q"),
+        ("{observation: {n: 1e300 * n}}", "does not come back"),
+        ("{observation: {n: inf}}", "no finite number"),
         ("{action: {a: a / 2}}", "more than to move elements about"),
         ("{action: {b: -b}}", "becomes b = -3"),
         ("{action: {a: b, b: a}}", "becomes"),

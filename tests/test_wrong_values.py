@@ -122,6 +122,12 @@ FEATURES: dict[str, dict[str, Any]] = {
             "dynamics": {"d'": "clip(d + a, 0, 3)"}, "reward": "d' == 3", "terminal": False, "expert": {"a": "on"},
         },
     },
+    "symmetries": {
+        "symmetries": {
+            "mirror": {"doc": "from behind", "observation": {"s": "3 - s"}, "action": {"a": "back if a == on else on"}},
+        },
+        "variants": {"plain": {"symmetries": {"mirror": None}}},
+    },
     "figure": {
         "constants": {"map": {"grid": ["ab"], "legend": {"a": 0, "b": 1}}},
         "figure": {
@@ -255,7 +261,7 @@ def assert_placed(text: str, found: tuple[Diagnostic, ...]) -> None:
 def assert_said(feature: str, spec: dict[str, Any], variant: str | None = None) -> None:
     text = "".join(f"{json.dumps(key)}: {written(value)}\n" for key, value in spec.items())
     try:
-        assert_placed(text, outcome(text, variant, feature in ("claims", "abstraction", "figure")))
+        assert_placed(text, outcome(text, variant, feature in ("claims", "abstraction", "symmetries", "figure")))
     except Exception as error:
         if hasattr(error, "add_note"):
             error.add_note(text)

@@ -111,7 +111,10 @@ def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: 
     if size * elements > limits().points:
         return MapPart(inputs, outputs)
     read = {(role, c.name): v for c, v in zip(inputs, _all(inputs, np.arange(int(size))), strict=True)}
-    return MapPart(inputs, outputs, listed=_rows(evaluate(chosen, read), int(size)))
+    listed = _rows(evaluate(chosen, read), int(size))
+    with np.errstate(over="ignore"):
+        are_numbers = np.isfinite(listed.astype(np.float32)).all()
+    return MapPart(inputs, outputs, listed=listed if are_numbers else None)
 
 
 # -- values -------------------------------------------------------------------------------------------------------
@@ -170,8 +173,10 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
     for c in inputs:
         own = np.arange(at, at + c.type.size).reshape(*c.type.shape, 1).astype(DTYPES[c.type.kind])
         tags[role, c.name], zeros[role, c.name], at = own, np.zeros_like(own), at + c.type.size
-    shift = _rows(evaluate(nodes, zeros), 1)[0]
-    factor = np.rint(_rows(evaluate(nodes, tags), 1)[0] - shift).astype(np.int64)
+    shift, tagged = (_rows(evaluate(nodes, values), 1)[0].astype(np.float64) for values in (zeros, tags))
+    if not np.isfinite(shift).all():
+        return None
+    factor = np.rint(tagged - shift).astype(np.int64)
     room = [max(abs(a), abs(b)) if c.type.kind is Kind.INT else math.inf
             for c in inputs for a, b in zip(c.low, c.high, strict=True)]  # fmt: skip
     source = np.abs(factor) - 1

@@ -98,6 +98,8 @@ def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
     """Why a part of a map of what is seen may not be one-to-one; None where random points come back."""
     nodes: dict[str, Node] = {symmetry.components[i].name: symmetry.observation[i] for i in part.outputs}
     names = [c.name for c in part.inputs]
+    if not names:
+        return "it shows what is no finite number"
     if sorted(nodes) != sorted(names) or any(nodes[c.name].type.shape != c.type.shape for c in part.inputs):
         return f"it shows other things than {', '.join(names)}, so that it is not known to be one-to-one"
     rng = np.random.default_rng(0)
