@@ -110,6 +110,7 @@ def test_what_is_known_is_no_longer_new() -> None:
     assert np.isclose(moved.mean, mean, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_comparisons_are_counted() -> None:
     asked = learner("drlhp_rnd")
     config = asked.configuration
