@@ -305,7 +305,7 @@ def test_a_process_that_dies_and_one_that_hangs_cost_one_seed_each(tmp_path: Pat
     status, found = held(tmp_path, "dies_or_hangs", *options, "--learns-from", "reward")
     errors = [score["error"] for score in found["scores"]]
     assert status == 1 and errors[0] is None and found["scores"][0]["deterministic"] is not None
-    assert "exit" in errors[1] and "longer than 20 s" in errors[2]
+    assert "died: EXIT(3)" in errors[1] and "longer than 20 s" in errors[2]
 
 
 def test_an_exam_that_was_killed_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
