@@ -91,10 +91,10 @@ def test_mathml_is_well_formed(written: Path) -> None:
             ElementTree.fromstring(picture)
 
 
-def test_pages_need_no_network_and_no_script(written: Path) -> None:
+def test_pages_need_no_network_and_but_the_gallery_no_script(written: Path) -> None:
     for path in written.glob("*.html"):
         text = path.read_text(encoding="utf-8")
-        assert "<script" not in text
+        assert text.count("<script") == (path.name == "index.html") and "src=" not in text
         assert not re.search(r'(?:src|url\()\s*=?\s*["\']?https?:', text)
 
 
