@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from taskspec.exam.bootstrap import estimate, mean
 from taskspec.exam.results import CapabilityVerdict, Examined, Grade, Score, Told
@@ -14,7 +15,7 @@ MASTERED = 0.9
 WORST_FIRST: tuple[Grade, ...] = ("fails", "unsure", "masters")
 
 
-def side(score: Score) -> str:
+def side(score: Mapping[str, Any]) -> str:
     """What a score is of: "printed", "twin", or the name of a probe."""
     return score["probe"] or ("printed" if score["twin"] is None else "twin")
 

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.exam.bootstrap import estimate, mean
-from taskspec.exam.rules.samples import side_of
-from taskspec.exam.verdicts import grade
+from taskspec.exam.verdicts import grade, side
 
 FLOOR = -1.0
 """Where pictures cut scores off, as the paper does; numbers are told as they are."""
@@ -95,7 +94,7 @@ def rows(exam: Mapping[str, Any]) -> list[TaskRow]:
     found = []
     for task, about in exam["tasks"].items():
         own = [record for record in exam["scores"] if record["task"] == task]
-        sides = {side: [r for r in own if side_of(r) == side] for side in ("printed", "twin")}
+        sides = {which: [r for r in own if side(r) == which] for which in ("printed", "twin")}
         curves = tuple(
             tuple((float(x), float(y)) for x, y in r["curve"] if y is not None)
             for r in sides["printed"]

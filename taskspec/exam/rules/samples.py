@@ -11,6 +11,7 @@ import numpy as np
 
 from taskspec.exact.claims.refusals import Undecidable
 from taskspec.exam.bootstrap import Array
+from taskspec.exam.verdicts import side
 
 ONE = ""
 """The learner where there is only one."""
@@ -21,12 +22,6 @@ def short(task: str) -> str:
     """The name of a task in rules: `NoisyObs` for `derail/NoisyObs-v0?L=50`."""
     found = _VERSIONED.fullmatch(task)
     return found[1] if found else task
-
-
-def side_of(record: Mapping[str, Any]) -> str:
-    """Which of `SIDES` a score is of; another probe is a side of its own."""
-    probe, twin = record.get("probe"), record.get("twin")
-    return str(probe) if probe else "twin" if twin else "printed"
 
 
 class SeedScores:
@@ -53,7 +48,7 @@ class SeedScores:
             self.ids |= {called[task]: task for task in exam["tasks"]}
             self.tasks |= {called[task]: about for task, about in exam["tasks"].items()}
             for record in exam["scores"]:
-                self.records[learner, called[record["task"]], side_of(record)].append(record)
+                self.records[learner, called[record["task"]], side(record)].append(record)
 
     def values(self, learner: str, task: str, side: str, entry: str) -> Array:
         """One number for each seed, the mean over the twins where it was run on several, seeds in order.
