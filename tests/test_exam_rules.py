@@ -286,8 +286,8 @@ def test_the_command_shows_the_line_of_a_mistake(tmp_path: Path) -> None:
 
 
 def test_an_exam_is_no_spec(tmp_path: Path) -> None:
-    assert SUITE / "exam.yaml" in registry.files_in(SUITE, "exam")
-    assert SUITE / "exam.yaml" not in registry.files_in(SUITE)
+    assert (SUITE / "exam.yaml", "exam") in registry.files_in(SUITE)
+    assert SUITE / "exam.yaml" not in {entry.path for entry in registry.entries(SUITE)}
     done = Done("solve", SUITE / "exam.yaml")
     assert done.status == 1 and "this is an exam, and no spec" in done.err + done.out
 
