@@ -21,6 +21,8 @@ from taskspec.envs.vector import VectorEnvironment
 
 ROOT = Path(__file__).parent.parent
 SPECS = ROOT / "tests" / "specs"
+SLOW_TO_MEASURE = [("NoisyObs", "numpy"), *((name, b) for name in ("RiskyPath", "NoisyObs") for b in ("numba", "jax"))]
+"""Memory is that of whole processes, and these take ten seconds and more to start and to compile."""
 NEEDS = {"scalar": (), "numpy": (), "numba": ("numba",), "jax": ("jax",), "jax-scan": ("jax",)}
 
 
@@ -164,8 +166,10 @@ def test_a_process_that_takes_no_step_is_reported() -> None:
         measure.start_times(taskspec.load("RiskyPath"), "abacus", 1)
 
 
-@pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
-@pytest.mark.parametrize("name", ["RiskyPath", "NoisyObs"])
+@pytest.mark.parametrize(
+    ("name", "backend"),
+    [("RiskyPath", "numpy"), *(pytest.param(*each, marks=pytest.mark.slow) for each in SLOW_TO_MEASURE)],
+)
 def test_memory_is_that_of_the_arrays_and_of_what_goes_with_them(name: str, backend: str) -> None:
     needed(backend)
     task = taskspec.load(name)

@@ -301,11 +301,11 @@ def test_diagnoses_come_with_the_scores() -> None:
 
 
 def test_a_process_that_dies_and_one_that_hangs_cost_one_seed_each(tmp_path: Path) -> None:
-    options = ("-t", "RiskyPath", "--seeds", "3", "--twins", "0", "--time-limit", "20")
+    options = ("-t", "RiskyPath", "--seeds", "3", "--twins", "0", "--time-limit", "12")
     status, found = held(tmp_path, "dies_or_hangs", *options, "--learns-from", "reward")
     errors = [score["error"] for score in found["scores"]]
     assert status == 1 and errors[0] is None and found["scores"][0]["deterministic"] is not None
-    assert "died: EXIT(3)" in errors[1] and "longer than 20 s" in errors[2]
+    assert "died: EXIT(3)" in errors[1] and "longer than 12 s" in errors[2]
 
 
 def test_an_exam_that_was_killed_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -282,7 +282,11 @@ def test_pages_print_examples_as_a_table(tmp_path: Path) -> None:
     assert rows[6] == r"|  |  |  | first $\mathrm{mood} = \text{calm}$ |  |  |"
     html, latex = ((tmp_path / f"walk.{x}").read_text(encoding="utf-8") for x in ("html", "tex"))
     table = html.partition("<table>")[2].partition("</table>")[0]
-    assert (table.count("<tr>"), table.count("<th "), table.count("<td>")) == (6, 6, 30)
+    assert (table.count("<tr>"), table.count("<th "), table.count("<td>")) == (
+        6,
+        4,
+        32,
+    )  # a cell above a column without a title is no heading
     assert "slips &amp; 1|4" in table
     body = latex.partition(r"\taskspectable{llllll}{")[2].partition("\n")[0]
     assert r"slips \& 1\textbar{}4" in body or r"slips \& 1|4" in body

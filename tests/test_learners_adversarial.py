@@ -182,6 +182,7 @@ def test_the_sign_of_the_pay_decides_about_survival() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_rounds_are_counted_as_the_family_counts_them() -> None:
     config = learner("gail_sb", "paper").configuration
     small = replace(config, policy=replace(config.policy, hidden=(4,), experience=Experience(steps=64)))

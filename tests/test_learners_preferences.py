@@ -111,6 +111,7 @@ def test_what_is_known_is_no_longer_new() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_comparisons_are_counted() -> None:
     asked = learner("drlhp_rnd")
     config = asked.configuration
