@@ -245,6 +245,15 @@ def test_a_learner_that_is_right_by_luck_is_flagged_and_the_right_one_is_not() -
     )
 
 
+def test_twins_that_differed_in_the_baseline_are_no_news(tmp_path: Path) -> None:
+    for name in ("before", "after"):
+        out, asked = tmp_path / name, {"tasks": ["EarlyTermPos", "Branching"], "seeds": 3}
+        found = examine(
+            counting.clone_off_by_one, out=out, against=tmp_path / "before" if name == "after" else None, **asked
+        )
+        assert flagged(found) == ({("twin", "EarlyTermPos"), ("twin", "Branching")} if name == "before" else set())
+
+
 def test_a_learner_that_peeks_is_flagged() -> None:
     found = examine(counting.q_peeking, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], seeds=2, twins=0)
     assert {kind for kind, _ in flagged(found)} == {"peeks"}

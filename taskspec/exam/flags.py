@@ -15,12 +15,20 @@ Found = tuple[str, Difference]
 
 
 def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam | None) -> list[Flag]:
-    """Everything that is flagged: failures, twins that differ from their task, peeking, and regressions."""
+    """Everything that is flagged: failures, twins that differ from their task, peeking, and regressions.
+
+    Twins that differed in the baseline are not news: where demonstrations say nothing of some states, the names of actions decide
+    what even a learner without mistakes does there.
+    """
     found = [*_failed(tasks, scores)]
     twins = list(_compared(tasks, scores, "twin"))
     found += _real("twin", twins, _of_twins)
     found += _real("peeks", list(_compared(tasks, scores, "negated")), _of_peeking)
-    return found if against is None else [*found, *_regressions(tasks, scores, against)]
+    if against is None:
+        return found
+    known = {flag["task"] for flag in against["flags"] if flag["kind"] == "twin"}
+    new = [flag for flag in found if flag["kind"] != "twin" or flag["task"] not in known]
+    return [*new, *_regressions(tasks, scores, against)]
 
 
 def _failed(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> Iterable[Flag]:
