@@ -26,16 +26,18 @@ LearnerArgument = Annotated[
         "the package, by its name ([cyan]bc[/]) or as a YAML file of its settings.",
     ),
 ]  # fmt: skip
-Suite = Annotated[str, typer.Option("--suite", metavar="NAME", help="Whose tasks are asked.")]
+Suite = Annotated[str, typer.Option("--suite", metavar="NAME", help="The suite of tasks.")]
 Tasks = Annotated[
     list[str] | None,
-    typer.Option("--tasks", "-t", metavar="TASK,...", help="Those that are asked; all of the suite unless given.",
+    typer.Option("--tasks", "-t", metavar="TASK,...", help="The tasks to examine; all of the suite unless given.",
                  show_default=False),
 ]  # fmt: skip
-Seeds = Annotated[int, typer.Option("--seeds", min=1, help="How often everything is done.")]
-Steps = Annotated[str, typer.Option("--steps", metavar="N", help="Steps of the environment, such as 500k, each time.")]
-Shown = Annotated[str, typer.Option("--transitions", metavar="N", help="Transitions that the expert demonstrates.")]
-Twins = Annotated[int, typer.Option("--twins", min=0, help="Twins of every task that has some.")]
+Seeds = Annotated[int, typer.Option("--seeds", min=1, help="Number of random seeds.")]
+Steps = Annotated[
+    str, typer.Option("--steps", metavar="N", help="Environment steps of each training run, such as 500k.")
+]
+Shown = Annotated[str, typer.Option("--transitions", metavar="N", help="Transitions of expert demonstrations.")]
+Twins = Annotated[int, typer.Option("--twins", min=0, help="Twins of each task that has some.")]
 LearnsFrom = Annotated[
     list[str] | None,
     typer.Option(
@@ -50,7 +52,7 @@ Output = Annotated[
 ]  # fmt: skip
 Against = Annotated[
     Path | None,
-    typer.Option("--against", metavar="FOLDER", help="What an earlier exam left: what has become worse since is flagged.",
+    typer.Option("--against", metavar="FOLDER", help="An earlier exam: what has become worse since is flagged.",
                  show_default=False),
 ]  # fmt: skip
 TimeLimit = Annotated[
@@ -81,7 +83,7 @@ def exam(
     """Examine a learner: train it on every task, and on twins of them, and say which capability fails.
 
     Results are kept in OUT as they come: an exam that was stopped goes on where it was. OUT/exam.json has all of them, and
-    OUT/report.html shows them. A learner that fails on a task, or takes too long, is told, and the others go on.
+    OUT/report.html shows them. A learner that fails on a task, or takes too long, is reported, and the others go on.
 
     Flagged are regressions against an earlier exam, twins on which scores differ, learners that look at rewards that
     are withheld from them, and failures. Exit status 1 if something is.

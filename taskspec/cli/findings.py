@@ -25,8 +25,8 @@ def print_findings(suite: str, folders: Sequence[Path], output: Path, json: bool
 
     sets = results_of(folders)
     found = evaluate(suite, sets)
-    write_text(output / "findings.md", markdown(found, held(sets)))
-    write_text(output / "findings.html", html(found, held(sets)))
+    write_text(output / "findings.md", markdown(found, setups(sets)))
+    write_text(output / "findings.html", html(found, setups(sets)))
     write_text(output / "findings.json", to_json(found.data) + "\n")
     if json:
         write_json(found.data)
@@ -50,7 +50,7 @@ def results_of(folders: Sequence[Path]) -> dict[str, dict[str, Any]]:
     return found
 
 
-def held(sets: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def setups(sets: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """How results were obtained, in lines: one for each that differs."""
     from taskspec.exam.report.told import duration
 

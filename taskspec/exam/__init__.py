@@ -5,8 +5,8 @@ from __future__ import annotations
 from taskspec.exam.case import BudgetSpent as BudgetSpent
 from taskspec.exam.case import Case as Case
 from taskspec.exam.case import NotGranted as NotGranted
-from taskspec.exam.holding import Running as Running
-from taskspec.exam.holding import examine as examine
+from taskspec.exam.examining import Running as Running
+from taskspec.exam.examining import examine as examine
 from taskspec.exam.policies import Learned as Learned
 from taskspec.exam.results import Exam as Exam
 from taskspec.exam.results import read as read

@@ -89,7 +89,7 @@ class Exam(TypedDict):
 
 
 def machine() -> dict[str, Any]:
-    """Where an exam was held."""
+    """The machine that an exam ran on."""
     import os
 
     return {"system": platform.system(), "processor": platform.machine(), "cores": os.cpu_count()}

@@ -81,7 +81,7 @@ def _last(row: TaskRow) -> str:
 
 
 def _facts(exam: Mapping[str, Any]) -> dict[str, str]:
-    """How it was held."""
+    """How it was run: cost, command, versions, machine."""
     versions = ", ".join(f"{name} {version}" for name, version in exam["versions"].items())
     machine = ", ".join(f"{name} {value}" for name, value in exam["machine"].items())
     return {"Cost": told.costs(exam), "Command": exam["command"], "Versions": versions, "Machine": machine}

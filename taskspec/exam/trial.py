@@ -34,7 +34,7 @@ class LearnerFailed(TaskspecError):
 
 
 @dataclass(frozen=True)
-class Sitting:
+class Trial:
     """One learner on one task, for a block of seeds.
 
     Args:
@@ -64,7 +64,7 @@ class Sitting:
         return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
-def sit(sitting: Sitting, train: Callable[[Any], Any] | None = None) -> list[Row]:
+def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[Row]:
     """Train, and score what was learned: a row for each seed of the block.
 
     Args:
@@ -74,10 +74,10 @@ def sit(sitting: Sitting, train: Callable[[Any], Any] | None = None) -> list[Row
         LearnerFailed: it, or a policy of it, raised an error.
         SpecError: where the learner cannot be found again.
     """
-    train = train_at(sitting.place, sitting.content) if train is None else train
-    results = results_of(sitting.about, sitting.episodes)
+    train = train_at(trial.place, trial.content) if train is None else train
+    results = results_of(trial.about, trial.episodes)
     task = results.task
-    case = Case(modify(task, NEGATED) if sitting.negated else task, sitting.seeds, sitting.terms, task)
+    case = Case(modify(task, NEGATED) if trial.negated else task, trial.seeds, trial.terms, task)
     begin = time.perf_counter()
     try:
         learned = train(case)

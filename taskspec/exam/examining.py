@@ -1,4 +1,4 @@
-"""An exam held: every task, every twin and every seed, and what follows from the scores."""
+"""An exam: a trial for every task, twin and block of seeds, and what follows from the scores."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from taskspec.exam.diagnoses import evaluate
 from taskspec.exam.flags import check_comparable, flags
 from taskspec.exam.learners import Examinee, learner_of
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, machine, read, write
-from taskspec.exam.sitting import LearnerFailed, Row, Sitting, sit
 from taskspec.exam.suites import tasks_of
+from taskspec.exam.trial import LearnerFailed, Row, Trial, run_trial
 from taskspec.exam.twins import Modifiers, twins_of
 from taskspec.exam.verdicts import verdicts
 from taskspec.experiments.order import sent
@@ -44,12 +44,12 @@ class Planned:
 
     task: Task
     twin: Modifiers | None
-    sitting: Sitting
+    trial: Trial
 
     @property
     def name(self) -> str:
-        what = " negated" if self.sitting.negated else "" if self.twin is None else f"+{'+'.join(self.twin)}"
-        return f"{self.task.instance_id}{what}, seeds {self.sitting.seeds[0]} to {self.sitting.seeds[-1]}"
+        what = " negated" if self.trial.negated else "" if self.twin is None else f"+{'+'.join(self.twin)}"
+        return f"{self.task.instance_id}{what}, seeds {self.trial.seeds[0]} to {self.trial.seeds[-1]}"
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def examine(
     baseline = None if against is None else _baseline(against, asked, terms)
     plan = _plan(asked, who, numbers, terms, twins)
     folder = None if out is None else Path(out)
-    rows, measures = _held(plan, asked, who, folder, running or Running())
+    rows, measures = _trained(plan, asked, who, folder, running or Running())
     found = _exam(who, suite, plan, rows, {t.id: _examined(t, measures[t.id]) for t in asked})
     return _concluded(found, suite, baseline, folder)
 
@@ -134,11 +134,11 @@ def _place(
     task: Task, twin: Modifiers | None, who: Examinee, terms: ExamTerms, seeds: tuple[int, ...], negated: bool = False
 ) -> Planned:
     about = modify(task, *(twin or ()))
-    sitting = Sitting(sent(about), about.content_hash, negated, who.place or "", who.content, terms, seeds, EPISODES)
-    return Planned(task, twin, sitting)
+    trial = Trial(sent(about), about.content_hash, negated, who.place or "", who.content, terms, seeds, EPISODES)
+    return Planned(task, twin, trial)
 
 
-# -- held ---------------------------------------------------------------------------------------------------------
+# -- trials -------------------------------------------------------------------------------------------------------
 
 Rows = list[list[Row]]
 """For each place of the plan, a row for each seed; those of a learner that failed have an `error` alone."""
@@ -148,7 +148,7 @@ Measures = dict[str, dict[str, Any]]
 """The yardsticks of each task."""
 
 
-def _held(
+def _trained(
     plan: Sequence[Planned], asked: Sequence[Task], who: Examinee, folder: Path | None, running: Running
 ) -> tuple[Rows, Measures]:
     if who.place is None:
@@ -159,13 +159,13 @@ def _held(
 
 def _here(planned: Planned, who: Examinee) -> list[Row]:
     try:
-        return sit(planned.sitting, who.train)
+        return run_trial(planned.trial, who.train)
     except LearnerFailed as error:
         return _failed(planned, str(error))
 
 
 def _failed(planned: Planned, message: str) -> list[Row]:
-    return [{"seed": seed, "error": message} for seed in planned.sitting.seeds]
+    return [{"seed": seed, "error": message} for seed in planned.trial.seeds]
 
 
 def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, running: Running) -> tuple[Rows, Measures]:
@@ -177,12 +177,12 @@ def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, run
     for job in measures.values():
         if known[job.key].status != "done":
             raise SpecError([Diagnostic("E713", None, f"{job.name} cannot be examined: {known[job.key].message}")])
-    sittings = [Job(planned.sitting.key, planned.name, sit, (planned.sitting,)) for planned in plan]
+    trials = [Job(planned.trial.key, planned.name, run_trial, (planned.trial,)) for planned in plan]
     done = run(
-        sittings, store, workers=running.workers, cluster=running.cluster, seconds=running.seconds,
+        trials, store, workers=running.workers, cluster=running.cluster, seconds=running.seconds,
         retry_failed=running.retry, progress=running.progress,
     ).rows  # fmt: skip
-    rows = [_rows(planned, done[job.key]) for planned, job in zip(plan, sittings, strict=True)]
+    rows = [_rows(planned, done[job.key]) for planned, job in zip(plan, trials, strict=True)]
     return rows, {task: known[job.key].value for task, job in measures.items()}
 
 
@@ -198,7 +198,7 @@ def _rows(planned: Planned, result: JobResult) -> list[Row]:
 
 def _exam(who: Examinee, suite: str, plan: Sequence[Planned], rows: Rows, tasks: dict[str, Examined]) -> Exam:
     scores = [_score(p, row, tasks[p.task.id]) for p, block in zip(plan, rows, strict=True) for row in block]
-    terms, seeds = plan[0].sitting.terms, list(dict.fromkeys(seed for p in plan for seed in p.sitting.seeds))
+    terms, seeds = plan[0].trial.terms, list(dict.fromkeys(seed for p in plan for seed in p.trial.seeds))
     cost = {
         name: float(sum(s[name] or 0 for s in scores)) for name in ("steps", "demonstrations", "comparisons", "seconds")
     }
@@ -240,7 +240,7 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
     curve = row.get("curve")
     return {
         "task": planned.task.id, "twin": None if planned.twin is None else "+".join(planned.twin),
-        "probe": "negated" if planned.sitting.negated else None, "seed": row["seed"],
+        "probe": "negated" if planned.trial.negated else None, "seed": row["seed"],
         "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
         "half": row.get("deterministic_half", 0.0) / unit, "return": row.get("deterministic"), "error": row.get("error"),
         "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
