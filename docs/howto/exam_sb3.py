@@ -1,15 +1,14 @@
 from stable_baselines3 import PPO
 
-from taskspec.exam import Case, examine
+from taskspec.exam import Case, examine, learns_from
 
 
+@learns_from("reward")
 def train(case: Case) -> PPO:
     model = PPO("MlpPolicy", case.env(), n_steps=200, batch_size=100, learning_rate=3e-3, seed=case.seed, device="cpu")
     return model.learn(case.steps // 200 * 200)
 
 
-train.learns_from = ("reward",)
-
 if __name__ == "__main__":
     found = examine(train, tasks=["EarlyTermNeg"], seeds=1, steps=3000, twins=1)
-    print("PPO", sum(score["deterministic"] for score in found["scores"]) / 2)
+    print("PPO", [score["deterministic"] for score in found["scores"]])

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from taskspec.extras import need
 
 Array = np.ndarray[Any, Any]
-Seen = Array | dict[str, Array]
+Seen: TypeAlias = Any
+"""Observations, or actions: an array, or a dict of arrays, with as many rows; the space of the task says which."""
 """Observations: an array, or a dict of arrays where the observation space is one."""
 EXTRA = "imitation"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from taskspec.exam.case import BudgetSpent as BudgetSpent
 from taskspec.exam.case import Case as Case
 from taskspec.exam.case import NotGranted as NotGranted
+from taskspec.exam.case import learns_from as learns_from
 from taskspec.exam.examining import Running as Running
 from taskspec.exam.examining import examine as examine
 from taskspec.exam.policies import Learned as Learned
@@ -14,5 +15,6 @@ from taskspec.exam.rewards import RewardDistance as RewardDistance
 from taskspec.exam.rewards import reward_distance as reward_distance
 
 __all__ = [
-    "BudgetSpent", "Case", "Exam", "Learned", "NotGranted", "RewardDistance", "Running", "examine", "read", "reward_distance",
+    "BudgetSpent", "Case", "Exam", "Learned", "NotGranted", "RewardDistance", "Running", "examine", "learns_from", "read",
+    "reward_distance",
 ]  # fmt: skip

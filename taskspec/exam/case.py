@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -16,14 +16,25 @@ from taskspec.exam.oracle import Oracle
 from taskspec.task.task import Task
 
 if TYPE_CHECKING:
-    import gymnasium
-
     from taskspec.envs.metered_vector import MeteredVector
 
 Array = np.ndarray[Any, Any]
 Source = Literal["reward", "demonstrations", "preferences"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 """What a learner may learn from."""
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def learns_from(*sources: Source) -> Callable[[F], F]:
+    """Say what a learner is entitled to, as a decorator of `train`: some of "reward", "demonstrations" and "preferences"."""
+
+    def mark(train: F) -> F:
+        train.learns_from = sources  # type: ignore[attr-defined]
+        return train
+
+    return mark
 
 
 class NotGranted(TaskspecError, AttributeError):
@@ -91,11 +102,13 @@ class Case:
         return self.terms.learns_from
 
     @property
-    def observation_space(self) -> gymnasium.Space[Any]:
+    def observation_space(self) -> Any:
+        """Gymnasium's space: which class it is depends on the task."""
         return self.task.observation_space
 
     @property
-    def action_space(self) -> gymnasium.Space[Any]:
+    def action_space(self) -> Any:
+        """As before."""
         return self.task.action_space
 
     @cached_property
@@ -195,7 +208,7 @@ class Case:
             granted = " and ".join(self.learns_from) or "nothing"
             raise NotGranted(
                 f"this learner learns from {granted}, and not from {wanted}; "
-                f'`train.learns_from = ("{wanted}",)` or `--learns-from {wanted}` grants it'
+                f'`@learns_from("{wanted}")` or `--learns-from {wanted}` grants it'
             )
 
     # -- on the way ---------------------------------------------------------------------------------------------------
