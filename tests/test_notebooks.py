@@ -92,7 +92,7 @@ def test_a_page_shows_what_is_printed() -> None:
     task = taskspec.load("NoisyObs")
     shown = Cells(page(task)._repr_html_())
     assert "<h2>NoisyObs" in page(task)._repr_html_()
-    assert "Observations" in shown.text and "Dynamics" in shown.text and "Errata" not in shown.text
+    assert "Observations" in shown.text and "Dynamics" in shown.text and "Corrections to the source" in shown.text
     unsafe = read(SPEC.replace("SUMMARY", "<script>alert(1)</script>"))
     assert "<script>" not in page(build(unsafe))._repr_html_()
 

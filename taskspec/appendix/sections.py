@@ -68,7 +68,7 @@ def all_sections(w: Writing, facts: Facts) -> list[Section]:
         ),
         Section("claims", "Claims", tuple(_claims(w, facts)), False),
         Section("examples", "Examples", (), False, table=examples.table(w, facts.wrong_examples)),
-        Section("errata", "Where the source is repaired", tuple(_errata(w)), False),
+        Section("errata", "Corrections to the source", tuple(_errata(w)), False),
         Section("sources", "Sources", tuple(_sources(w)), False),
     ]
     return [_single(s) for s in found if s.lines or s.table]
