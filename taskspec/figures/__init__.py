@@ -15,11 +15,13 @@ from taskspec.figures.bars import bars
 from taskspec.figures.curve import curve
 from taskspec.figures.graph import graph
 from taskspec.figures.grid import grid
+from taskspec.figures.matrix import matrix
 from taskspec.figures.overlay import Overlay as Overlay
 from taskspec.figures.results import OVERLAYS as OVERLAYS
 from taskspec.figures.results import overlay as overlay
 from taskspec.figures.scene import Scene as Scene
 from taskspec.figures.scene import with_legend
+from taskspec.figures.stated import stated
 from taskspec.figures.svg import svg as svg
 from taskspec.figures.table import table
 from taskspec.figures.tikz import colors as tikz_colors
@@ -30,15 +32,17 @@ from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
 
 KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
-    "graph": graph, "grid": grid, "curve": curve, "bars": bars, "swaps": bars, "vector": bars,
+    "graph": graph, "matrix": matrix, "grid": grid, "curve": curve, "bars": bars, "swaps": bars, "vector": bars,
 }  # fmt: skip
 
 NEEDED = {
     "graph": "transition graphs are drawn of finite tasks with few states, whose arrows cross little",
-    "grid": "columns and rows are counted from 0, and a world that is drawn whole has at most 24 of each",
+    "matrix": "tables of transitions are drawn of finite tasks of which episodes visit at most 300 states",
+    "grid": "columns and rows are two whole numbers that the state says",
     "curve": "a curve is drawn over a component of the state: `at: [x, y]`",
 }
 """What a figure of some kind needs; the others show a vector."""
+NEEDED_OTHERWISE = "bars are drawn of a vector: `values: v`"
 HINT = (
     f"{NEEDED['graph']}; `figure: {{kind: ...}}` in a spec asks for another figure: "
     + ", ".join(k for k in KINDS if k != "graph")
@@ -48,21 +52,31 @@ HINT = (
 def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
     """W523 where the figure that a spec asks for cannot be drawn."""
     task = load(task)
-    if task.figure is None or scene(task) is not None:
+    if task.figure is None or _drawn(task, Overlay()) is not None:
         return ()
     place = merge(task.document, task.variant).key_span(("figure",))
-    hint = NEEDED.get(task.figure.kind, "bars are drawn of a vector: `values: v`")
+    hint = NEEDED.get(task.figure.kind, NEEDED_OTHERWISE)
     return (Diagnostic("W523", place, f"no figure of kind `{task.figure.kind}` can be drawn of this task", hint),)
 
 
 def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can.
 
-    It shows the task as its spec has it: modifiers change none.
+    A figure that a spec asks for is never missing: a knot of arrows becomes a table, and what has no room at these
+    parameters becomes a frame that says so. It shows the task as its spec has it: modifiers change none.
     """
     task, over = load(task).unmodified, over or Overlay()
-    found = KINDS["graph" if task.figure is None else task.figure.kind](task, over)
+    found = _drawn(task, over)
+    if found is None and task.figure is not None and over.here is None:
+        return stated(task, NEEDED.get(task.figure.kind, NEEDED_OTHERWISE))
     return found if found is None else with_legend(found, over.legend)
+
+
+def _drawn(task: Task, over: Overlay) -> Scene | None:
+    if task.figure is None:
+        return KINDS["graph"](task, over)
+    found = KINDS[task.figure.kind](task, over)
+    return matrix(task, over) if found is None and task.figure.kind == "graph" else found
 
 
 @dataclass(frozen=True)

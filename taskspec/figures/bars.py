@@ -3,44 +3,77 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Box, Item, Label, Line, Role, Scene, fitted
+from taskspec.figures.scene import Box, Item, Label, Line, Role, Scene, fitted, shifted, text_width
 from taskspec.figures.values import at_states, expert_path, reads_of
 from taskspec.lang.ir import Node, Read
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]
-CELLS_UP_TO, ROWS, SEEDS = 8, 3, 6
+CELLS_UP_TO, ROWS, SEEDS = 8, 4, 6
+LONGEST = 100
+"""Steps of an episode that are followed, so that figures stay quick."""
+MOST_BARS = 400
+BELOW, LETTERS = 2.5, 0.28
 _COLORS: dict[str, Role] = {"first": "accent", "second": "second", "good": "good", "bad": "bad"}
 
 
 def bars(task: Task, overlay: Overlay) -> Scene | None:
-    """The vector that the figure section names (or the only vector of the state)."""
+    """The vector that the figure section names (or the only vector of the state).
+
+    Of a short one every change that the expert makes, as swaps from row to row; of a long one the first state, and the
+    last of the expert's episode where it has another order.
+    """
     node = _vector(task)
     if node is None:
         return None
     if overlay.here is not None:
         rows = _rows(task, node, [dict(overlay.here)])
     else:  # the episode, of a few, in which most happens
-        rows = max((_rows(task, node, expert_path(task, ROWS, seed)) for seed in range(SEEDS)), key=len)
-    colors = _colors(task, node, len(rows[0]))
+        steps = min(LONGEST, LONGEST if task.horizon is None else task.horizon)
+        rows = max((_rows(task, node, expert_path(task, steps, seed)) for seed in range(SEEDS)), key=len)
+    colors, alt = _colors(task, node, len(rows[0])), f"A state of {task.name} as {len(rows[0])}"
     if len(rows[0]) <= CELLS_UP_TO:
-        alt = f"A state of {task.name} as {len(rows[0])} cells" + (
-            ", and the swaps that sort it" if len(rows) > 1 else ""
+        shown = rows if len(rows) <= ROWS else [*rows[: ROWS - 1], rows[-1]]
+        moves = "" if len(rows) == 1 else ", and how the expert changes it"
+        return fitted(
+            [*_cells(shown, colors, len(rows) - len(shown)), *_sums(rows, colors, 1.0, 1.05)], f"{alt} cells{moves}"
         )
-        return fitted(_cells(rows, colors), alt)
-    return fitted(_bars(rows[0], colors), f"A state of {task.name} as {len(rows[0])} bars")
+    items = [*_bars(rows[0], colors)]
+    notes: tuple[str, ...] = ()
+    if len(rows) > 1:
+        items += [x for item in _bars(rows[-1], colors) for x in [shifted(item, 0.0, BELOW)]]
+        notes = (f"Above a first state, below what the expert has made of it after {len(rows) - 1} changes.",)
+    return fitted([*items, *_sums(rows, colors, _step(len(rows[0])), 0.35)], f"{alt} bars", notes)
 
 
 def _rows(task: Task, node: Node, path: list[dict[str, Any]]) -> list[Array]:
     """The vector along a path, each time that it changes."""
     rows = [at_states(task, node, reads_of(task, state), 1)[0].astype(float) for state in path]
     return [row for i, row in enumerate(rows) if i == 0 or not np.array_equal(row, rows[i - 1])]
+
+
+def _sums(rows: list[Array], colors: list[Role], step: float, y: float) -> Iterator[Label]:
+    """Where two parts of a vector have colours of their own, the sum of each, and how they compare."""
+    parts = [[i for i, color in enumerate(colors) if color == role] for role in ("accent", "second")]
+    if len(rows) > 1 or not all(parts):
+        return
+    first, second = (float(rows[0][part].sum()) for part in parts)
+    sign = "=" if first == second else "<" if first < second else ">"
+    middles = [(min(part) + max(part) + 1) / 2 * step for part in parts]
+    between = sum(middles) / 2
+    texts = [m.Row((m.Words("sum "), m.Num(f"{x:.4g}".replace("-", "−")))) for x in (first, second)]
+    if middles[1] - middles[0] < sum(text_width(t, LETTERS) for t in texts) / 2 + 0.6:
+        middles = [between - 0.4 - text_width(texts[0], LETTERS) / 2, between + 0.4 + text_width(texts[1], LETTERS) / 2]
+    for at, text in zip(middles, texts, strict=True):
+        yield Label((at, y), text, LETTERS)
+    yield Label((between, y), m.Sym(sign), LETTERS)
 
 
 def _vector(task: Task) -> Node | None:
@@ -67,8 +100,9 @@ def _colors(task: Task, node: Node, count: int) -> list[Role]:
 
 
 def _bars(values: Array, colors: list[Role]) -> Iterator[Item]:
-    """Bars of equal width above a line."""
-    step = min(0.3, 7.0 / len(values))
+    """Bars of equal width above a line; of very many values means of neighbours."""
+    values, colors = _binned(values, colors)
+    step = _step(len(values))
     scale = 2.0 / (float(np.abs(values).max()) or 1.0)
     for i, (value, color) in enumerate(zip(values.tolist(), colors, strict=True)):
         top = -scale * max(value, 0.0)
@@ -76,16 +110,31 @@ def _bars(values: Array, colors: list[Role]) -> Iterator[Item]:
     yield Line(((-0.1, 0.0), (len(values) * step + 0.02, 0.0)), color="muted")
 
 
-def _cells(rows: list[Array], colors: list[Role]) -> Iterator[Item]:
-    """Rows of cells, shaded by value, with arrows for elements that moved."""
+def _binned(values: Array, colors: list[Role]) -> tuple[Array, list[Role]]:
+    """At most about `MOST_BARS` values: means of as many neighbours each, which share a colour."""
+    size = -(-len(values) // MOST_BARS)
+    runs = [list(run) for _, run in groupby(range(len(values)), key=lambda i: colors[i])]
+    bins = [run[i : i + size] for run in runs for i in range(0, len(run), size)]
+    return np.array([values[b].mean() for b in bins]), [colors[b[0]] for b in bins]
+
+
+def _step(count: int) -> float:
+    """How far bars lie apart."""
+    return min(0.3, 7.0 / count)
+
+
+def _cells(rows: list[Array], colors: list[Role], left_out: int) -> Iterator[Item]:
+    """Rows of cells, shaded by value, with arrows for elements that moved; dots before the last one for rows left out."""
     low, high = float(rows[0].min()), float(rows[0].max())
     digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2
     for r, row in enumerate(rows):
         for i, value in enumerate(row.tolist()):
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
             yield Box((i * 1.0, r * 1.5), 1.0, 0.8, colors[i], "paper", shade=shade)
-            yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(f"{value:.{digits}f}".replace("-", "−")), 0.28)
-        if r + 1 < len(rows):
+            yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(f"{value:.{digits}f}".replace("-", "−")), LETTERS)
+        if left_out and r + 2 == len(rows):
+            yield Label((len(row) / 2, r * 1.5 + 1.15), m.Words("⋮"), 0.42)
+        elif r + 1 < len(rows):
             for i, value in enumerate(row.tolist()):
                 j = _where(rows[r + 1], value)
                 if j is not None and j != i:

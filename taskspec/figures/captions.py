@@ -95,11 +95,13 @@ class Captions:
         hidden = any(t.source == t.target and not t.ends for t in self.machine.transitions)
         if hidden and not shows_loops:
             yield "Where no arrow leads on, the state stays."
+        if self.machine.timed:
+            yield "The time ends episodes, too."
 
     def state(self, v: int, overlay: Overlay) -> list[m.Math]:
         """Reward and value told next to a state."""
         how, by, _ = self.rewards
-        words: list[m.Math] = []
+        words: list[m.Math] = [m.Words(self.machine.starters[v])] if v in self.machine.starters else []
         if how in ("reached", "left") and by.get(v):
             words.append(m.Row((m.Ident("r"), m.Sym("="), signed(by[v]))))
         if v in overlay.values:

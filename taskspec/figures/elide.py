@@ -45,12 +45,13 @@ class Drawing:
 def drawings(machine: Machine) -> Iterator[Drawing]:
     """What may be drawn of a machine, the usual first; nothing when even its outline is too large.
 
-    The first column holds all states in which episodes start, or one of them from which the others are reached.
+    The first column holds all states in which episodes start, or one of them from which the others are reached, which
+    comes first where several roles start apart.
     """
     arcs = _arcs(machine)
     usual = _layers(machine.start, arcs)
     ones = [_layers([v], arcs) for v in list(machine.start)[:FIRSTS]] if len(machine.start) > 1 else []
-    for layers in (usual, *ones):
+    for layers in (*ones, usual) if machine.starters else (usual, *ones):
         if _is_small(layers) and set(machine.start) <= {v for layer in layers for v in layer}:
             yield Drawing(tuple(map(tuple, layers)), tuple(arcs))
     elided = None if _is_small(usual) else _elided(usual, arcs)

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 from taskspec.figures.captions import Captions
 from taskspec.figures.elide import DOTS, Arc, Drawing, Vertex, drawings
 from taskspec.figures.machine import Machine, explore
-from taskspec.figures.marks import RADIUS, shape
+from taskspec.figures.marks import RADIUS, hatched, shape
 from taskspec.figures.order import DX, DY, ordered
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.place import ARROW, STATE, along, at_loop, beside, placed
@@ -272,4 +272,7 @@ class _Graph:
             fill, shade = "accent", min(1.0, self.overlay.occupancy[v])
         if spot.rim:
             yield shape(x, y, spot.half + RIM, RADIUS + RIM, "paper", 1.0)
-        yield shape(x, y, spot.half, RADIUS, fill, shade)
+        body = shape(x, y, spot.half, RADIUS, fill, shade)
+        yield body
+        if fill == "bad":
+            yield from hatched(body, text_width(self.says.labels[v], STATE) / 2 + 0.07)

@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from taskspec.exact.model.transitions import Steps
+from taskspec.figures.board import LARGEST, Board
 from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Role, Scene, fitted, scaled
+from taskspec.figures.scene import Role, Scene, fitted, shifted
+from taskspec.figures.seen import is_noisy, seen
 from taskspec.figures.values import Reads, all_states, at_states, first_state, reads_of
-from taskspec.figures.ways import Cell, Way, chosen_ways
+from taskspec.figures.ways import Cell, chosen_ways
 from taskspec.lang.ir import Node
-from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
-CELL = 0.8
-LARGEST = 24
+SMALL = 0.44
+"""The side of a cell, in centimetres, where a part of a vast grid is drawn."""
 _COLORS: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end"}
 
 
@@ -28,7 +28,18 @@ def grid(task: Task, overlay: Overlay) -> Scene | None:
     if place is None:
         return None
     world = all_states(task)
-    return _whole(task, place, *world, overlay) if world is not None else _window(task, place, overlay)
+    drawn = _whole(task, place, *world, overlay) if world is not None else _window(task, place, overlay)
+    return _with_seen(task, drawn) if overlay.here is None and is_noisy(task) else drawn
+
+
+def _with_seen(task: Task, drawn: Scene) -> Scene:
+    """The grid, and below it what the agent sees of a first state."""
+    strip = fitted(seen(task), "", margin=0.0)
+    left = max(0.0, (strip.width - drawn.width) / 2)
+    items = [shifted(item, left, 0.0) for item in drawn.items]
+    items += [shifted(item, left + (drawn.width - strip.width) / 2, drawn.height + 0.1) for item in strip.items]
+    notes = (*drawn.notes, "Below the grid: what the agent sees at the start of an episode.")
+    return fitted(items, f"{drawn.alt}, and an observation", notes)
 
 
 def _place(task: Task) -> tuple[Node, ...] | None:
@@ -50,58 +61,11 @@ def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Role, np.ndar
             yield _COLORS[name], at_states(task, node, reads, count)
 
 
-@dataclass
-class _Board:
-    """Cells from (0, 0), to be drawn."""
-
-    columns: int
-    rows: int
-    colors: dict[Cell, Role]
-    letters: Mapping[Cell, str]
-    agents: dict[Cell, float]
-    shades: dict[Cell, float]
-    values: dict[Cell, float]
-    moves: list[tuple[Cell, Way]] = field(default_factory=list)
-    open: bool = False  # the world goes on beyond the frame
-
-    def items(self) -> Iterator[Item]:
-        for y in range(self.rows):
-            for x in range(self.columns):
-                fill = self.colors.get((x, y), "paper")
-                shade = 1.0
-                if (x, y) in self.shades and fill == "paper":
-                    fill, shade = "accent", self.shades[x, y]
-                yield Box((x * CELL, y * CELL), CELL, CELL, fill, "faint", shade=shade)
-        if not self.open:
-            yield Box((0, 0), self.columns * CELL, self.rows * CELL, None, "ink")
-        for (x, y), text in self.letters.items():
-            yield Label(((x + 0.5) * CELL, (y + 0.5) * CELL), m.Words(text), 0.3, color="muted")
-        yield from (_move(cell, way) for cell, way in self.moves)
-        for (x, y), value in self.values.items():
-            yield Label(((x + 0.5) * CELL, (y + 0.5) * CELL), m.Num(f"{value:.3g}".replace("-", "−")), 0.24)
-        for (x, y), weight in self.agents.items():
-            yield from _agent((x + 0.5) * CELL, (y + 0.5) * CELL, weight)
-
-
-def _move(cell: Cell, way: Way) -> Line:
-    """An arrow from near the middle of a cell to its edge."""
-    near, far = ((CELL * (cell[0] + 0.5 + r * way[0]), CELL * (cell[1] + 0.5 + r * way[1])) for r in (0.2, 0.48))
-    return Line((near, far), arrow=True, color="muted")
-
-
-def _agent(x: float, y: float, weight: float) -> Iterator[Item]:
-    """The agent; where it may start among several cells, faint."""
-    shade = 1.0 if weight > 0.99 else 0.35
-    yield Circle((x, y), CELL * 0.27, "ink", None, shade)
-    for side in (-1, 1):
-        yield Circle((x + side * CELL * 0.09, y - CELL * 0.05), CELL * 0.045, "paper", None)
-
-
-def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overlay: Overlay) -> Scene | None:
+def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overlay: Overlay) -> Scene:
     cells = _cells(task, place, reads, count)
-    columns, rows = (int(v) + 1 for v in cells.max(axis=0))
-    if max(columns, rows) > LARGEST or cells.min() < 0:
-        return None
+    columns, rows = (
+        range(min(0, int(low)), int(high) + 1) for low, high in zip(cells.min(0), cells.max(0), strict=True)
+    )
     colors: dict[Cell, Role] = {}
     for role, found in _marks(task, reads, count):
         points = cells[found.astype(bool)] if found.ndim == 1 else found.astype(int)[:1]
@@ -110,9 +74,9 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     agents = _agents(task, place, by_code, overlay)
     shades, values = ({by_code[c]: v for c, v in by.items()} for by in (overlay.occupancy, overlay.values))
     moves = list(chosen_ways(task, overlay.policy, by_code))
-    letters = {} if values else _letters(task, columns, rows)  # a cell has room for one of them
-    board = _Board(columns, rows, colors, letters, {} if values else agents, shades, values, moves)
-    return fitted(board.items(), f"Grid of {task.name}: {columns} columns and {rows} rows")
+    letters = {} if values else _letters(task, len(columns), len(rows))  # a cell has room for one of them
+    board = Board(columns, rows, colors, letters, {} if values else agents, shades, values, moves)
+    return fitted(board.items(), f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows", board.notes())
 
 
 def _agents(task: Task, place: tuple[Node, ...], by_code: Mapping[int, Cell], overlay: Overlay) -> dict[Cell, float]:
@@ -134,7 +98,7 @@ def _letters(task: Task, columns: int, rows: int) -> dict[Cell, str]:
     return {(x, y): char for y, line in enumerate(lines) for x, char in enumerate(line) if char != " "}
 
 
-def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene | None:
+def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
     """The part of a vast grid around one first state."""
     state = overlay.here or first_state(task)
     reads = reads_of(task, state)
@@ -142,13 +106,9 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene | No
     marks = [(role, found[0].astype(int)) for role, found in _marks(task, reads, 1) if found.shape == (1, 2)]
     points = np.array([(ax, ay), *(p for _, p in marks)])
     middle = np.round(points.mean(axis=0)).astype(int)
-    half = (
-        LARGEST // 2 if overlay.here is not None else min(LARGEST // 2, max(4, int(np.abs(points - middle).max()) + 1))
-    )
-    corner = middle - half
-    colors: dict[Cell, Role] = {(int(p[0] - corner[0]), int(p[1] - corner[1])): role for role, p in marks}
-    agents = {(int(ax - corner[0]), int(ay - corner[1])): 1.0}
-    board = _Board(2 * half + 1, 2 * half + 1, colors, {}, agents, {}, {}, open=True)
-    return fitted(
-        scaled(board.items(), 0.55), f"Part of the grid of {task.name} around the agent", ("One start of many.",)
-    )
+    half = LARGEST // 2 if overlay.here is not None else max(4, int(np.abs(points - middle).max()) + 1)
+    columns, rows = (range(int(v) - half, int(v) + half + 1) for v in middle)
+    colors: dict[Cell, Role] = {(int(p[0]), int(p[1])): role for role, p in marks}
+    board = Board(columns, rows, colors, {}, {(int(ax), int(ay)): 1.0}, open=True, cell=SMALL)
+    alt = f"Part of the grid of {task.name} around the agent"
+    return fitted(board.items(), alt, ("One start of many.", *board.notes()))

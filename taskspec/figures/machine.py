@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from taskspec.diagnostics import SpecError
 from taskspec.exact.model.transitions import Steps
+from taskspec.lang.ir import Node, Read, Role, walk
 from taskspec.limits import limits
+from taskspec.registry import load
 from taskspec.task.task import Task
 
-MAX_STATES = 300
-MAX_TRANSITIONS = 4000
+MAX_STATES = 1500
+MAX_TRANSITIONS = 20_000
+MAX_ACTIONS = 100
 MAX_CONSIDERED = 200_000
 """Outcomes that are looked at in one go: many more than a graph could show, and few enough to take a second."""
 
@@ -38,26 +41,52 @@ class Machine:
     transitions: tuple[Transition, ...]
     ending: frozenset[int]
     n_actions: int
+    starters: Mapping[int, str] = field(default_factory=dict)  # who starts where, in tasks with roles
+    timed: bool = False  # episodes end by the time as well
 
 
 def explore(task: Task) -> Machine | None:
-    """The states that episodes visit, or None when they are not few, or the time changes what happens."""
-    if not task.is_finite:
+    """The states that episodes visit, or None when they are not few, or the time changes more than when episodes end."""
+    if not task.is_finite or any(is_time(node) for root in (*task.next, task.reward) for node in walk([root])):
         return None
     try:
         steps = Steps(task)
-        if steps.branching > limits().outcomes or steps.uses_time or steps.actions.size > 12:
+        if steps.branching > limits().outcomes or steps.actions.size > MAX_ACTIONS:
             return None
-        start, weights = steps.starts()
+        starts = _starts(task, steps)
     except SpecError:
         return None
-    found = _walk(steps, start)
+    first = {code: p for by in starts.values() for code, p in by.items()}
+    found = _walk(steps, np.array(list(first)))
     if found is None:
         return None
     states, transitions = found
     ending = frozenset(t.target for t in transitions if t.ends)
-    first = dict(zip(start.tolist(), weights.tolist(), strict=True))
-    return Machine(task, first, states, transitions, ending, steps.actions.size)
+    starters = {code: f"{who} starts" for who, by in starts.items() if who for code in by}
+    return Machine(task, first, states, transitions, ending, steps.actions.size, starters, steps.uses_time)
+
+
+def is_time(node: Node) -> bool:
+    return isinstance(node, Read) and node.role is Role.TIME
+
+
+def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
+    """Probabilities of first states by who acts: of the task alone, or of each of its roles where these differ in it alone."""
+    own = _weights(steps)
+    given = {p.name: p.value for p in task.parameters if p.value != p.default}
+    found: dict[str, dict[int, float]] = {}
+    for who, key in task.roles.items():
+        other = task if key == task.variant else load(task, key, **given)
+        if (other.state, other.spec.dynamics) != (task.state, task.spec.dynamics):
+            return {"": own}
+        found[who] = own if other is task else _weights(Steps(other))
+    codes = [code for by in found.values() for code in by]
+    return found if len(set(codes)) == len(codes) and own in found.values() else {"": own}
+
+
+def _weights(steps: Steps) -> dict[int, float]:
+    start, weights = steps.starts()
+    return dict(zip(start.tolist(), weights.tolist(), strict=True))
 
 
 def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...]] | None:

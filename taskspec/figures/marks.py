@@ -3,18 +3,47 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from fractions import Fraction
 
-from taskspec.figures.scene import Box, Circle, Item, Line, Point, Role, bezier
+from taskspec.figures.scene import Box, Circle, Line, Point, Role, bezier
 from taskspec.printers import tree as m
 
 RADIUS, ROUND = 0.31, 0.2
+HATCH, RIM = 0.14, 0.03
+"""Centimetres between two lines of a hatching, and between these and the outline."""
 
 
-def shape(x: float, y: float, half: float, radius: float, fill: Role, shade: float) -> Item:
+def shape(x: float, y: float, half: float, radius: float, fill: Role, shade: float) -> Circle | Box:
     if half <= radius + 0.02:
         return Circle((x, y), radius, fill, shade=shade)
     return Box((x - half, y - radius), 2 * half, 2 * radius, fill, round=ROUND, shade=shade)
+
+
+def hatched(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
+    """Diagonal lines within a shape, so that its colour is not all that tells it apart; none within `clear` of its centre."""
+    if isinstance(item, Circle):
+        (x, y), rx, ry = item.centre, item.radius - RIM, item.radius - RIM
+    else:
+        x, y, rx, ry = (
+            item.corner[0] + item.width / 2,
+            item.corner[1] + item.height / 2,
+            item.width / 2,
+            item.height / 2,
+        )
+    count = int((rx + ry) / math.sqrt(2) / HATCH)
+    for off in (i * HATCH for i in range(-count, count + 1)):  # distances from the centre
+        rise, middle = off * math.sqrt(2), off / math.sqrt(2)
+        if isinstance(item, Circle):
+            half = math.sqrt(max(0.0, rx * rx - off * off) / 2)
+            low, high = middle - half, middle + half
+        else:
+            inset = RIM + item.round * 0.3
+            low, high = max(-rx + inset, rise - ry + inset), min(rx - inset, rise + ry - inset)
+        free = math.sqrt(max(0.0, clear * clear - off * off) / 2)
+        for start, end in ((low, middle - free), (middle + free, high)) if free else ((low, high),):
+            if end - start > 0.04:
+                yield Line(((x + start, y + rise - start), (x + end, y + rise - end)), color="paper", width=0.03)
 
 
 def number(value: object) -> m.Math:

@@ -21,7 +21,7 @@ Anchor = Literal["start", "middle", "end"]
 class Circle:
     centre: Point
     radius: float
-    fill: Role = "paper"
+    fill: Role | None = "paper"
     line: Role | None = "ink"
     shade: float = 1.0  # strength of the fill
 
@@ -128,22 +128,6 @@ def shifted(item: Item, dx: float, dy: float) -> Item:
             return replace(item, points=tuple((x + dx, y + dy) for x, y in points))
         case Label(at=(x, y)):
             return replace(item, at=(x + dx, y + dy))
-
-
-def scaled(items: Iterable[Item], factor: float) -> list[Item]:
-    """Items drawn smaller or larger."""
-    out: list[Item] = []
-    for item in items:
-        match item:
-            case Circle(centre=(x, y), radius=r):
-                out.append(replace(item, centre=(x * factor, y * factor), radius=r * factor))
-            case Box(corner=(x, y), width=w, height=h):
-                out.append(replace(item, corner=(x * factor, y * factor), width=w * factor, height=h * factor))
-            case Line(points=points):
-                out.append(replace(item, points=tuple((x * factor, y * factor) for x, y in points)))
-            case Label(at=(x, y)):
-                out.append(replace(item, at=(x * factor, y * factor), size=item.size * factor))
-    return out
 
 
 def bezier(points: tuple[Point, ...], t: float) -> Point:

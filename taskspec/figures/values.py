@@ -62,16 +62,18 @@ def _shaped(flat: tuple[Any, ...], shape: tuple[int, ...]) -> Any:
 
 
 def expert_path(task: Task, steps: int, seed: int = 0) -> list[dict[str, Any]]:
-    """States that the expert passes through, where its actions are expressions and nothing is drawn in a step."""
+    """States of an episode of the expert, where its actions are expressions and nothing is drawn in a step."""
     task = task.remembering()
     states = [first_state(task, seed)]
     nodes = task.next
-    if not isinstance(task.expert, tuple) or draws_of((*nodes, *task.expert)):
+    if not isinstance(task.expert, tuple) or draws_of((*nodes, task.terminal, *task.expert)):
         return states
     for t in range(steps):
         reads = {**reads_of(task, states[-1]), (Role.TIME, "t"): np.array([t], dtype=np.int64)}
         actions = batch.evaluate(task.expert, reads)
         chosen = {(Role.ACTION, c.name): a for c, a in zip(task.action, actions, strict=True)}
-        found = batch.evaluate(nodes, reads | chosen)
+        *found, ends = batch.evaluate((*nodes, task.terminal), reads | chosen)
         states.append({c.name: v[..., 0] for c, v in zip(task.state, found, strict=True)})
+        if bool(np.all(ends)):
+            break
     return states

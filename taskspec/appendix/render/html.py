@@ -61,8 +61,13 @@ def gallery_style() -> str:
     return html_environment().get_template("gallery.css").render()
 
 
+def page_style() -> str:
+    """CSS of pages that stand alone, with the colours on light and on dark paper."""
+    return html_environment().get_template("style.css").render()
+
+
 def _style() -> str:
-    return html_environment().get_template("style.css").render() + gallery_style() + _highlight_style()
+    return page_style() + gallery_style() + _highlight_style()
 
 
 def page_of(template: str, **values: Any) -> str:

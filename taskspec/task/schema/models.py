@@ -143,7 +143,7 @@ class Highlight(Strict):
 class FigureEntry(Strict):
     """How to draw the task; what is needed besides depends on the kind."""
 
-    kind: Literal["graph", "grid", "curve", "bars", "swaps", "vector"] = Field(description="Kind of figure.")
+    kind: Literal["graph", "matrix", "grid", "curve", "bars", "swaps", "vector"] = Field(description="Kind of figure.")
     at: Expression | None = Field(None, description="Column and row on a grid, or a point beside a curve.")
     map: str | None = Field(None, description="The constant that is a grid's map.")
     curve: Expression | None = Field(None, description="A function of the first of `at`.")

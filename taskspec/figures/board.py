@@ -1,0 +1,181 @@
+"""A board of cells as a scene: colours, letters, agents, values and moves; alike columns and rows of a large one are left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+
+from taskspec.figures.marks import hatched
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Role, text_width
+from taskspec.figures.ways import Cell, Way
+from taskspec.printers import tree as m
+
+CELL = 0.8
+LARGEST = 24
+"""Columns or rows that are drawn one by one."""
+KEPT = 2
+"""Columns that are drawn on either side of those that are left out, as they are alike."""
+WIDEST = 12.0
+"""In centimetres: the cells of boards that are larger still are as small as that needs."""
+COORDINATE, LETTER, VALUE = 0.26, 0.3, 0.24
+"""Heights of letters."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Neighbouring columns (or rows), drawn as one."""
+
+    first: int
+    last: int
+
+    @property
+    def alone(self) -> bool:
+        return self.first == self.last
+
+
+@dataclass
+class Board:
+    """Cells by column and row, of `columns` and `rows`, to be drawn."""
+
+    columns: range
+    rows: range
+    colors: Mapping[Cell, Role]
+    letters: Mapping[Cell, str]
+    agents: Mapping[Cell, float]
+    shades: Mapping[Cell, float] = field(default_factory=dict)
+    values: Mapping[Cell, float] = field(default_factory=dict)
+    moves: Sequence[tuple[Cell, Way]] = ()
+    open: bool = False  # the world goes on beyond the frame
+    cell: float = CELL
+
+    def items(self) -> list[Item]:
+        if max(len(self.columns), len(self.rows)) <= LARGEST:
+            return [*self._cells(_singly(self.columns), _singly(self.rows))]
+        across, down = (self._stretches(axis) for axis in (0, 1))
+        if max(len(across), len(down)) <= LARGEST:
+            return [*self._cells(across, down), *self._coordinates(across, 0), *self._coordinates(down, 1)]
+        return [*self._map()]
+
+    def notes(self) -> tuple[str, ...]:
+        """What a reader has to know of how the board is drawn."""
+        if max(len(self.columns), len(self.rows)) <= LARGEST:
+            return ()
+        across, down = (self._stretches(axis) for axis in (0, 1))
+        if max(len(across), len(down)) <= LARGEST:
+            return ("Dots stand for columns and rows like those beside them.",)
+        told = " Letters and results are too small to show." if self.letters or self.values or self.moves else ""
+        return (f"{len(self.columns)} columns and {len(self.rows)} rows.{told}",)
+
+    def _marked(self, axis: int) -> dict[int, set[tuple[int, object]]]:
+        """What is in columns (or rows), where there is something."""
+        marked: dict[int, set[tuple[int, object]]] = {}
+        for found in (self.colors, self.letters, self.agents):
+            for cell, mark in found.items():
+                marked.setdefault(cell[axis], set()).add((cell[1 - axis], mark))
+        return marked
+
+    def _stretches(self, axis: int) -> list[Stretch]:
+        """Columns (or rows) one by one, and those together that are alike and in the middle of such."""
+        marked = self._marked(axis)
+        out: list[Stretch] = []
+        for _, group in groupby((self.columns, self.rows)[axis], key=lambda i: marked.get(i, set())):
+            run = list(group)
+            few = len(run) <= 2 * KEPT + 1
+            out += _singly(run if few else run[:KEPT])
+            out += [] if few else [Stretch(run[KEPT], run[-KEPT - 1]), *_singly(run[-KEPT:])]
+        return out
+
+    def _cells(self, across: Sequence[Stretch], down: Sequence[Stretch]) -> Iterator[Item]:
+        for y, row in enumerate(down):
+            for x, column in enumerate(across):
+                alone = column.alone and row.alone
+                yield from self._cell(x, y, (column.first, row.first), alone)
+                if not alone:
+                    dots: m.Math = m.Words("⋮") if column.alone else m.Sym("…")
+                    yield Label(((x + 0.5) * self.cell, (y + 0.5) * self.cell), dots, LETTER, color="muted")
+        if not self.open:
+            yield Box((0, 0), len(across) * self.cell, len(down) * self.cell, None, "ink")
+        at = {
+            (c.first, r.first): (x, y) for y, r in enumerate(down) for x, c in enumerate(across) if c.alone and r.alone
+        }
+        yield from self._marks(at)
+
+    def _cell(self, x: int, y: int, cell: Cell, alone: bool) -> Iterator[Item]:
+        fill, shade = self.colors.get(cell, "paper"), 1.0
+        if cell in self.shades and fill == "paper":
+            fill, shade = "accent", self.shades[cell]
+        box = Box((x * self.cell, y * self.cell), self.cell, self.cell, fill, "faint", shade=shade)
+        yield box
+        if fill == "bad":
+            written = cell in self.values or cell in self.letters or not alone
+            yield from hatched(box, 0.3 * self.cell if written else 0.0)
+
+    def _marks(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
+        """What is in the cells that are drawn, which lie at these places."""
+        middle = {cell: ((x + 0.5) * self.cell, (y + 0.5) * self.cell) for cell, (x, y) in at.items()}
+        for cell, text in self.letters.items():
+            if cell in middle:
+                yield Label(middle[cell], m.Words(text), LETTER, color="muted")
+        yield from (self._move(at[cell], way) for cell, way in self.moves if cell in at)
+        for cell, value in self.values.items():
+            if cell in middle:
+                yield Label(middle[cell], m.Num(f"{value:.3g}".replace("-", "−")), VALUE)
+        for cell, weight in self.agents.items():
+            if cell in middle:
+                yield from agent(*middle[cell], weight, self.cell)
+
+    def _map(self) -> Iterator[Item]:
+        """Cells too small for a grid: those with a colour or a letter, and the agents."""
+        size = WIDEST / max(len(self.columns), len(self.rows))
+
+        def corner(cell: Cell) -> tuple[float, float]:
+            return (cell[0] - self.columns.start) * size, (cell[1] - self.rows.start) * size
+
+        fills: dict[Cell, Role] = {**dict.fromkeys(self.letters, "muted"), **self.colors}
+        yield from (Box(corner(cell), size, size, role, None) for cell, role in fills.items())
+        if not self.open:
+            yield Box((0, 0), len(self.columns) * size, len(self.rows) * size, None, "ink")
+        for cell, weight in self.agents.items():
+            x, y = corner(cell)
+            yield Circle((x + size / 2, y + size / 2), max(size / 2, 0.1), "ink", None, 1.0 if weight > 0.99 else 0.35)
+
+    def _coordinates(self, stretches: Sequence[Stretch], axis: int) -> Iterator[Label]:
+        """Numbers above the columns (0) or on the left of the rows (1); where they have no room, those of marked ones."""
+        texts: list[m.Math] = [_coordinate(each, axis) for each in stretches]
+        rooms = [text_width(text, COORDINATE) * 1.2 if axis == 0 else COORDINATE * 1.2 for text in texts]
+        marked, end = self._marked(axis), float("-inf")
+        for i, (each, text, room) in enumerate(zip(stretches, texts, rooms, strict=True)):
+            at = (i + 0.5) * self.cell
+            if at - room / 2 < end or (max(rooms) > self.cell and each.first not in marked):
+                continue
+            end = at + room / 2
+            if axis == 0:
+                yield Label((at, -0.25), text, COORDINATE, color="muted")
+            else:
+                yield Label((-0.15, at), text, COORDINATE, "end", color="muted")
+
+    def _move(self, cell: Cell, way: Way) -> Line:
+        """An arrow from near the middle of a cell to its edge."""
+        near, far = (
+            (self.cell * (cell[0] + 0.5 + r * way[0]), self.cell * (cell[1] + 0.5 + r * way[1])) for r in (0.2, 0.48)
+        )
+        return Line((near, far), arrow=True, color="muted")
+
+
+def _singly(numbers: Sequence[int]) -> list[Stretch]:
+    return [Stretch(i, i) for i in numbers]
+
+
+def _coordinate(each: Stretch, axis: int) -> m.Math:
+    if each.alone:
+        return m.Num(str(each.first).replace("-", "−"))
+    return m.Words("⋮") if axis else m.Sym("…")
+
+
+def agent(x: float, y: float, weight: float, cell: float = CELL) -> Iterator[Item]:
+    """The agent; where it may start among several cells, faint."""
+    shade = 1.0 if weight > 0.99 else 0.35
+    yield Circle((x, y), cell * 0.27, "ink", None, shade)
+    for side in (-1, 1):
+        yield Circle((x + side * cell * 0.09, y - cell * 0.05), cell * 0.045, "paper", None)

@@ -1,0 +1,83 @@
+"""The transitions of a finite task as a table of shades: for machines whose graph would be a knot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from taskspec.figures.captions import Captions
+from taskspec.figures.machine import Machine, explore
+from taskspec.figures.overlay import Overlay
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, text_width
+from taskspec.figures.values import reads_of
+from taskspec.printers import tree as m
+from taskspec.task.task import Task
+
+SIDE, LARGEST_CELL = 7.0, 0.55
+"""Of the table and of a cell, in centimetres."""
+LETTERS = 0.28
+MOST = 300
+"""States whose cells can still be seen."""
+LEAST_SHADE = 0.12
+HEAD_ROOM = 0.13
+"""Height of a row, in centimetres, beside which an arrow head has room."""
+
+
+def matrix(task: Task, overlay: Overlay) -> Scene | None:
+    """How likely a step of random actions leads from each state (rows) to each other (columns); None for too many states."""
+    machine = explore(task)
+    if machine is None or len(machine.states) > MOST:
+        return None
+    return _Matrix(machine, overlay).scene()
+
+
+class _Matrix:
+    def __init__(self, machine: Machine, overlay: Overlay) -> None:
+        self.machine, self.overlay, self.says = machine, overlay, Captions(machine)
+        self.place = {code: i for i, code in enumerate(sorted(machine.states))}
+        self.cell = min(LARGEST_CELL, SIDE / len(self.place))
+        self.side = self.cell * len(self.place)
+
+    def scene(self) -> Scene:
+        count, name = len(self.place), self.machine.task.name
+        told = "Shade: how likely a uniformly random action leads from the state of a row to that of a column."
+        notes = (told, "The time ends episodes, too.") if self.machine.timed else (told,)
+        alt = f"Transitions of {name} as a table: {count} states, {self.machine.n_actions} actions"
+        return fitted([*self.cells(), *self.labels(), *self.starts()], alt, notes)
+
+    def cells(self) -> Iterator[Item]:
+        total: dict[tuple[int, int], float] = {}
+        for t in self.machine.transitions:
+            key = (self.place[t.source], self.place[t.target])
+            total[key] = total.get(key, 0.0) + t.probability / self.machine.n_actions
+        for (row, column), p in total.items():
+            corner, shade = (column * self.cell, row * self.cell), min(1.0, LEAST_SHADE + (1 - LEAST_SHADE) * p)
+            yield Box(corner, self.cell, self.cell, "ink", None, shade=shade)
+        yield Box((0, 0), self.side, self.side, None, "faint")
+        if self.overlay.here is not None:
+            space, state = self.says.space, reads_of(self.machine.task, self.overlay.here)
+            here = self.place.get(int(space.encode([state[c.read] for c in self.machine.task.state], 1)[0][0]))
+            if here is not None:
+                yield Box((0, here * self.cell), self.side, self.cell, "accent", None, shade=0.4)
+
+    def labels(self) -> Iterator[Label]:
+        """Names of states on the left and above: of all where there is room, else of the first and the last."""
+        texts = [self.says.labels[code] for code in self.place]
+        last, widest = len(texts) - 1, max(text_width(text, LETTERS) for text in texts)
+        every = max(widest, LETTERS) < self.cell
+        for i, text in enumerate(texts):
+            if every or i in (0, last):
+                along = (i + 0.5) * self.cell
+                yield Label((-0.12, along), text, LETTERS, "end", "muted")
+                if every or (i == 0 or widest < 0.8 * self.side):
+                    yield Label((along, -0.22), text, LETTERS, "middle", "muted")
+        yield Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
+        yield Label((-0.35 - widest, self.side / 2), m.Words("from"), LETTERS, "end")
+
+    def starts(self) -> Iterator[Item]:
+        """Arrows to the rows in which episodes start, or dots where there is no room."""
+        for code in self.machine.start:
+            y = (self.place[code] + 0.5) * self.cell
+            if self.cell > HEAD_ROOM:
+                yield Line(((self.side + 0.5, y), (self.side + 0.06, y)), arrow=True, color="muted")
+            else:
+                yield Circle((self.side + 0.1, y), 0.05, "muted", None)

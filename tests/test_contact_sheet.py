@@ -1,0 +1,194 @@
+"""Figures of every task at small, usual and large parameters, measured with the letters of a real font, and the sheet of them."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from itertools import combinations
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextPath
+
+from taskspec import registry
+from taskspec.exact import extract
+from taskspec.figures import scene, undrawn
+from taskspec.figures.raster import FONTS, mathtext
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
+from taskspec.printers.plain import plain
+from taskspec.task.task import Task
+
+
+def _contact() -> ModuleType:
+    found = importlib.util.spec_from_file_location("contact", Path(__file__).parent.parent / "docs" / "contact.py")
+    assert found is not None
+    assert found.loader is not None
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+CONTACT = _contact()
+FONT = FontProperties(family=FONTS)
+Frame = tuple[float, float, float, float]
+
+
+def letters(label: Label) -> Frame:
+    """Left, top, right, bottom of the ink of a label, in centimetres."""
+    (x, y), path = label.at, TextPath((0, 0), mathtext(label.text), size=label.size, prop=FONT).get_extents()
+    left = {"start": x, "middle": x - path.width / 2, "end": x - path.width}[label.anchor]
+    base = y + 0.34 * label.size
+    return left, base - path.y1, left + path.width, base - path.y0
+
+
+def extent(item: Item) -> Frame:
+    match item:
+        case Label():
+            return letters(item)
+        case Circle(centre=(x, y), radius=r):
+            return x - r, y - r, x + r, y + r
+        case Box(corner=(x, y), width=w, height=h):
+            return x, y, x + w, y + h
+        case Line(points=points):
+            ends = (points[0], points[-1]) if item.curved else points
+            return min(x for x, _ in ends), min(y for _, y in ends), max(x for x, _ in ends), max(y for _, y in ends)
+
+
+def overlapping(found: Scene) -> list[tuple[str, str]]:
+    """Labels whose letters lie over one another."""
+    boxes = [(plain(x.text), letters(x)) for x in found.items if isinstance(x, Label)]
+    return [
+        (a, b) for (a, p), (b, q) in combinations(boxes, 2)
+        if p[0] < q[2] and q[0] < p[2] and p[1] < q[3] and q[1] < p[3]
+    ]  # fmt: skip
+
+
+def outside(found: Scene) -> list[Item]:
+    frames = [(item, extent(item)) for item in found.items]
+    return [item for item, (x0, y0, x1, y1) in frames
+            if min(x0, y0) < -1e-6 or x1 > found.width + 1e-6 or y1 > found.height + 1e-6]  # fmt: skip
+
+
+def words(found: Scene) -> str:
+    return " ".join(plain(x.text) for x in found.items if isinstance(x, Label))
+
+
+@pytest.mark.parametrize("name", CONTACT.drawn_names())
+def test_figures_are_drawn_and_can_be_read(name: str) -> None:
+    settings = list(CONTACT.shown([name]))
+    assert len(settings) >= (3 if len(settings[0][1]) and "Parabola" not in name else 1)
+    for task, setting in settings:
+        found = scene(task)
+        assert found is not None, setting
+        assert undrawn(task) == (), setting
+        assert overlapping(found) == [], setting
+        assert outside(found) == [], setting
+
+
+def test_overlaps_are_found() -> None:
+    """The test above would see labels that lie over one another, or leave the frame."""
+    word = scene(registry.load("derail/RiskyPath-v0"))
+    assert word is not None
+    first = next(x for x in word.items if isinstance(x, Label))
+    assert overlapping(Scene(9, 9, (first, first), "")) != []
+    assert outside(Scene(0.1, 0.1, (first,), "")) == [first]
+
+
+def test_a_figure_without_room_says_so() -> None:
+    huge = registry.load("derail/Branching-v0", L=1000, B=100)
+    found = scene(huge)
+    assert found is not None
+    assert "100,001 states and 100 actions" in words(found)
+    assert "No graph is drawn" in words(found)
+    assert overlapping(found) == outside(found) == []
+    (warning,) = undrawn(huge)
+    assert warning.code == "W523"
+
+
+def task(name: str, **values: object) -> Task:
+    return registry.load(f"{name}-v0", **values)
+
+
+def drawn(name: str, **values: object) -> Scene:
+    found = scene(task(name, **values))
+    assert found is not None
+    return found
+
+
+def test_a_cliff_of_a_hundred_cells_keeps_its_ends() -> None:
+    found = drawn("seals/CliffWorldLarge")
+    told = words(found).split()
+    assert {"0", "1", "2", "97", "98", "99"} <= set(told)
+    assert "50" not in told
+    assert sum(isinstance(x, Box) and x.fill == "good" for x in found.items) == 1
+
+
+def test_goal_and_agent_are_in_the_picture_at_any_distance() -> None:
+    for distance in (1, 10, 100):
+        found = drawn("derail/ProcGoal", D=distance)
+        assert any(isinstance(x, Box) and x.fill == "good" for x in found.items)
+        assert any(isinstance(x, Circle) and x.fill == "ink" for x in found.items)
+        assert outside(found) == []
+
+
+def test_the_expert_sorts_lists_of_every_length() -> None:
+    found = drawn("derail/Sort", L=30)
+    bars = [x for x in found.items if isinstance(x, Box) and x.fill == "accent"]
+    last = [x.height for x in bars[30:]]
+    assert [x.height for x in bars[:30]] != last
+    assert last == sorted(last)
+
+
+def test_halves_are_compared() -> None:
+    found = drawn("derail/LargestSum", L=3)
+    numbers = [float(x) for x in re.findall(r"\d+\.\d+", words(found))]
+    sums = sum(numbers[:3]), sum(numbers[3:6])
+    assert numbers[6:] == pytest.approx(sums, abs=0.03)
+    assert (" < " in words(found)) == (sums[0] < sums[1])
+
+
+def test_both_starts_are_on_one_tree() -> None:
+    for name in ("InitShiftExpert", "InitShiftLearner", "InitShiftLearnerSeals"):
+        told = words(drawn(f"derail/{name}"))
+        assert "expert starts" in told
+        assert "learner starts" in told
+        assert {"0", "1", "2", "3", "4", "5", "6"} <= set(told.split())
+
+
+def test_what_is_seen_through_noise_is_drawn() -> None:
+    for length in (1, 20, 60):
+        found = drawn("derail/NoisyObs", L=length)
+        assert sum(isinstance(x, Box) and x.fill == "second" for x in found.items) == length
+    assert {"x", "y", "z"} <= set(words(found).split())
+
+
+def test_tables_of_transitions_show_each_transition() -> None:
+    one = task("seals/RandomTransition", S=12, A=2)
+    model = extract(one)
+    found = scene(one)
+    assert found is not None
+    cells = {(round(x.corner[1] / 0.55, 3), round(x.corner[0] / 0.55, 3)): x.shade
+             for x in found.items if isinstance(x, Box) and x.fill == "ink"}  # fmt: skip
+    step = model.step(0).going.toarray().reshape(2, len(model.codes), len(model.codes)).mean(0)
+    assert len(cells) == (step > 0).sum()
+    assert max(cells.values()) == pytest.approx(0.12 + 0.88 * step.max())
+
+
+@pytest.mark.parametrize("name", ["seals/CliffWorld", "derail/RiskyPath", "derail/InitShiftExpert"])
+def test_what_is_bad_is_hatched(name: str) -> None:
+    """Green and red cannot be told apart by everyone."""
+    found = drawn(name)
+    bad = [extent(x) for x in found.items if isinstance(x, Box | Circle) and x.fill == "bad"]
+    lines = [extent(x) for x in found.items if isinstance(x, Line) and x.color == "paper"]
+    assert bad
+    for x0, y0, x1, y1 in bad:
+        assert sum(x0 <= a and y0 <= b and c <= x1 and d <= y1 for a, b, c, d in lines) >= 3
+
+
+def test_the_sheet_shows_every_setting_three_times() -> None:
+    text = CONTACT.sheet(["derail/RiskyPath-v0", "derail/Sort-v0"])
+    assert text.count("<svg xmlns") == 3 * (1 + 4)
+    assert text.count('<td class="deuteranopic">') == 5
+    assert re.search(r"\.dark \{[^}]*--good: #2f6b3c", text)
