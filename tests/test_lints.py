@@ -80,6 +80,7 @@ FAULTS: dict[str, tuple[str, dict[str, Any]]] = {
     "stop past the end": ("W514", pays("sum(v[:7])")),
     "start before the beginning": ("W514", pays("sum(v[-7:])")),
     "in a noise": ("W514", {"noise": {"z": "Bernoulli(1 / (1 + sum(v[:7])))"}} | pays("z")),
+    "nothing between the ends": ("W514", pays("sum(v[3:1])")),
     "in a definition": ("W514", {"definitions": {"most": "max(v[2:9])"}} | pays("most")),
     "overlap": ("W515", pays("(sum(v[:4]) > sum(v[3:]))")),
     "gap": ("W515", pays("(sum(v[:3]) > sum(v[4:]))")),

@@ -169,7 +169,7 @@ def domain_words(c: Component | Parameter) -> str:
     else:
         labels, kind = (None if c.domain is None else label_words(c.domain)), str(c.type.kind)
         shape = f"[{', '.join(map(str, c.type.shape))}]" if c.type.shape else ""
-        low, high = min(c.low), max(c.high)
+        low, high = c.least, c.most
     if labels is not None:
         return " | ".join(map(str, labels)) + shape
     if kind == "bool":

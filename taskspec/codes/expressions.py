@@ -105,7 +105,8 @@ dir': (dir + 1) % 4    # right
         "shapes that do not fit together",
         """
 Once the parameters are bound, every value has a fixed shape: `()` for a number, `(n,)` for a
-vector, `(n, m)` for a matrix. Two shapes fit when they are equal, or when one of them is `()`.
+vector, `(n, m)` for a matrix. Two shapes fit when they are equal, or when one of them is `()`. A vector
+of shape `(0,)` has neither a smallest nor a largest element.
 
 ```yaml
 dynamics: {pos': "pos + (1, 0, 0)"}    # wrong when pos has two components
@@ -223,7 +224,7 @@ initial: {x: "UniformInt(0, 999, shape=4)"}             # right: the same law
         """
 A vector of `n` components has the indices `0` to `n - 1`, and `-n` to `-1` counted from the end. An
 index that is known before the task runs must be one of them; one that depends on the state is moved
-to the nearest end, `0` where it is negative.
+to the nearest end, `0` where it is negative. A vector without elements has no index at all.
 
 ```yaml
 reward: x[3]    # wrong when x has three components

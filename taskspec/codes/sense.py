@@ -138,7 +138,8 @@ int it would be exact, and the task might have an exact model; or a factor has b
         "slice-past-end",
         "a slice that goes past the end",
         """
-A slice asks for more elements than the vector has, and silently gets fewer: `v[:9]` of a vector of 5 is all of `v`.
+A slice asks for more elements than the vector has, and silently gets fewer: `v[:9]` of a vector of 5 is all of `v`. Or its ends
+are numbers between which there is nothing: `v[3:1]`.
 """,
     ),
     Code(

@@ -51,7 +51,8 @@ def _flat(c: Component, value: Any) -> Any:
     if isinstance(value, str):
         return _label(c, c.domain, value)
     array = np.asarray(value)
-    if array.shape != c.type.shape or array.dtype.kind not in "biuf":
+    fits = array.shape == c.type.shape or array.size == c.type.size == 0
+    if not fits or array.dtype.kind not in "biuf":
         raise StateError(f"E709: {c.name} needs {_needs(c)}, not {value!r}")
     flat = array.ravel().tolist()
     items = tuple(_element(c, item, low, high) for item, low, high in zip(flat, c.low, c.high, strict=True))
@@ -82,7 +83,7 @@ def _needs(c: Component) -> str:
         return f"one of {', '.join(c.domain.labels)}"
     shape = f" of shape {list(c.type.shape)}" if c.type.shape else ""
     kind = {Kind.BOOL: "true or false", Kind.INT: "an int", Kind.REAL: "a real number"}[c.type.kind]
-    bounds = "" if c.type.kind is Kind.BOOL else f" between {min(c.low):g} and {max(c.high):g}"
+    bounds = "" if c.type.kind is Kind.BOOL or not c.type.size else f" between {c.least:g} and {c.most:g}"
     return f"{kind}{shape}{bounds}"
 
 

@@ -80,9 +80,9 @@ def _vector(task: Task) -> Node | None:
     """The vector that the figure names, else the first component of the state that is one."""
     if task.figure is not None and task.figure.values is not None:
         node = task.figure.values
-        return node if len(node.type.shape) == 1 else None
+        return node if len(node.type.shape) == 1 and node.type.size else None
     b = task.builder
-    vectors = (b.read(*c.read, c.type, min(c.low), max(c.high)) for c in task.state if len(c.type.shape) == 1)
+    vectors = (b.read(*c.read, c.type, c.least, c.most) for c in task.state if len(c.type.shape) == 1 and c.type.size)
     return next(vectors, None)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from functools import partial
 
+from taskspec.lang import excluded
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Const, Node
@@ -20,19 +21,30 @@ def select(
     scope: Scope,
     want: Domain | None,
 ) -> Value:
-    """The first branch whose condition holds."""
+    """The first branch whose condition holds; one that parameters exclude may be without a value."""
     branches = tuple(branches)
     conditions = checker.each([(lambda c=c: checker.condition(c, scope)) for c, _ in branches])  # type: ignore[misc]
     exprs = [*(e for _, e in branches), otherwise]
-    nodes, domain = unify(checker, values(checker, exprs, scope, want), exprs, want)
-    result = nodes[-1]
-    for condition, node in zip(reversed(conditions), reversed(nodes[:-1]), strict=True):
+    without = excluded.excluded([(c, node) for (c, _), node in zip(branches, conditions, strict=True)], scope)
+    jobs = [
+        partial(excluded.value if no else _value, checker, e, scope, w)
+        for e, w, no in zip(exprs, wanted(exprs, scope, want), without, strict=True)
+    ]
+    found = [(v, e, c) for v, e, c in zip(checker.each(jobs), exprs, [*conditions, None], strict=True) if v is not None]
+    nodes, domain = unify(checker, [v for v, _, _ in found], [e for _, e, _ in found], want)
+    result = nodes[-1]  # where that of `otherwise` is missing, a condition above holds
+    for (_, _, condition), node in zip(reversed(found[:-1]), reversed(nodes[:-1]), strict=True):
         result = _either(checker, condition, node, result)
     return Value(result, domain)
 
 
-def _either(checker: BaseChecker, condition: Node, node: Node, otherwise: Node) -> Node:
+def _value(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> Value | None:
+    return checker.value(expr, scope, want)
+
+
+def _either(checker: BaseChecker, condition: Node | None, node: Node, otherwise: Node) -> Node:
     """One of two values. Between vectors of different shapes a condition decides when the task is built, or it is an error."""
+    assert condition is not None  # that is `otherwise`, the last one
     shapes = {node.type.shape, otherwise.type.shape}
     if isinstance(condition, Const) and len(shapes - {()}) == 2:
         return node if condition.value else otherwise

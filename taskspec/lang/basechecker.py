@@ -25,6 +25,8 @@ class Poisoned(Exception):
 
 _OF_VALUES = ("E307", "E314", "E315", "E408")
 """Mistakes that may hang on the values of parameters: shapes, sizes, ranges."""
+_WITHOUT_VALUE = ("E307", "E315", "E401", "E402", "E407", "E408")
+"""Those of expressions that have no value for some parameters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,7 @@ class BaseChecker(ABC):
         no meaning of its own."""
         self.parameters: dict[str, Any] = {}
         """The values of the parameters, for messages."""
+        self._lenient = False
         self._expanded = 0
         self._times = 1  # how often the present expression is written out by comprehensions around it
 
@@ -99,8 +102,6 @@ class BaseChecker(ABC):
 
     def stack(self, nodes: list[Node], expr: s.Expr) -> Node:
         """A vector of elements, which must be of one shape."""
-        if not nodes:
-            self.fail("E307", expr, "a vector needs at least one element")
         shapes = {n.type.shape for n in nodes}
         if len(shapes) > 1:
             self.fail("E307", expr, "the elements of this vector have different shapes",
@@ -135,7 +136,18 @@ class BaseChecker(ABC):
             self.fail("E306", expr, f"{what} must be an int, not {_article(node.type)}")
         return int(node.value)
 
+    @contextmanager
+    def lenient(self, on: bool = True) -> Iterator[None]:
+        """What has no value for these parameters is given up inside without a report; what a name stands for is not meant."""
+        before, self._lenient = self._lenient, on
+        try:
+            yield
+        finally:
+            self._lenient = before
+
     def fail(self, code: str, expr: s.Expr | s.Slice, message: str, hint: str | None = None) -> NoReturn:
+        if self._lenient and code in _WITHOUT_VALUE:
+            raise Poisoned
         self.collector.add(code, expr.place, message, hint, self._values(expr) if code in _OF_VALUES else ())
         raise Poisoned
 

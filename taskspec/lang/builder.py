@@ -61,19 +61,17 @@ class Builder:
         kind = Kind.BOOL if isinstance(value, bool) else Kind.INT if isinstance(value, int) else Kind.REAL
         return self.const(value, Type(kind))
 
-    def read(
-        self,
-        role: Role,
-        name: str,
-        type: Type,
-        low: float = -INF,
-        high: float = INF,
-    ) -> Node:
+    def read(self, role: Role, name: str, type: Type, low: float = -INF, high: float = INF) -> Node:
+        """The present value of something; nothing is left to read of what has no elements."""
+        if not type.size:
+            return self.const((), type)
         return self._intern((Read, role, name, type, low, high), lambda: Read(role, name, type, low, high))
 
     def draw(self, base: str, args: Sequence[Node], type: Type) -> Node:
         """A new draw: never shared with another."""
         self.check_size(type.shape)
+        if not type.size:
+            return self.const((), type)  # which takes no words
         site = self._sites = self._sites + 1
         # Kept, as all nodes are: what is known of a node is filed under its id, which must not be given to another.
         made = self._intern((Draw, site), lambda: Draw(base, tuple(args), type, site))
@@ -117,6 +115,8 @@ class Builder:
         if isinstance(result, str):
             raise Refused(result, "E307" if "shape" in result else "E306")
         self.check_size(result.shape)
+        if not result.size:
+            return self.const((), result)
         rational = folding.rational(op, args, result)
         if rational is not None:
             return self._of(rational, result)
@@ -135,11 +135,15 @@ class Builder:
         return self._kept(key, args, self._arranged(name, args, static))
 
     def _arranged(self, name: str, args: Sequence[Node], static: tuple[int, ...]) -> Node:
+        if not args:  # the kind that all others are promoted from
+            return self.const((), Type(Kind.BOOL, (0,)))
         if name in ("vector", "concat"):
             kind = join(*(a.type.kind for a in args))
             args = [self._operand(a, kind) for a in args]
         result = STRUCTURES[name].rule(tuple(a.type for a in args), static)
         self.check_size(result.shape)
+        if not result.size:
+            return self.const((), result)
         if all(isinstance(a, Const) for a in args):
             return self._of(folding.folded(name, args, static, result), result)
         simpler = self._rearranged(name, args, static)
@@ -178,7 +182,9 @@ class Builder:
         return self.structure("fill", [node], shape)
 
     def within(self, node: Node, low: float, high: float) -> Node:
-        """An int moved to the nearest of low, ..., high, unless it is certain to be one of them."""
+        """An int moved to the nearest of low, ..., high, unless it is certain to be one of them; refused where there are none."""
+        if low > high and node.type.size:
+            raise Refused("a vector without elements has no index", "E315")
         least, most = self.certain(node)
         if least < low:
             node = self.apply("max2", node, self.scalar(int(low)))
@@ -329,6 +335,8 @@ class Builder:
                 return first
             case "reshape", _ if static == first.type.shape:
                 return first
+            case "concat", _ if len(filled := [a for a in args if a.type.size]) < len(args):
+                return self.structure("concat", filled)
             case "concat", _ if len(args) == 1:
                 return first
             case "index", _ if isinstance(args[1], Const) and args[1].type.is_scalar:

@@ -209,8 +209,8 @@ def static_shape(checker: BaseChecker, expr: s.Expr, scope: Scope) -> Shape:
     if node.type.kind is Kind.REAL or len(node.type.shape) > 1 or node.type.size > 4:
         checker.fail("E306", expr, "a shape is an int or a list of a few ints")
     shape = tuple(int(n) for n in node.flat)
-    if any(n < 1 for n in shape):
-        checker.fail("E307", expr, f"a shape needs sizes of at least 1, not {list(shape)}")
+    if any(n < 0 for n in shape):
+        checker.fail("E307", expr, f"a shape is made of sizes, not {list(shape)}")
     return shape
 
 
@@ -247,7 +247,7 @@ def _check_parameters(checker: BaseChecker, dist: dists.Dist, nodes: dict[str, N
     """Refuse impossible constants at once; values that depend on the state are checked by enumeration."""
     for argument in dist.arguments:
         node = nodes[argument.name]
-        if isinstance(node, Const):
+        if isinstance(node, Const) and node.type.size:
             _check_argument(checker, dist, argument, node, expr)
     match nodes:
         case {"low": Const(value=bottom, type=Type(shape=())), "high": Const(value=top, type=Type(shape=()))} if (

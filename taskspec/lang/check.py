@@ -124,7 +124,8 @@ class Checker(BaseChecker):
             case Value():
                 return binding
             case Lazy(resolve=resolve):
-                return resolve(expr)
+                with self.lenient(False):
+                    return resolve(expr)
             case FunctionDef(arguments=arguments):
                 self.fail("E304", expr, f"'{expr.id}' is a function of {', '.join(arguments)}; call it")
             case Unavailable(code=code, message=message, hint=hint):

@@ -107,7 +107,7 @@ def _gamma(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 def _geometric(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     """One more than an index with the probabilities of so many failures; the last one stands for all that are rarer than RARE."""
     p = b.cast(a["p"], Kind.REAL)
-    least = min(map(float, p.flat)) if isinstance(p, Const) else b.bounds(p)[0]
+    least = min(map(float, p.flat), default=1.0) if isinstance(p, Const) else b.bounds(p)[0]
     most = Limits.waiting if isinstance(p, Const) else Limits.trials
     counts = 1 if least >= 1 else math.inf if least <= 0 else 2 + math.log(RARE) / math.log1p(-least)
     if counts >= most + 1:
@@ -216,7 +216,7 @@ def _is_all(value: float, *names: str) -> Callable[[Mapping[str, Node | None]], 
 
     def test(given: Mapping[str, Node | None]) -> bool:
         found = (given.get(name) for name in names)
-        return any(isinstance(n, Const) and all(v == value for v in n.flat) for n in found)
+        return any(isinstance(n, Const) and n.flat and all(v == value for v in n.flat) for n in found)
 
     return test
 
@@ -260,7 +260,7 @@ DISTS: dict[str, Dist] = {
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
         Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
              r"\operatorname{Bernoulli}({p})", _is_sure, samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
-        Dist("Binomial", (Argument("n", static=True, low=1), _P), _binomial,
+        Dist("Binomial", (Argument("n", static=True, low=0), _P), _binomial,
              "Number of successes in `n` trials that each succeed with probability `p`.",
              r"\operatorname{Binomial}({n}, {p})", _is_sure,
              samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),
@@ -280,10 +280,10 @@ DISTS: dict[str, Dist] = {
         Dist("Beta", (Argument("a", low=0, open=True), Argument("b", low=0, open=True)), _beta,
              "A real between 0 and 1 with mean `a / (a + b)`.", r"\operatorname{Beta}({a}, {b})",
              samples=({"a": 2, "b": 5}, {"a": 0.5, "b": 0.25})),
-        Dist("Permutation", (Argument("n", static=True, low=1),), _permutation,
+        Dist("Permutation", (Argument("n", static=True, low=0),), _permutation,
              "A uniform permutation of 0, ..., n - 1; `shape=` gives one in each place.",
              r"\operatorname{Perm}({n})", _is_all(1, "n"), samples=({"n": 5}, {"n": 1})),
-        Dist("Subset", (Argument("n", static=True, low=1), Argument("k", static=True, low=0)), _subset,
+        Dist("Subset", (Argument("n", static=True, low=0), Argument("k", static=True, low=0)), _subset,
              "`n` conditions of which `k` hold, all choices of `k` alike; `shape=` gives one choice in each place.",
              r"\operatorname{Subset}({n}, {k})", lambda given: _is_all(0, "k")(given) or given["n"] is given["k"],
              samples=({"n": 5, "k": 2}, {"n": 3, "k": 3})),

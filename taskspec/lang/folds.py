@@ -41,4 +41,4 @@ def folded(checker: BaseChecker, expr: s.Call, scope: Scope, apply: Applied) -> 
     nodes = [checker.number_of(v) for v in found]
     if len({n.type.shape for n in nodes}) > 1:
         checker.fail("E307", expr, "the values on the way have different shapes")
-    return Value(checker.builder.structure("vector", nodes))
+    return Value(checker.stack(nodes, expr))

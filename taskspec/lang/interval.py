@@ -89,6 +89,8 @@ def _tidy(edge: Interval, kind: Kind) -> Interval:
 
 
 def _constant(node: Const) -> Range:
+    if not node.type.size:
+        return Range(*_tidy((0, 0), node.type.kind))
     if node.type.kind is not Kind.REAL:  # a table may have a million of them
         return Range(*_tidy((min(node.flat), max(node.flat)), node.type.kind), True)
     flat = [plain(v) for v in node.flat]

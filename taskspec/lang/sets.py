@@ -43,6 +43,8 @@ def uniform(
     b = checker.builder
     table, domain = _table(checker, expr, scope, want)
     count = table.type.shape[0]
+    if not count:
+        checker.fail("E407", expr, "this set is empty")
     index = b.draw("index", (b.scalar(count),), Type(Kind.INT))
     return Value(b.structure("index", [table, index]), domain)
 
@@ -72,11 +74,15 @@ def member(checker: BaseChecker, value: Value, left: s.Expr, right: s.Expr, scop
         right = s.Comprehension(x, (s.Clause(("x",), right, ()),), True, right.place)
     if not isinstance(right, s.SetOf | s.Comprehension) or (isinstance(right, s.Comprehension) and not right.is_set):
         checker.fail("E306", right, "`in` needs a set written out: `x in {a, b}`")
+    if isinstance(right, s.SetOf) and not right.items:
+        return b.scalar(False)
     table, domain = _table(checker, right, scope, value.domain)
     node = value.node
     if domain is None or domain != value.domain:  # numbers, or what labels stand for in arithmetic
         check_comparable(domain, value.domain)
         node, table = checker.number_of(value), checker.number_of(Value(table, domain))
+    if not table.type.shape[0]:
+        return b.scalar(False)
     if node.type.shape != table.type.shape[1:]:
         checker.fail("E307", left, f"{node.type} cannot be an element of this set")
     if node.type.is_scalar:
@@ -151,7 +157,7 @@ def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Po
         columns = {name: rows[keep] for name, rows in columns.items()}
         count = int(keep.sum())
     if count == 0:
-        checker.fail("E407", expr, "this set is empty")
+        return _Points(np.zeros((0,), np.bool_))
     value = checker.value(expr.element, inner)
     rows = _over(checker, value.node, columns, expr.element)
     _, first = np.unique(rows, axis=0, return_index=True)

@@ -18,7 +18,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.late import varies
 from taskspec.lang.scope import Scope
-from taskspec.lang.types import Kind, Refused, Shape, Type
+from taskspec.lang.types import Kind, Shape, Type
 
 
 def subscript(checker: BaseChecker, expr: s.Subscript, scope: Scope) -> Node:
@@ -87,8 +87,8 @@ def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Nod
                 checker.fail(
                     "E315",
                     expr,
-                    f"index {i} is outside a vector of {length}",
-                    f"indices go from 0 to {length - 1}",
+                    f"index {i} is outside a vector of {length or 'no'} element{'s' * (length != 1)}",
+                    f"indices go from 0 to {length - 1}" if length else None,
                 )
         return checker.builder.position(node, length)
     return moved(checker, node, length, expr)
@@ -128,6 +128,4 @@ def _slice_bounds(checker: BaseChecker, index: s.Slice, length: int, scope: Scop
     if parts[2] == 0:
         checker.fail("E315", index, "the step of a slice cannot be 0")
     chosen = range(length)[slice(*parts)]
-    if not chosen:
-        raise Refused("this slice is empty", "E315")
     return chosen.start, len(chosen), chosen.step

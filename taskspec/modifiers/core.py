@@ -60,7 +60,7 @@ def with_state(task: Task, added: Sequence[AddedState]) -> Task:
 
 def present(task: Task, c: Component, role: Role = Role.STATE) -> Node:
     """The present value of a component."""
-    return task.builder.read(role, c.name, c.type, min(c.low), max(c.high))
+    return task.builder.read(role, c.name, c.type, c.least, c.most)
 
 
 def inside(task: Task, c: Component) -> Node:

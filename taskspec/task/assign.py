@@ -49,6 +49,8 @@ def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
         raise Refused(message, "E306", "compare it, e.g. `x > 0`" if c.type.kind is Kind.BOOL else _whole(expr, c))
     b = checker.builder
     node = b.held(b.stretch(b.cast(node, c.type.kind), c.type.shape))
+    if not node.type.size and not c.type.size:  # `[...]` with no element has one axis
+        node = b.structure("reshape", [node], c.type.shape)
     if node.type.shape != c.type.shape:
         message = f"'{c.name}' has shape {list(c.type.shape)}, but this has {list(node.type.shape)}"
         raise Refused(message, "E307")

@@ -128,7 +128,7 @@ def _all(components: Sequence[Component], rows: Array) -> list[Array]:
         for low, n in reversed(list(zip(c.low, c.counts, strict=True))):
             rest, digit = np.divmod(rest, n)
             digits.append(digit + int(low))
-        found.append(np.stack(digits[::-1]).reshape(*c.type.shape, len(rows)).astype(DTYPES[c.type.kind]))
+        found.append(np.array(digits[::-1]).reshape(*c.type.shape, len(rows)).astype(DTYPES[c.type.kind]))
     return found[::-1]
 
 

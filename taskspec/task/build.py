@@ -291,8 +291,9 @@ class _Build:
             self.collector.add("E210", self.merged.key_span((section,)), f"`{section}:` names no component", hint)
         scope = self.context.constant_scope("domains are fixed")
         found = [self.context.declare.component((section, name), scope) for name in self.data[section]]
-        size = sum(c.type.size for c in found if c is not None)
-        self.context.declare.fits(size, self.merged.key_span((section,)), f"`{section}:`")
+        size, place = sum(c.type.size for c in found if c is not None), self.merged.key_span((section,))
+        least = int(section != "memory" and bool(found) and None not in found)
+        self.context.declare.fits(size, place, f"`{section}:`", least)
         self.collector.raise_if_errors()  # without its components no section can be checked
         return tuple(c for c in found if c is not None)
 

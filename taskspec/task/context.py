@@ -63,7 +63,7 @@ class Context:
         entry = self.data[role.value].get(c.name, {})  # an abstraction has components of its own
         low, high = entry.get("low"), entry.get("high")
         ends = (low if isinstance(low, int) else -math.inf, high if isinstance(high, int) else math.inf)
-        node = self.builder.read(role, c.name, c.type, min(c.low), max(c.high))
+        node = self.builder.read(role, c.name, c.type, c.least, c.most)
         return Value(node, c.domain, ends=ends)
 
     # -- names worked out on first use ----------------------------------------------------------------------------

@@ -230,13 +230,17 @@ class Declarations:
             raise Poisoned
         return shape
 
-    def fits(self, size: int, place: Placed, what: str) -> bool:
-        """Whether the state, the action or the observation may have so many elements; reported (E314) where it may not."""
+    def fits(self, size: int, place: Placed, what: str, least: int = 0) -> bool:
+        """Whether the state, the action or the observation may have so many elements; reported (E307, E314) where it may not."""
         most = limits().width
+        if size < least:
+            self.collector.add(
+                "E307", place, f"{what} has no element for these parameters", "add one that is always there"
+            )
         if size > most:
             message = f"{what} of {count(size)} elements is too large; the limit is {most:,}"
             self.collector.add("E314", place, message, how_to_raise("width", size))
-        return size <= most
+        return least <= size <= most
 
     def _bounds(
         self, entry: Mapping[str, Any], path: Path, type_: Type, scope: Scope

@@ -188,7 +188,7 @@ def _counts(task: Task) -> Iterator[tuple[Node, float, float]]:
 def _kept(task: Task) -> Iterator[tuple[Node, float, float]]:
     for nodes in (task.initial, task.next):
         pairs = zip(task.state, nodes, strict=True)
-        yield from ((n, min(c.low), max(c.high)) for c, n in pairs if c.type.kind is Kind.INT)
+        yield from ((n, c.least, c.most) for c, n in pairs if c.type.kind is Kind.INT)
 
 
 def _names(task: Task) -> set[str]:

@@ -39,7 +39,18 @@ class Component:
     @property
     def is_finite(self) -> bool:
         """Whether it takes finitely many values, few enough to be counted without rounding."""
-        return self.type.kind is not Kind.REAL and all(abs(v) <= COUNTABLE for v in (*self.low, *self.high))
+        kept = self.type.kind is not Kind.REAL or not self.type.size
+        return kept and all(abs(v) <= COUNTABLE for v in (*self.low, *self.high))
+
+    @property
+    def least(self) -> float:
+        """The lower end of the widest range of an element; 0 where there is none."""
+        return min(self.low, default=0.0)
+
+    @property
+    def most(self) -> float:
+        """The upper end of the widest range of an element; 0 where there is none."""
+        return max(self.high, default=0.0)
 
     @property
     def counts(self) -> tuple[int, ...]:

@@ -27,7 +27,7 @@ def reach(
     Components that are declared with bounds keep them. Without a horizon, or with one of more than MAX_STEPS steps, what
     has not settled by then may be anything.
     """
-    declared = {c.name: (min(c.low), max(c.high)) for c in state}
+    declared = {c.name: (c.least, c.most) for c in state}
     if all(map(math.isfinite, (v for edge in declared.values() for v in edge))):
         return declared
     return reached(state, initial, following, horizon)
@@ -40,7 +40,7 @@ def reached(
     horizon: int | None,
 ) -> dict[str, Interval]:
     """As `reach`, with what is known of components that are declared with bounds too: never wider than declared."""
-    declared = {c.name: (min(c.low), max(c.high)) for c in state}
+    declared = {c.name: (c.least, c.most) for c in state}
     known: dict[int, Range] = {}
     found = {c.name: _within(bounds(n, known), declared[c.name]) for c, n in zip(state, initial, strict=True)}
     reads = _state_reads(following)

@@ -183,7 +183,7 @@ class SectionBuilder:
         values = {name: None if expr is None else self.checker.check(expr, scope) for name, expr in declared.items()}
         found = {name: value for name, value in values.items() if value is not None}
         size, place = sum(v.node.type.size for v in found.values()), context.merged.key_span(("observation",))
-        if not context.declare.fits(size, place, "`observation:`"):
+        if not context.declare.fits(size, place, "`observation:`", least=int(len(found) == len(declared))):
             return Observation((), ())
         edges = {name: [self._edge(name, key, v.node.type) for key in ("low", "high")] for name, v in found.items()}
         components = tuple(observed.expression(name, v, *edges[name]) for name, v in found.items())

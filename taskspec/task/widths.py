@@ -21,7 +21,7 @@ from taskspec.task.task import Component
 
 def kept(builder: Builder, c: Component, node: Node) -> Node:
     """A value of a state component, moved to the nearest end of its range if it might leave it. Of ints only."""
-    if c.type.kind is not Kind.INT or (isinstance(node, Read) and (node.role, node.name) == c.read):
+    if c.type.kind is not Kind.INT or not c.type.size or (isinstance(node, Read) and (node.role, node.name) == c.read):
         return node
     if len(set(c.low)) == len(set(c.high)) == 1:
         return builder.within(node, c.low[0], c.high[0])
@@ -51,7 +51,7 @@ def saturated(
 
 
 def _may_grow(c: Component, edge: Interval) -> bool:
-    endless = min(c.low) == -INF or max(c.high) == INF
+    endless = c.least == -INF or c.most == INF
     return c.type.kind is Kind.INT and endless and not (edge[0] >= -INT_MAX and edge[1] <= INT_MAX)
 
 

@@ -121,7 +121,7 @@ class Phase:
         rows = np.empty((count, self.row_size), np.float32)
         with np.errstate(over="ignore"):
             for (offset, node), value in zip(self.row_parts, filled, strict=True):
-                rows[:, offset : offset + node.type.size] = value.reshape(node.type.size, -1).T
+                rows[:, offset : offset + node.type.size] = value.reshape(node.type.size, value.shape[-1]).T
         return list(rows.reshape(count, *self.row_shape))
 
 
@@ -176,7 +176,7 @@ def _maximal(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
 
 def _listed(node: Node, value: Any, count: int) -> list[Any]:
     """A hoisted value for every item: Python scalars, flat tuples, or flat arrays where they are wide."""
-    flat = np.broadcast_to(value.reshape(node.type.size, -1), (node.type.size, count))
+    flat = np.broadcast_to(value.reshape(node.type.size, value.shape[-1]), (node.type.size, count))
     if node.type.is_scalar:
         return flat[0].tolist()  # type: ignore[no-any-return]
     if node.type.size > WIDE:

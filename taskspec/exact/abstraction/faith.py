@@ -76,7 +76,7 @@ def _proof(found: Abstraction) -> Faith:
 
 
 def _read(c: Component) -> Node:
-    return Read(Role.STATE, c.name, c.type, min(c.low), max(c.high))
+    return Read(Role.STATE, c.name, c.type, c.least, c.most)
 
 
 def _tested(found: Abstraction, seed: int, why: str) -> Faith:

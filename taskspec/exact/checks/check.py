@@ -55,4 +55,4 @@ class Check:
     def is_proved(self, builder: Builder) -> bool:
         """Whether bounds alone, by interval arithmetic, show that it holds everywhere."""
         low, high = builder.bounds(self.node)
-        return low >= max(self.low) and high <= min(self.high) and builder.finite(self.node)
+        return low >= max(self.low, default=low) and high <= min(self.high, default=high) and builder.finite(self.node)

@@ -68,7 +68,7 @@ def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
     """Everything that can come of some nodes that read nothing; None where there is no end to it, or too much."""
     found = draws(nodes)
     size = sum(node.type.size for node in (*nodes, *found))
-    if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / size):
+    if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / max(1, size)):
         return None
     try:
         return _enumerated(nodes, found, Chances(Reader(as_written=True)))

@@ -122,9 +122,9 @@ def hidden(case: Linted, collector: Collector) -> None:
 
 
 def _shown(case: Linted) -> list[tuple[Component, Node]]:
-    """What the spec itself says is observed."""
+    """What the spec itself says is observed, but for what has no elements."""
     seen = case.task.observation
-    return [] if seen.is_state else list(zip(seen.components, seen.nodes, strict=True))
+    return [] if seen.is_state else [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.type.size]
 
 
 def _only_value(node: Node, model: Model | None) -> Array | None:

@@ -25,7 +25,9 @@ def _whole_components(task: Task) -> list[Component]:
     """The largest set of real components that start whole and stay whole while all of them are."""
     reals = {p.name for p in task.parameters if p.kind == "real"}
     nodes = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
-    found = {c.name: c for c in task.state if c.type.kind is Kind.REAL and not _words(task, c.name) & reals}
+    found = {
+        c.name: c for c in task.state if c.type.kind is Kind.REAL and c.type.size and not _words(task, c.name) & reals
+    }
     while broken := [name for name in found if not all(_is_whole(node, found.keys()) for node in nodes[name])]:
         for name in broken:
             del found[name]

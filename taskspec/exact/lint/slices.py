@@ -43,6 +43,11 @@ def _check_ends(node: s.Subscript, cut: s.Slice, where: SectionScope, collector:
         if end is not None and at is not None and length is not None and not -length <= at <= length:
             message = f"this slice goes to {at}, but the vector has {length} elements"
             collector.add("W514", end.place, message)
+            return
+    numbers = all(end is None or not list(s.names(end)) for end in (cut.start, cut.stop, cut.step))
+    ends = [None if end is None else _constant(end, where) for end in (cut.start, cut.stop, cut.step)]
+    if numbers and length and not range(length)[slice(*ends)]:
+        collector.add("W514", cut.place, "this slice has no elements, whatever the parameters")
 
 
 def uneven(case: Linted, collector: Collector) -> None:

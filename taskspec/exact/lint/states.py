@@ -34,7 +34,8 @@ def unreachable(case: Linted, collector: Collector) -> None:
         section = ("state",) if model.task is case.task else ("abstraction", "state")
         entered = [model.states.decode(m.codes[m.connected]) for m in (model, *_partners(case, model))]
         for c in model.task.state:
-            seen = np.concatenate([e[Role.STATE, c.name].reshape(c.type.size, -1) for e in entered], 1)
+            values = [e[Role.STATE, c.name] for e in entered]
+            seen = np.concatenate([v.reshape(c.type.size, v.shape[-1]) for v in values], 1)
             if c.type.is_scalar or model.task is not case.task:  # on a map, the outer cells are often walls
                 _report(case, (*section, c.name), c, _missing(c, seen), collector)
     if case.model is None:
@@ -50,7 +51,7 @@ def _report(case: Linted, path: tuple[str, ...], c: Component, missing: list[str
 
 def _missing(c: Component, seen: Array) -> list[str]:
     """Values that a component never takes, in words; of a vector only those at the ends of its range."""
-    low, high = int(min(c.low)), int(max(c.high))
+    low, high = int(c.least), int(c.most)
     if high - low >= 100_000 or not seen.size:
         return []
     every = np.arange(low, high + 1)
@@ -90,7 +91,7 @@ def _beyond(case: Linted, collector: Collector) -> None:
 
 
 def _unused_ends(c: Component, found: Interval) -> Iterator[str]:
-    low, high = min(c.low), max(c.high)
+    low, high = c.least, c.most
     if not np.isfinite([low, high]).any():
         return
     slack = SLACK * max([1.0, *(abs(v) for v in found if np.isfinite(v))])

@@ -30,7 +30,7 @@ def forgotten(case: Linted, collector: Collector) -> None:
     task = case.task
     if task.memory is None:
         return
-    nexts = {c.name: node for c, node in zip(task.memory.components, task.memory.next, strict=True)}
+    nexts = {c.name: node for c, node in zip(task.memory.components, task.memory.next, strict=True) if c.type.size}
     found = {name for _, name in reads(task.expert)} if isinstance(task.expert, tuple) else set()
     for _ in nexts:
         found |= {name for known in found & nexts.keys() for role, name in reads([nexts[known]]) if role is Role.STATE}

@@ -65,7 +65,7 @@ class Space:
             if stride * count < self.size:
                 digits = digits % count
             parts.append(digits + int(low) if low else digits)
-        flat = np.stack(parts) if c.type.shape else parts[0]
+        flat = np.array(parts) if c.type.shape else parts[0]
         values = flat.reshape(*c.type.shape, codes.shape[-1])
         return values.astype(np.bool_ if c.type.kind is Kind.BOOL else np.int64, copy=False)
 

@@ -126,7 +126,7 @@ def _parts(reads: Reads, lanes: int, most: int) -> Iterator[Batch]:
 def sampled(c: Component, lanes: int, rng: np.random.Generator) -> Array:
     """Values (*shape, lanes) of a component; each element is at an end of its range every eighth time."""
     rows = [_element(low, high, c.type.kind, lanes, rng) for low, high in zip(c.low, c.high, strict=True)]
-    values = np.stack(rows) if c.type.shape else rows[0]
+    values = np.array(rows) if c.type.shape else rows[0]
     kind: Any = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}[c.type.kind]
     return values.reshape(*c.type.shape, lanes).astype(kind)
 

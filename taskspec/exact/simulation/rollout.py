@@ -94,7 +94,7 @@ def uniform(c: Any, lanes: int, rng: np.random.Generator) -> Array:
             rows.append(rng.integers(int(low), int(high) + 1, lanes))
         else:
             rows.append(rng.uniform(low, high, lanes))
-    values = np.stack(rows) if c.type.shape else rows[0]
+    values = np.array(rows) if c.type.shape else rows[0]
     kind = {0: np.bool_, 1: np.int64, 2: np.float64}[int(c.type.kind)]
     return values.reshape(*c.type.shape, lanes).astype(kind)
 

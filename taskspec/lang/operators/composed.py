@@ -71,7 +71,7 @@ def _reverse(b: NodeMaker, args: list[Node]) -> Node:
 
 def _concat(b: NodeMaker, args: list[Node]) -> Node:
     parts = [b.structure("reshape", [a], (1,)) if a.type.is_scalar else a for a in args]
-    if len({a.type.shape[1:] for a in parts}) > 1:
+    if len({a.type.shape[1:] for a in parts if a.type.shape != (0,)}) > 1:
         raise Refused("the parts of `concat` have different row shapes", "E307")
     return b.structure("concat", parts)
 
@@ -102,8 +102,8 @@ def _put_element(b: NodeMaker, x: Node, index: Node, value: Node) -> Node:
 def _reshape(b: NodeMaker, args: list[Node]) -> Node:
     x, shape = args
     assert isinstance(shape, Const)
-    if shape.type.kind is Kind.REAL or len(shape.type.shape) > 1 or min(shape.flat) < 1:
-        raise Refused("the shape of `reshape` is one or several positive ints")
+    if shape.type.kind is Kind.REAL or len(shape.type.shape) > 1 or min(shape.flat, default=-1) < 0:
+        raise Refused("the shape of `reshape` is one or several sizes")
     _need_vector("reshape", x)
     lengths = tuple(int(n) for n in shape.flat)
     if math.prod(lengths) != x.type.size:
@@ -119,8 +119,8 @@ def _swap(b: NodeMaker, args: list[Node]) -> Node:
 def _onehot(b: NodeMaker, args: list[Node]) -> Node:
     index, n = args
     assert isinstance(n, Const)
-    if n.type != INT or n.value < 1:
-        raise Refused("`onehot` needs a positive int as length")
+    if n.type != INT or n.value < 0:
+        raise Refused("`onehot` needs an int as length, 0 or more")
     b.check_size((n.value,))
     positions = b.const(tuple(range(n.value)), Type(Kind.INT, (n.value,)))
     return b.cast(b.apply("eq", positions, _need_index("onehot", index)), Kind.INT)

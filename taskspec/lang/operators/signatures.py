@@ -73,7 +73,7 @@ def reduction(kind: Callable[[Kind], Kind | str], empty: bool = True) -> TypeRul
         if t.is_scalar:
             return f"a vector is needed, not {_a(t)}"
         if not empty and t.size == 0:
-            return "an empty vector has no such element"
+            return "a vector of shape [0] has no smallest and no largest element"
         result = kind(t.kind)
         return result if isinstance(result, str) else Type(result)
 

@@ -6,7 +6,7 @@ import random
 from dataclasses import dataclass, field
 from typing import Any
 
-from tests.oracle.generator import conditions, extras, scalars
+from tests.oracle.generator import conditions, extras, nothing, scalars
 from tests.oracle.generator.assign import fitted
 from tests.oracle.generator.declarations import (
     ACTION,
@@ -91,6 +91,8 @@ def spec(rng: random.Random) -> Data:
     d.data["dynamics"] = dynamics(d)
     d.data["reward"] = reward(d)
     extras.add(d)
+    if d.chance(0.15):
+        nothing.add(d)
     return d.data
 
 

@@ -37,8 +37,10 @@ class Component:
 
     @property
     def finite(self) -> bool:
-        return self.kind in ("bool", "choice") or (
-            self.kind == "int" and self.low is not None and self.high is not None
+        return (
+            self.size == 0
+            or self.kind in ("bool", "choice")
+            or (self.kind == "int" and self.low is not None and self.high is not None)
         )
 
     def ends(self, i: int) -> tuple[Any, Any]:

@@ -132,7 +132,26 @@ def unary(op: ast.unaryop, operand: Value) -> Value:
 
 def branch(node: ast.IfExp, scope: Scope, expected: Choice | None) -> Value:
     condition, expected = visit(node.test, scope), expected or choice_of(node, scope)
-    return choose(condition, visit(node.body, scope, expected), visit(node.orelse, scope, expected))
+    values = [(lambda n=n: visit(n, scope, expected)) for n in (node.body, node.orelse)]
+    return alternatives([condition], values)
+
+
+def alternatives(conditions: Sequence[Value], values: Sequence[Callable[[], Value]]) -> Value:
+    """The first value whose condition holds, or else the last; one that parameters exclude may not exist."""
+    decided, found = False, []
+    for i, value in enumerate(values):
+        condition = conditions[i] if i < len(conditions) else None
+        known = condition is not None and condition.fixed
+        try:
+            found.append((condition, value()))
+        except Wrong:
+            if not decided and not (known and not condition.item):
+                raise
+        decided = decided or (known and condition.item)
+    result = found[-1][1]
+    for condition, value in reversed(found[:-1]):
+        result = choose(condition, value, result)
+    return result
 
 
 def choose(condition: Value, x: Value, y: Value) -> Value:

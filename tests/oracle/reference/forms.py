@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tests.oracle.reference.distributions import DISTRIBUTIONS, Call
-from tests.oracle.reference.expressions import Scope, choice_of, choose, evaluate, of_label
+from tests.oracle.reference.expressions import Scope, alternatives, choice_of, evaluate, of_label
 from tests.oracle.reference.syntax import parse
 from tests.oracle.reference.values import (
     Choice,
@@ -50,10 +50,8 @@ def cases(entries: Sequence[dict[str, Any]], scope: Scope, expected: Choice | No
     """The first case whose condition holds."""
     expected = beside([e.get("then", e.get(ELSE)) for e in entries], scope, expected)
     conditions = [form(e["if"], scope) for e in entries if "if" in e]
-    *values, result = [form(e.get("then", e.get(ELSE)), scope, expected) for e in entries]
-    for condition, value in reversed(list(zip(conditions, values, strict=True))):
-        result = choose(condition, value, result)
-    return result
+    values = [(lambda e=e: form(e.get("then", e.get(ELSE)), scope, expected)) for e in entries]
+    return alternatives(conditions, values)
 
 
 def beside(parts: Sequence[Any], scope: Scope, expected: Choice | None) -> Choice | None:

@@ -94,6 +94,8 @@ def sign(x: Value) -> Value:
 def extremum(pick: Callable[[Number, Number], Number]) -> Function:
     def of(x: Value, *rest: Value) -> Value:
         args = [x, *rest] if rest else elements(x)
+        if not args:
+            raise Wrong("there is no smallest element, and no largest one")
         kind = numeric(*args)
         return functools.reduce(
             lambda p, q: elementwise(pick, kind, p, q), args[1:], elementwise(a_number, kind, args[0])
@@ -169,6 +171,8 @@ def sort(x: Value) -> Value:
 def best(sense: int) -> Function:
     def of(x: Value) -> Value:
         items = compared(x)
+        if not items:
+            raise Wrong("there is no best element")
         real = [i for i, e in enumerate(items) if not a.is_nan(e)]
         chosen = min(real, key=lambda i: sense * items[i]) if real else 0
         for i in real:
@@ -196,8 +200,8 @@ def dot(x: Value, y: Value) -> Value:
     if len(number(x).shape) == 2:
         return vector([dot(row, y) for row in number(x).rows()])
     if len(number(y).shape) == 2:
-        columns = zip(*(row.rows() for row in number(y).rows()), strict=True)
-        return vector([dot(x, vector(list(column))) for column in columns])
+        rows = [row.rows() for row in number(y).rows()]
+        return vector([dot(x, vector([row[j] for row in rows])) for j in range(number(y).shape[1])])
     return FUNCTIONS["sum"](elementwise(a.multiply, numeric(x, y), x, y))
 
 
@@ -223,7 +227,8 @@ def concat(*parts: Value) -> Value:
     rows: list[Value] = []
     for part in map(number, parts):
         rows.extend(part.rows() if part.shape else [part])
-    return vector(rows)
+    made = vector(rows)
+    return settled(joint_kind(map(number, parts)), made.shape, made.data, fixed=made.fixed, rough=made.rough)
 
 
 @function("reverse")
@@ -244,6 +249,8 @@ def place(index: Value, n: int) -> int:
 @function("swap")
 def swap(x: Value, i: Value, j: Value) -> Value:
     rows = number(x).rows()
+    if not rows:
+        raise Wrong("there is nothing to swap")
     p, q = place(number(i), len(rows)), place(number(j), len(rows))
     rows[p], rows[q] = rows[q], rows[p]
     return touched(vector(rows), i, j)
@@ -252,6 +259,8 @@ def swap(x: Value, i: Value, j: Value) -> Value:
 @function("put")
 def put(x: Value, i: Value, *rest: Value) -> Value:
     """The vector with a row replaced; with an index for each axis, in one vector or one by one, an element."""
+    if not x.data:
+        raise Wrong("there is no element")
     if len(x.shape) > 1 and i.shape == (len(x.shape),):
         return put(x, *i.rows(), *rest)
     *deeper, value = rest

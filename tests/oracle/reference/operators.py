@@ -100,12 +100,12 @@ def compare(op: ast.cmpop, left: Value, right: Value) -> Value:
 def element(value: Value, index: Value) -> Value:
     """`x[i]`: an element or a row; with a vector of indices, a vector of them."""
     rows, index = number(value).rows(), number(index)
+    if not rows and index.data:
+        raise Wrong("there is no element")
     picked = vector([rows[i] for i in places(index, len(rows))]) if index.shape else rows[place(index, len(rows))]
     return touched(picked, index)
 
 
 def section(value: Value, piece: slice) -> Value:
     rows = number(value).rows()[piece]
-    if not rows:
-        raise Wrong("this slice is empty")
-    return vector(rows)
+    return vector(rows) if rows else settled(value.kind, (0, *value.shape[1:]), (), fixed=value.fixed)

@@ -60,7 +60,7 @@ class Value:
         if not self.shape:
             raise Wrong("a vector is needed")
         width = math.prod(self.shape[1:])
-        pieces = (self.data[i : i + width] for i in range(0, len(self.data), width))
+        pieces = (self.data[i * width : (i + 1) * width] for i in range(self.shape[0]))
         return [Value(self.kind, self.shape[1:], piece, self.fixed, self.rough, self.choice) for piece in pieces]
 
 
@@ -140,7 +140,7 @@ def vector(parts: Sequence[Value]) -> Value:
     """Values side by side, as the rows of one."""
     rows = [number(v) for v in parts]
     if not rows:
-        raise Wrong("a vector needs at least one element")
+        return Value("bool", (0,), ())
     if len({v.shape for v in rows}) > 1:
         raise Wrong("rows of different shapes")
     return settled(

@@ -77,7 +77,7 @@ class _Factoring:
 
     def _take(self, c: Component, node: Node) -> None:
         """Take one mapped component: note what of the task's own state it stands for."""
-        own = self.builder.read(Role.STATE, _MARK + c.name, c.type, min(c.low), max(c.high))
+        own = self.builder.read(Role.STATE, _MARK + c.name, c.type, c.least, c.most)
         match node:
             case Apply(op="argsort", args=(Apply(op="argsort", args=(Read(role=Role.STATE, name=name) as vector,)),)):
                 if vector.type.kind is not Kind.REAL or name in self.replaced:
@@ -134,7 +134,7 @@ class _Factoring:
         if left:
             raise Unfactored(f"something depends on {', '.join(sorted(left))} besides")
         b = self.builder
-        named = {k: b.read(Role.STATE, c.name, c.type, min(c.low), max(c.high)) for k, c in own.items()}
+        named = {k: b.read(Role.STATE, c.name, c.type, c.least, c.most) for k, c in own.items()}
         return tuple(self._over(node, named) for node in found)
 
     # -- ranks --------------------------------------------------------------------------------------------------------
