@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from itertools import combinations
-from pathlib import Path
-from types import ModuleType
 
 import pytest
 from matplotlib.font_manager import FontProperties
@@ -19,18 +16,9 @@ from taskspec.figures.raster import FONTS, mathtext
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
 from taskspec.printers.plain import plain
 from taskspec.task.task import Task
+from tests.shared.scripts import script
 
-
-def _contact() -> ModuleType:
-    found = importlib.util.spec_from_file_location("contact", Path(__file__).parent.parent / "docs" / "contact.py")
-    assert found is not None
-    assert found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
-    return module
-
-
-CONTACT = _contact()
+CONTACT = script("contact")
 FONT = FontProperties(family=FONTS)
 Frame = tuple[float, float, float, float]
 

@@ -40,6 +40,7 @@ from taskspec.cli.manual.commands import commands
 from taskspec.cli.targets import files_of
 from taskspec.learners import learner
 from tests.conftest import needs_vectors
+from tests.shared.scripts import script
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -50,6 +51,7 @@ GENERATED: dict[str, Callable[[], str]] = {
     "difficulty.md": manual.difficulty,
     "names.md": manual.public,
     "commands.md": commands,
+    "beside.md": lambda: str(script("beside").beside()),
 }
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
 PAGES.remove(DOCS / "errors.md")  # its snippets show mistakes; tests/errors has a whole spec for each

@@ -1,0 +1,59 @@
+"""The page `beside.md`: the tasks of DERAIL as the paper's appendix prints them, beside what is printed of them here.
+
+python docs/beside.py
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import yaml
+
+from taskspec import registry
+from taskspec.appendix.brief import briefly
+from taskspec.appendix.page import Page, page
+from taskspec.appendix.render.markdown import MarkdownWriter
+from taskspec.appendix.write import gather_pages
+from taskspec.files import write_text
+
+DOCS = Path(__file__).parent
+INTRODUCTION = """\
+# The ten tasks, beside the paper
+
+On the left of each table is what appendix A of the paper prints (Freire, Gleave, Toyer and Russell, 2020,
+[arXiv:2012.01365](https://arxiv.org/abs/2012.01365)), word for word (but "per cent" is spelled); on the right what
+`taskspec docs --brief` prints of the same task, read off the spec that runs. Below each table stands where the two differ, and
+why. The paper's own figures are [in the paper](https://arxiv.org/pdf/2012.01365).
+
+This page is made by `python docs/beside.py` from `docs/printed.yaml` and the specs; a test sees that it is what they give.
+[Paper, appendix, code, and this suite](fidelity.md) compares the released code as well.
+"""
+
+
+def beside() -> str:
+    """The text of the page."""
+    printed: Mapping[str, Mapping[str, list[str]]] = yaml.safe_load((DOCS / "printed.yaml").read_text(encoding="utf-8"))
+    suite = gather_pages([registry.load(f"derail/{name}-v0") for name in printed])
+    writer = MarkdownWriter(suite)
+    parts = [INTRODUCTION]
+    for each in suite.pages:
+        parts += _task(each, writer, printed[each.name])
+    return "\n".join(parts)
+
+
+def _task(each: Page, writer: MarkdownWriter, printed: Mapping[str, list[str]]) -> Iterator[str]:
+    yield f"## {each.name}\n\n![Figure of {each.name}](suite/figures/{each.anchor}.svg)\n"
+    yield "| | the paper's appendix | here |\n|---|---|---|"
+    here = {s.title: [writer.cell(line.content) for line in s.lines] for s in briefly(page(each.task)).sections}
+    for title in dict.fromkeys((*(t for t in here if t in printed), *printed, *here)):
+        left, right = ("<br>".join(lines.get(title, ["–"])) for lines in (printed, here))
+        yield f"| {title} | {left} | {right} |"
+    errata = each.section("errata")
+    if errata is not None:
+        yield "\n" + "\n".join(f"- {writer.prose(line.content)}" for line in errata.lines)
+    yield f"\n[The whole page](suite/{each.anchor}.md)\n"
+
+
+if __name__ == "__main__":
+    write_text(DOCS / "beside.md", beside())

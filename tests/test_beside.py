@@ -1,0 +1,39 @@
+"""The page of the ten tasks beside the paper: it names what the paper prints, row by row, and everything that is corrected."""
+
+from __future__ import annotations
+
+import re
+
+import yaml
+
+from taskspec import registry
+from tests.shared.scripts import DOCS, script
+
+TEXT = script("beside").beside()
+PRINTED = yaml.safe_load((DOCS / "printed.yaml").read_text(encoding="utf-8"))
+
+
+def sections() -> dict[str, str]:
+    found = re.split(r"^## (\w+)$", TEXT, flags=re.MULTILINE)
+    return dict(zip(found[1::2], found[2::2], strict=True))
+
+
+def test_all_tasks_of_the_paper_are_there() -> None:
+    ids = [i.partition("/")[2].partition("-v")[0] for i in registry.task_ids() if i.startswith("derail/")]
+    own = {i for i in ids if not i.endswith("Seals")}
+    assert {*sections(), "InitShiftLearner"} == own  # which shares a section of the appendix with InitShiftExpert
+
+
+def test_every_printed_row_stands_beside_one_of_ours_or_a_gap() -> None:
+    for name, rows in PRINTED.items():
+        cells = [line.strip("|").split(" | ") for line in sections()[name].splitlines() if line.startswith("| ")]
+        left = {row[0].strip(): row[1] for row in cells[1:]}
+        for title, lines in rows.items():
+            assert left[title] == "<br>".join(lines)
+        assert all(len(row) == 3 for row in cells)
+
+
+def test_every_correction_is_told() -> None:
+    for name, text in sections().items():
+        told = [line for line in text.splitlines() if line.startswith("- ")]
+        assert len(told) == len(registry.load(f"derail/{name}-v0").spec.errata)
