@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import taskspec
-from taskspec.exam import Case, Learned, examine
+from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.exam.twins import twins_of
 from tests.test_symmetries import SOLUTIONS, STRUCTURED, Written, walk
 
@@ -63,3 +64,24 @@ def test_what_is_told_of_a_learned_reward_is_in_the_results(sign: float, starc: 
     for each in scores:
         assert each["starc"] == pytest.approx(starc, abs=1e-9)
         assert each["reward_regret"] == pytest.approx(lost)
+
+
+# -- learners that peek
+
+
+@learns_from("preferences")
+def by_preferences(case: Case) -> Any:
+    """The action of which whole episodes are preferred."""
+    env, shown = case.env(), []
+    for action in (0, 1):
+        seen, done = [env.reset()[0]], False
+        while not done:
+            after, _, terminated, truncated, _ = env.step(action)
+            seen, done = [*seen, after], terminated or truncated
+        shown.append(SimpleNamespace(obs=np.array(seen), acts=np.full(len(seen) - 1, action)))
+    return lambda _: int(case.prefer(*shown) == 0)
+
+
+def test_who_learns_from_preferences_does_not_peek() -> None:
+    found = examine(by_preferences, tasks=["EarlyTermPos", "EarlyTermNeg"], seeds=2, twins=0)
+    assert {score["deterministic"] for score in found["scores"]} == {1.0} and found["flags"] == []

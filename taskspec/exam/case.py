@@ -80,7 +80,7 @@ class Case:
     """
 
     def __init__(self, task: Task, seeds: Iterable[int], terms: ExamTerms, judge: Task | None = None) -> None:
-        """`judge`: the task that demonstrations and preferences are about, where that is another."""
+        """`judge`: the task that demonstrations and preferences are about, where `task` is that with its reward negated."""
         self.task, self.seeds, self.terms = task, tuple(seeds), terms
         self._judge, self.spent, self._made = judge or task, Spent(), 0
         self.curve: list[tuple[int, list[Any]]] = []
@@ -237,5 +237,6 @@ class _Meter:
 
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
         if self.keeps:
-            self.case._oracle.keep(before, actions, after, rewards)
+            is_negated = self.case._judge is not self.case.task  # preferences go by the true reward all the same
+            self.case._oracle.keep(before, actions, after, -rewards if is_negated else rewards)
         return rewards if self.pays else np.zeros_like(rewards)

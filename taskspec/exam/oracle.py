@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]
-Key = tuple[bytes, bytes, bytes]
+Key = tuple[Hashable, Hashable, Hashable]
 KEPT = 250_000
 """Different steps that are remembered at least, of which the latest count."""
 
@@ -63,7 +63,7 @@ class Oracle:
         return sum(discount**t * reward for t, reward in enumerate(rewards))
 
     def _keys(self, before: Any, actions: Any, after: Any) -> Iterator[Key]:
-        return zip(_bytes(before, self.seen), _bytes(actions, self.done), _bytes(after, self.seen), strict=True)
+        return zip(_each(before, self.seen), _each(actions, self.done), _each(after, self.seen), strict=True)
 
 
 def _dtype(form: str) -> type[np.generic]:
@@ -74,10 +74,9 @@ def _rows(seen: Any, which: slice) -> Any:
     return {name: part[which] for name, part in seen.items()} if isinstance(seen, dict) else seen[which]
 
 
-def _bytes(batch: Any, dtype: type[np.generic]) -> Iterator[bytes]:
-    """Each of a batch of observations or actions, as bytes."""
+def _each(batch: Any, dtype: type[np.generic]) -> Iterator[Hashable]:
+    """Each of a batch of observations or actions, as something that a dictionary finds again."""
     if isinstance(batch, dict):
-        parts = [_bytes(batch[name], np.float64) for name in sorted(batch)]
-        return (b"".join(each) for each in zip(*parts, strict=True))
+        return zip(*(_each(batch[name], np.float64) for name in sorted(batch)), strict=True)
     array = np.ascontiguousarray(batch, dtype)
-    return (row.tobytes() for row in array)
+    return iter(array.tolist()) if array.ndim == 1 else (row.tobytes() for row in array)
