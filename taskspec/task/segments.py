@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 
 @dataclass(frozen=True, slots=True)
 class Part:
@@ -39,3 +41,11 @@ class Segment:
         if self.values is not None:
             return tuple(float(flat[self.element] == value) for value in self.values)
         return tuple(item - start for item, start in zip(flat, self.starts, strict=True)) if self.starts else flat
+
+    def columns(self, rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        """The numbers (N, size) of many values at once, from the elements (N, elements) of the component."""
+        if self.values is not None:
+            found: np.ndarray[Any, Any] = rows[:, self.element, None] == np.array(self.values)
+            return found
+        less: np.ndarray[Any, Any] = rows - np.array(self.starts) if self.starts else rows
+        return less

@@ -168,6 +168,21 @@ def pack(layout: SpaceLayout, flats: Sequence[tuple[Any, ...]]) -> Any:
     return {part.name: value for part, value in zip(layout.parts, held, strict=True)} if layout.is_dict else held[0]
 
 
+def pack_many(layout: SpaceLayout, rows: Sequence[np.ndarray[Any, Any]]) -> Any:
+    """Component values, (N, elements) each, as a batch of N Gymnasium values: what `pack` makes of every row, stacked."""
+    blocks: list[list[np.ndarray[Any, Any]]] = [[] for _ in layout.parts]
+    for segment in layout.segments:
+        blocks[segment.part].append(segment.columns(rows[segment.component]))
+    held = [_held_many(part, np.concatenate(each, axis=1)) for part, each in zip(layout.parts, blocks, strict=True)]
+    return {part.name: value for part, value in zip(layout.parts, held, strict=True)} if layout.is_dict else held[0]
+
+
+def _held_many(part: Part, items: np.ndarray[Any, Any]) -> Any:
+    kind = np.int64 if part.is_whole else np.float32
+    with np.errstate(over="ignore"):
+        return items.astype(kind).reshape(-1, *part.shape)
+
+
 def _held(part: Part, items: Sequence[Any]) -> Any:
     if not part.is_whole:
         return singles(items, part.shape)

@@ -19,7 +19,7 @@ from taskspec.exact.checks.examine import Examination, Violation
 from taskspec.exact.checks.phases import phases
 from taskspec.exact.checks.wording import parameters, report
 from taskspec.exact.simulation.points import Method
-from taskspec.limits import limits
+from taskspec.limits import also, how_to_raise, limits
 from taskspec.modifiers import modify
 from taskspec.progress import tell
 from taskspec.registry import load
@@ -28,6 +28,8 @@ from taskspec.task.task import Parameter, Task, TaskLike
 
 RANGE_POINTS = 50_000
 MAX_CASES = 8
+SHARE = 5
+"""Other parameters are tried with this part of the expressions that a task may have."""
 FORBIDDEN = ("E703", "E704", "E720")
 """What is said of parameter values that the spec, or a modifier of the task, does not allow."""
 
@@ -84,21 +86,21 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
 
     Every parameter goes to its ends alone, then all together; a range without an end, or with a far
     one, is tried up to a few times the default. Values that a `require` forbids are passed over. No more are tried
-    once their builds together have read as many expressions as one task may have.
+    once their builds together would read more than a fifth of the expressions that one task may have.
     """
     task = load(task)
     known = {(d.code, d.span) for d in examine(task, limit).diagnostics}
     found: list[Diagnostic] = []
     tried = []
-    left = limits().expressions
+    left = limits().expressions // SHARE
     for values in cases(task):
-        if left <= 0:
-            break
         try:
-            other = modify(build(task.document, task.variant, values, task.suite), *task.modifiers)
+            with also(f"expressions={left}"):
+                other = modify(build(task.document, task.variant, values, task.suite), *task.modifiers)
         except SpecError as error:
+            if any(d.hint == how_to_raise("expressions", 2 * left) for d in error.diagnostics):
+                break  # it costs too much to try
             wrong: Iterable[Diagnostic] = _at(values, error)
-            left -= limits().expressions if any(d.code == "E314" for d in wrong) else 0
         else:
             left -= other.builder.expressions
             tried.append(values)

@@ -62,10 +62,7 @@ class Asked:
         words = rng.integers(0, 2**32, (self._words.count, lanes), dtype=np.uint32)
         values = evaluate(self.task.observation.nodes, reads_of(state, {}, t), batch_sampler(self._words, words))
         flat = [np.broadcast_to(v, (*v.shape[:-1], lanes)).reshape(-1, lanes).T for v in values]
-        packed = [spaces.pack(self.seen, [tuple(row[i].tolist()) for row in flat]) for i in range(lanes)]
-        if isinstance(packed[0], dict):
-            return self._normalise({k: np.stack([p[k] for p in packed]) for k in packed[0]})
-        return self._normalise(np.stack(packed))
+        return self._normalise(spaces.pack_many(self.seen, flat))
 
     # -- answers --------------------------------------------------------------------------------------------------
 
