@@ -52,9 +52,10 @@ def learners() -> dict[str, dict[str, Any]]:
     found["drlhp_slow"] = found["drlhp_sa"] | {"Branching": 0.2, "NoisyObs": 0.95}
     found["drlhp_eps"] = better
     found["drlhp_rnd"] = better | {"Parabola": 0.3, "ProcGoal": 0.0}
-    found["noise_5"] = {"NoisyObs": [0.0, 0.0, 1.0] * 5}
-    found["noise_50"] = {"NoisyObs": [0.6, 0.7, 0.8] * 5}
-    found["noise_500"] = {"NoisyObs": [0.3, 0.32] * 7}
+    found["drlhp_sa"] |= {
+        "NoisyObs?L=5&M=7": [0.0, 0.0, 1.0] * 5, "NoisyObs?L=50&M=7": [0.6, 0.7, 0.8] * 5,
+        "NoisyObs?L=500&M=7": [0.3, 0.32] * 7,
+    }  # fmt: skip
     return found
 
 

@@ -103,7 +103,7 @@ def start_value(found: Tabular, worth: np.ndarray) -> float:
 def test_tasks_that_cannot_be_matched_are_refused(task: str) -> None:
     with pytest.raises(SpecError) as raised:
         learner("mce")(Granted(task))
-    assert raised.value.diagnostics[0].code == "E712"
+    assert raised.value.diagnostics[0].code == "E724"
 
 
 @pytest.mark.slow

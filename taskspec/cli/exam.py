@@ -4,40 +4,64 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from taskspec.cli.console import say, write_json
 from taskspec.cli.failures import misuse
-from taskspec.cli.options import Json, LimitsGiven
+from taskspec.cli.options import Json, LimitsGiven, complete_learners
 from taskspec.cli.sweep import Cluster, Jobs, Retry
+from taskspec.diagnostics import raise_if_errors
 
 if TYPE_CHECKING:
-    from taskspec.exam import Exam
+    from taskspec.exam import Exam, Running
+    from taskspec.experiments import ExperimentFile
+    from taskspec.task.task import TaskLike
 
 _COUNT = re.compile(r"(\d+(?:\.\d+)?)([kM]?)")
 LearnerArgument = Annotated[
     str,
     typer.Argument(
-        metavar="LEARNER", show_default=False,
+        metavar="LEARNER|EXPERIMENT", show_default=False, autocompletion=complete_learners,
         help="[cyan]FILE.py:train[/] or [cyan]module:train[/], a function of a case that gives a policy; or one that comes with "
-        "the package, by its name ([cyan]bc[/]) or as a YAML file of its settings.",
+        "the package, by its name ([cyan]bc[/]) or as a YAML file of its settings. Or an experiment, by its path or as "
+        "[cyan]suite/name[/]: its learners, on its tasks.",
     ),
 ]  # fmt: skip
-Suite = Annotated[str, typer.Option("--suite", metavar="NAME", help="The suite of tasks.")]
+Suite = Annotated[
+    str | None,
+    typer.Option("--suite", metavar="NAME", help="The suite of tasks; derail unless given.", show_default=False),
+]
 Tasks = Annotated[
     list[str] | None,
-    typer.Option("--tasks", "-t", metavar="TASK,...", help="The tasks to examine; all of the suite unless given.",
+    typer.Option("--tasks", "-t", metavar="TASK,...", show_default=False,
+                 help="The tasks to examine, or an experiment for its instances; all of the suite unless given."),
+]  # fmt: skip
+Seeds = Annotated[
+    int | None, typer.Option("--seeds", min=1, help="Number of random seeds; 15 unless given.", show_default=False)
+]
+Steps = Annotated[
+    str | None,
+    typer.Option("--steps", metavar="N", help="Environment steps of each training run; 500k unless given.",
                  show_default=False),
 ]  # fmt: skip
-Seeds = Annotated[int, typer.Option("--seeds", min=1, help="Number of random seeds.")]
-Steps = Annotated[
-    str, typer.Option("--steps", metavar="N", help="Environment steps of each training run, such as 500k.")
+Shown = Annotated[
+    str | None,
+    typer.Option("--transitions", metavar="N", help="Transitions of expert demonstrations; 10k unless given.",
+                 show_default=False),
+]  # fmt: skip
+Twins = Annotated[
+    int | None,
+    typer.Option("--twins", min=0, help="Twins of each task that has some; 2 unless given.", show_default=False),
 ]
-Shown = Annotated[str, typer.Option("--transitions", metavar="N", help="Transitions of expert demonstrations.")]
-Twins = Annotated[int, typer.Option("--twins", min=0, help="Twins of each task that has some.")]
+Probes = Annotated[
+    bool | None,
+    typer.Option("--probes/--no-probes", show_default=False,
+                 help="Whether it is tried if the learner looks at rewards that are withheld; it is unless given."),
+]  # fmt: skip
 LearnsFrom = Annotated[
     list[str] | None,
     typer.Option(
@@ -47,7 +71,7 @@ LearnsFrom = Annotated[
 ]  # fmt: skip
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where results are kept; build/exams/LEARNER unless given.",
+    typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where results are kept; build/exams/NAME unless given.",
                  file_okay=False, show_default=False),
 ]  # fmt: skip
 Against = Annotated[
@@ -64,12 +88,13 @@ TimeLimit = Annotated[
 
 def exam(
     learner: LearnerArgument,
-    suite: Suite = "derail",
+    suite: Suite = None,
     tasks: Tasks = None,
-    seeds: Seeds = 15,
-    steps: Steps = "500k",
-    transitions: Shown = "10k",
-    twins: Twins = 2,
+    seeds: Seeds = None,
+    steps: Steps = None,
+    transitions: Shown = None,
+    twins: Twins = None,
+    probes: Probes = None,
     learns_from: LearnsFrom = None,
     against: Against = None,
     output: Output = None,
@@ -85,39 +110,101 @@ def exam(
     Results are kept in OUT as they come: an exam that was stopped goes on where it was. OUT/exam.json has all of them, and
     OUT/report.html shows them. A learner that fails on a task, or takes too long, is reported, and the others go on.
 
+    Of an experiment, every learner is examined on all instances, in a folder of its own; options overrule the file.
+
     Flagged are regressions against an earlier exam, twins on which scores differ, learners that look at rewards that
     are withheld from them, and failures. Exit status 1 if something is.
     """
-    from taskspec.cli.progress import bar
-    from taskspec.exam import Running, examine
+    from taskspec.exam import Running
+    from taskspec.experiments.reading import read_if_experiment
 
-    folder = output or Path("build/exams") / _named(learner)
+    running, terms = Running(jobs, cluster, time_limit, retry), _terms(seeds, steps, transitions, twins, probes)
+    written = read_if_experiment(learner)
+    if written is None:
+        about = {"suite": suite or "derail", "tasks": _tasks(_split(tasks)), "learns_from": _split(learns_from)}
+        _examine_one(learner, output, running, about | terms, against, json)
+    else:
+        _refuse({"--suite": suite, "--tasks": tasks, "--learns-from": learns_from, "--against": against})
+        _examine_all(written, output, running, terms, json)
+
+
+def _examine_one(
+    learner: str, output: Path | None, running: Running, terms: dict[str, Any], against: Path | None, json: bool
+) -> None:
+    from taskspec.cli.progress import bar
+    from taskspec.exam import examine
+    from taskspec.exam.learners import folder_name
+
+    folder = output or Path("build/exams") / folder_name(learner)
     with bar(learner) as progress:
-        found = examine(
-            learner, suite=suite, tasks=_split(tasks), seeds=seeds, steps=_count("--steps", steps),
-            transitions=_count("--transitions", transitions), twins=twins, learns_from=_split(learns_from), against=against,
-            out=folder, running=Running(jobs, cluster, time_limit, retry, progress),
-        )  # fmt: skip
+        found = examine(learner, **terms, against=against, out=folder, running=replace(running, progress=progress))
     write_json(found) if json else _print(found, folder)
     if found["flags"]:
         raise typer.Exit(1)
+
+
+def _examine_all(
+    written: ExperimentFile, output: Path | None, running: Running, terms: dict[str, Any], json: bool
+) -> None:
+    from taskspec.cli.exams import print_exams
+    from taskspec.cli.progress import bar
+    from taskspec.experiments import examine_all
+
+    folder = output or Path("build/exams") / written.experiment.name
+    found = examine_all(written, folder, running=running, bar=bar, **terms)
+    write_json(found.exams) if json else print_exams(written.experiment, found, folder)
+    if any(each["flags"] for each in found.exams.values()):
+        raise typer.Exit(1)
+
+
+def _terms(
+    seeds: int | None, steps: str | None, transitions: str | None, twins: int | None, probes: bool | None
+) -> dict[str, Any]:
+    """What is given of an exam's terms."""
+    counts = {"steps": _count("--steps", steps), "transitions": _count("--transitions", transitions)}
+    given = {"seeds": seeds, "twins": twins, "probes": probes, **counts}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def _refuse(given: dict[str, Any]) -> None:
+    """Options that an experiment says itself, or that are about one learner."""
+    for option, value in given.items():
+        if value is not None:
+            raise misuse(f"{option} is for a single learner, not for an experiment")
+
+
+def _tasks(names: Sequence[str] | None) -> list[TaskLike] | None:
+    """Tasks by name; those of an experiment where one is named."""
+    from taskspec.experiments.instances import expand
+    from taskspec.experiments.reading import read_if_experiment
+
+    if names is None:
+        return None
+    found: list[TaskLike] = []
+    for name in names:
+        written = read_if_experiment(name)
+        if written is None:
+            found.append(name)
+            continue
+        expanded = expand(written)
+        expanded.raise_if_wrong()
+        raise_if_errors(expanded.refused)
+        found += [instance.load() for instance in expanded.instances]
+    return found
 
 
 def _split(given: Sequence[str] | None) -> list[str] | None:
     return None if given is None else [name.strip() for text in given for name in text.split(",")]
 
 
-def _count(option: str, text: str) -> int:
-    """A number such as 500k or 1.5M."""
+def _count(option: str, text: str | None) -> int | None:
+    """A number such as 500k or 1.5M; None where none is given."""
+    if text is None:
+        return None
     found = _COUNT.fullmatch(text.replace("_", "").replace(",", ""))
     if found is None:
         raise misuse(f"{option} is a number such as 500k, not '{text}'")
     return round(float(found[1]) * {"": 1, "k": 1_000, "M": 1_000_000}[found[2]])
-
-
-def _named(learner: str) -> str:
-    """The name of a folder for what a learner earns."""
-    return re.sub(r"\W+", "-", learner.rpartition("/")[2].replace(".py", "")).strip("-")
 
 
 # -- output -------------------------------------------------------------------------------------------------------

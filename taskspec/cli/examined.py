@@ -36,6 +36,8 @@ def _parts(exam: Mapping[str, Any]) -> Iterable[RenderableType]:
         yield VisibleText()
     for flag in exam["flags"]:
         yield line((flag["kind"], "bad"), " ", (flag["task"], "name"), f": {flag['message']}")
+    for text in told.left_out(exam):
+        yield VisibleText(f"it cannot learn {text}", style="quiet")
     yield VisibleText()
     yield VisibleText(told.costs(exam), style="quiet")
 

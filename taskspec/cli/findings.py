@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from taskspec.cli.targets import near
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from taskspec.exam import Exam
     from taskspec.exam.findings import FindingsResult
 
 STYLES = {"confirmed": "good", "refuted": "bad", "undecided": "warn", "not run": "quiet"}
@@ -23,10 +24,10 @@ def print_findings(suite: str, folders: Sequence[Path], output: Path, json: bool
     from taskspec.exam.findings import evaluate, html, markdown
     from taskspec.files import write_text
 
-    sets = results_of(folders)
-    found = evaluate(suite, sets)
-    write_text(output / "findings.md", markdown(found, setups(sets)))
-    write_text(output / "findings.html", html(found, setups(sets)))
+    exams = results_of(folders)
+    found, how = evaluate(suite, merged(exams)), setups([exam for *_, exam in exams])
+    write_text(output / "findings.md", markdown(found, how))
+    write_text(output / "findings.html", html(found, how))
     write_text(output / "findings.json", to_json(found.data) + "\n")
     if json:
         write_json(found.data)
@@ -36,25 +37,43 @@ def print_findings(suite: str, folders: Sequence[Path], output: Path, json: bool
         say(f"wrote {near(output / name)}")
 
 
-def results_of(folders: Sequence[Path]) -> dict[str, dict[str, Any]]:
-    """Exams by the folder that theirs lie in, and by the learner, which is called as its folder is."""
+Result = tuple[str, str, "Exam"]
+"""The set that an exam belongs to, which is the folder of its folder, what its learner is called there, and the exam."""
+
+
+def results_of(folders: Sequence[Path]) -> list[Result]:
+    """The exams in some folders, and below them."""
     from taskspec.exam import read
 
-    found: dict[str, dict[str, Any]] = {}
-    for folder in folders:
-        place = (folder if folder.is_dir() else folder.parent).resolve()
-        own = found.setdefault(place.parent.name, {})
-        if place.name in own:
-            raise misuse(f"'{folder}' is given twice")
-        own[place.name] = read(folder)
+    places = list(dict.fromkeys(place.resolve() for folder in folders for place in exams_in(folder)))
+    return [(place.parent.name, place.name, read(place)) for place in places]
+
+
+def exams_in(folder: Path) -> list[Path]:
+    """The folders with an exam, where there are some below this one; else this one."""
+    if not folder.is_dir():
+        return [folder.parent]
+    below = sorted(path.parent for path in folder.rglob("exam.json"))
+    return below or [folder]
+
+
+def merged(results: Sequence[Result]) -> dict[str, dict[str, dict[str, Any]]]:
+    """For each set and learner all scores, where several exams were about different tasks."""
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    for name, learner, exam in results:
+        known = found.setdefault(name, {}).setdefault(learner, {"tasks": {}, "scores": []})
+        twice = next(iter(known["tasks"].keys() & exam["tasks"].keys()), None)
+        if twice is not None:
+            raise misuse(f"two exams of {name}/{learner} are about {twice}")
+        known["tasks"] |= exam["tasks"]
+        known["scores"] += exam["scores"]
     return found
 
 
-def setups(sets: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def setups(exams: Sequence[Exam]) -> list[str]:
     """How results were obtained, in lines: one for each that differs."""
     from taskspec.exam.report.told import duration
 
-    exams = [exam for each in sets.values() for exam in each.values()]
     versions = dict.fromkeys(", ".join(f"{k} {v}" for k, v in exam["versions"].items()) for exam in exams)
     machines = dict.fromkeys(", ".join(f"{k} {v}" for k, v in exam["machine"].items()) for exam in exams)
     seeds = sorted({len(exam["seeds"]) for exam in exams})

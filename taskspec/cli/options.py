@@ -48,6 +48,14 @@ def complete_experiments(incomplete: str) -> list[tuple[str, str]]:
     )
 
 
+def complete_learners(incomplete: str) -> list[tuple[str, str]]:
+    """The learners that come with the package, experiments, and files on disk."""
+    from taskspec.learners import BUILT_IN
+
+    own = [(entry.name, entry.summary) for entry in BUILT_IN.values() if entry.name.startswith(incomplete)]
+    return own + complete_experiments(incomplete)
+
+
 def complete_parameters(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """`L=10` for the parameters of the task on the command line: with their defaults, and what they mean."""
     task = _task_in(ctx)

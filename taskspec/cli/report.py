@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,8 +12,6 @@ from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from taskspec.exam import Exam
 
 FORMATS = ("html", "png", "pdf", "svg", "parquet")
@@ -47,9 +45,8 @@ def report(
     [green]pdf[/], [green]svg[/]), or the scores as a table ([green]parquet[/]). Of several: a heat map of learners and
     tasks, and as pictures a box plot for each learner and each task as well.
 
-    With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute, as findings.md,
-    findings.html and findings.json. Exams in folders side by side, as in [cyan]results/paper/bc results/paper/ppo[/],
-    are one set of results.
+    With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute. Exams in folders
+    side by side, as [cyan]results/paper/bc[/] and [cyan]results/paper/ppo[/], are one set. A folder stands for all below it.
     """
     if findings is not None:
         from taskspec.cli.findings import print_findings
@@ -58,12 +55,14 @@ def report(
         return
     from taskspec.cli.console import console, say, write_json
     from taskspec.cli.examined import show
+    from taskspec.cli.exams import table_of
+    from taskspec.cli.findings import exams_in
     from taskspec.cli.targets import near
     from taskspec.exam import read
     from taskspec.exam.report import write, write_several
 
-    wanted = [name.strip() for text in format or () for name in text.split(",")]
-    exams = [read(folder) for folder in folders]
+    wanted = _formats(format)
+    exams = [read(place) for folder in folders for place in exams_in(folder)]
     if len(exams) == 1:
         written = write(exams[0], output or _folder(folders[0]), wanted)
     else:
@@ -79,6 +78,10 @@ def report(
         say(f"wrote {near(path)}")
 
 
+def _formats(given: Sequence[str] | None) -> list[str]:
+    return [name.strip() for text in given or () for name in text.split(",")]
+
+
 def _folder(path: Path) -> Path:
     return path if path.is_dir() else path.parent
 
@@ -88,19 +91,3 @@ def _by_learner(exams: Sequence[Exam]) -> dict[str, Exam]:
     if len(found) < len(exams):
         raise misuse("two of these exams are of one learner", "give one exam of each")
     return found
-
-
-def table_of(exams: Mapping[str, Exam]) -> Table:
-    """Mean scores: a row for each task, a column for each learner, each number on its colour."""
-    from taskspec.cli.console import columns
-    from taskspec.cli.examined import shaded
-    from taskspec.cli.terminal import VisibleText
-    from taskspec.exam.report.told import SeedCell, rows
-
-    found = {name: {row.id: row for row in rows(exam)} for name, exam in exams.items()}
-    tasks = {task: row.name for each in found.values() for task, row in each.items()}
-    table = columns("", *exams, right=range(1, len(exams) + 1))
-    for task, name in tasks.items():
-        cells = [by[task].printed if task in by else SeedCell(()) for by in found.values()]
-        table.add_row(VisibleText(name, style="name"), *map(shaded, cells))
-    return table

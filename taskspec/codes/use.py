@@ -269,4 +269,19 @@ taskspec sweep noise.yaml --cluster tcp://10.0.0.1:8786
 ```
 """,
     ),
+    Code(
+        "E724",
+        "cannot-learn",
+        "a learner that is not made for a task",
+        """
+Some learners need something that not every task has: an exact model, a horizon, observations that are one number. An exam leaves
+the task out, and says so. A learner of your own raises `taskspec.exam.CannotLearn` to say the same.
+
+```python
+def train(case):
+    if not isinstance(case.action_space, Discrete):
+        raise CannotLearn("actions are not finite")
+```
+""",
+    ),
 )

@@ -15,6 +15,18 @@ def is_function(name: str) -> bool:
     return ".py:" in name
 
 
+def place_of(name: str) -> tuple[Path, str]:
+    """The file of `model.py:fn`, and the name of the function; nothing is run.
+
+    Raises:
+        SpecError: E710 when there is no such file.
+    """
+    place, _, attribute = name.rpartition(":")
+    if not Path(place).is_file():
+        raise SpecError([Diagnostic("E710", None, f"there is no file '{place}'")])
+    return Path(place), attribute
+
+
 def function_of(name: str, form: str = "(observation)") -> Any:
     """The function, or the object with `predict`, that a name `model.py:fn` means. The file is run.
 
@@ -24,13 +36,10 @@ def function_of(name: str, form: str = "(observation)") -> Any:
     Raises:
         SpecError: E710, E711 when there is no such file, or it fails; E713 when it has nothing of that name that acts.
     """
-    place, _, attribute = name.rpartition(":")
-    path = Path(place)
-    if not path.is_file():
-        raise SpecError([Diagnostic("E710", None, f"there is no file '{place}'")])
+    path, attribute = place_of(name)
     found = getattr(_module(path), attribute, None)
     if not (callable(found) or hasattr(found, "predict")):
-        message = f"'{place}' has no function '{attribute}', nor an object of that name with `predict`"
+        message = f"'{path}' has no function '{attribute}', nor an object of that name with `predict`"
         raise SpecError([Diagnostic("E713", None, message, f"def {attribute or 'act'}{form}: ...")])
     return found
 

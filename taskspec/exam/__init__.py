@@ -13,8 +13,9 @@ from taskspec.exam.results import Exam as Exam
 from taskspec.exam.results import read as read
 from taskspec.exam.rewards import RewardDistance as RewardDistance
 from taskspec.exam.rewards import reward_distance as reward_distance
+from taskspec.learners import CannotLearn as CannotLearn
 
 __all__ = [
-    "BudgetSpent", "Case", "Exam", "Learned", "NotGranted", "RewardDistance", "Running", "examine", "learns_from", "read",
-    "reward_distance",
+    "BudgetSpent", "CannotLearn", "Case", "Exam", "Learned", "NotGranted", "RewardDistance", "Running", "examine", "learns_from",
+    "read", "reward_distance",
 ]  # fmt: skip

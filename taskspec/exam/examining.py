@@ -21,11 +21,10 @@ from taskspec.exam.diagnoses import evaluate
 from taskspec.exam.flags import check_comparable, flags
 from taskspec.exam.learners import Examinee, learner_of
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, machine, read, write
-from taskspec.exam.suites import tasks_of
+from taskspec.exam.suites import exam_id, tasks_of
 from taskspec.exam.trial import LearnerFailed, Row, Trial, run_trial
 from taskspec.exam.twins import Modifiers, twins_of
 from taskspec.exam.verdicts import verdicts
-from taskspec.experiments.order import sent
 from taskspec.modifiers import modify
 from taskspec.runs import Job, JobResult, Standing, Store, run
 from taskspec.task.task import Task, TaskLike
@@ -66,8 +65,8 @@ class Running:
 def examine(
     learner: str | Callable[[Any], Any], *, suite: str = "derail", tasks: Sequence[TaskLike] | None = None,
     seeds: int | Iterable[int] = 15, steps: int = 500_000, transitions: int = 10_000, twins: int = 2,
-    learns_from: Sequence[str] | None = None, against: Path | str | None = None, out: Path | str | None = None,
-    running: Running | None = None,
+    probes: bool = True, learns_from: Sequence[str] | None = None, against: Path | str | None = None,
+    out: Path | str | None = None, running: Running | None = None,
 ) -> Exam:  # fmt: skip
     """Examine a learner; the result is what `exam.json` holds.
 
@@ -79,6 +78,7 @@ def examine(
         steps: of the environment, for each seed on each task.
         transitions: that the expert demonstrates, at least; whole episodes.
         twins: of every task that has some.
+        probes: whether it is tried if a reward that is withheld makes a difference.
         learns_from: what is granted, some of "reward", "demonstrations", "preferences", in place of what the learner says.
         against: a folder with an earlier exam: what has become worse since is flagged.
         out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
@@ -93,17 +93,17 @@ def examine(
     who, asked = learner_of(learner, learns_from), tasks_of(suite, tasks)
     terms = ExamTerms(steps, who.learns_from, transitions)
     baseline = None if against is None else _baseline(against, asked, terms)
-    plan = _plan(asked, who, numbers, terms, twins)
+    plan = _plan(asked, who, numbers, terms, twins, probes)
     folder = None if out is None else Path(out)
     rows, measures = _trained(plan, asked, who, folder, running or Running())
-    found = _exam(who, suite, plan, rows, {t.id: _examined(t, measures[t.id]) for t in asked})
+    found = _exam(who, suite, plan, rows, {exam_id(t): _examined(t, measures[exam_id(t)]) for t in asked})
     return _concluded(found, suite, baseline, folder)
 
 
 def _baseline(folder: Path | str, asked: Sequence[Task], terms: ExamTerms) -> Exam:
     """An earlier exam that this one can be compared with."""
     found = read(folder)
-    hashes = {task.id: task.content_hash for task in asked}
+    hashes = {exam_id(task): task.content_hash for task in asked}
     check_comparable(found, str(folder), hashes, {"steps": terms.steps, "transitions": terms.transitions})
     return found
 
@@ -117,14 +117,16 @@ def _check(**numbers: int) -> None:
 # -- the plan -----------------------------------------------------------------------------------------------------
 
 
-def _plan(asked: Sequence[Task], who: Examinee, seeds: tuple[int, ...], terms: ExamTerms, twins: int) -> list[Planned]:
+def _plan(
+    asked: Sequence[Task], who: Examinee, seeds: tuple[int, ...], terms: ExamTerms, twins: int, probes: bool
+) -> list[Planned]:
     width = WIDEST if who.together else 1
     blocks = [seeds[i : i + width] for i in range(0, len(seeds), width)]
     plan = []
     for task in asked:
         for twin in (None, *twins_of(task, twins)):
             plan += [_place(task, twin, who, terms, block) for block in blocks]
-        if "reward" not in who.learns_from:
+        if probes and "reward" not in who.learns_from:
             probed = blocks[: max(1, PROBED // width)]
             plan += [_place(task, None, who, terms, block, negated=True) for block in probed]
     return plan
@@ -133,8 +135,7 @@ def _plan(asked: Sequence[Task], who: Examinee, seeds: tuple[int, ...], terms: E
 def _place(
     task: Task, twin: Modifiers | None, who: Examinee, terms: ExamTerms, seeds: tuple[int, ...], negated: bool = False
 ) -> Planned:
-    about = modify(task, *(twin or ()))
-    trial = Trial(sent(about), about.content_hash, negated, who.place or "", who.content, terms, seeds, EPISODES)
+    trial = Trial(modify(task, *(twin or ())), negated, who.place or "", who.content, terms, seeds, EPISODES)
     return Planned(task, twin, trial)
 
 
@@ -152,7 +153,7 @@ def _trained(
     plan: Sequence[Planned], asked: Sequence[Task], who: Examinee, folder: Path | None, running: Running
 ) -> tuple[Rows, Measures]:
     if who.place is None:
-        return [_here(planned, who) for planned in plan], {t.id: yardsticks.measured(sent(t), EPISODES) for t in asked}
+        return [_here(planned, who) for planned in plan], {exam_id(t): yardsticks.measured(t, EPISODES) for t in asked}
     with tempfile.TemporaryDirectory() as scratch, Store((folder or Path(scratch)) / "exam.sqlite") as store:
         return _elsewhere(plan, asked, store, running)
 
@@ -170,7 +171,7 @@ def _failed(planned: Planned, message: str) -> list[Row]:
 
 def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, running: Running) -> tuple[Rows, Measures]:
     measures = {
-        t.id: Job(yardsticks.key(t.content_hash, EPISODES), t.instance_id, yardsticks.measured, (sent(t), EPISODES))
+        exam_id(t): Job(yardsticks.key(t.content_hash, EPISODES), t.instance_id, yardsticks.measured, (t, EPISODES))
         for t in asked
     }
     known = run(measures.values(), store, workers=running.workers, cluster=running.cluster, retry_failed=True).rows
@@ -197,7 +198,10 @@ def _rows(planned: Planned, result: JobResult) -> list[Row]:
 
 
 def _exam(who: Examinee, suite: str, plan: Sequence[Planned], rows: Rows, tasks: dict[str, Examined]) -> Exam:
-    scores = [_score(p, row, tasks[p.task.id]) for p, block in zip(plan, rows, strict=True) for row in block]
+    pairs = [(p, row) for p, block in zip(plan, rows, strict=True) for row in block]
+    for planned, row in pairs:
+        tasks[exam_id(planned.task)]["cannot"] = row.get("cannot")
+    scores = [_score(p, row, tasks[exam_id(p.task)]) for p, row in pairs if "cannot" not in row]
     terms, seeds = plan[0].trial.terms, list(dict.fromkeys(seed for p in plan for seed in p.trial.seeds))
     cost = {
         name: float(sum(s[name] or 0 for s in scores)) for name in ("steps", "demonstrations", "comparisons", "seconds")
@@ -225,7 +229,7 @@ def _concluded(found: Exam, suite: str, baseline: Exam | None, folder: Path | No
 def _examined(task: Task, found: dict[str, Any]) -> Examined:
     return Examined(
         capability=task.capability or task.name, title=task.title, content_hash=task.content_hash, random=found["random"],
-        expert=found["expert"], optimal=found["optimal"], worst=found["worst"], constant=found["constant"],
+        expert=found["expert"], optimal=found["optimal"], worst=found["worst"], constant=found["constant"], cannot=None,
     )  # fmt: skip
 
 
@@ -239,7 +243,7 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
     unit = abs((ends[1] or 0) - (ends[0] or 0)) or 1.0
     curve = row.get("curve")
     return {
-        "task": planned.task.id, "twin": None if planned.twin is None else "+".join(planned.twin),
+        "task": exam_id(planned.task), "twin": None if planned.twin is None else "+".join(planned.twin),
         "probe": "negated" if planned.trial.negated else None, "seed": row["seed"],
         "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
         "half": row.get("deterministic_half", 0.0) / unit, "return": row.get("deterministic"), "error": row.get("error"),

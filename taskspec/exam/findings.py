@@ -102,7 +102,8 @@ def judge(book: Book, exams: Mapping[str, Mapping[str, Any]]) -> Judge:
     if stray is not None:
         hint = f"it is about {', '.join(book.names.learners)}"
         raise SpecError([Diagnostic("E713", None, f"no finding is about a learner '{stray}'", hint)])
-    scores = SeedScores(exams, described.floor, described.drawn, described.same)
+    instances = {instance: name for name, instance in described.instances.items()}
+    scores = SeedScores(exams, described.floor, described.drawn, described.same, instances)
     return Judge(scores, book.names, {name: tuple(tasks) for name, tasks in described.unable.items()})
 
 

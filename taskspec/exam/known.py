@@ -6,15 +6,14 @@ import pickle
 from functools import lru_cache
 
 from taskspec.exact.scoring.returns import Results
-from taskspec.experiments.order import Sent
+from taskspec.task.task import Task
 
 
-def results_of(about: Sent, episodes: int) -> Results:
+def results_of(task: Task, episodes: int) -> Results:
     """The results of a task, with so many episodes for what has to be simulated."""
-    return _results(pickle.dumps(about), episodes)
+    return _results(pickle.dumps(task), episodes)
 
 
 @lru_cache(maxsize=16)
-def _results(about: bytes, episodes: int) -> Results:
-    sent: Sent = pickle.loads(about)
-    return Results(sent.task(), episodes)
+def _results(task: bytes, episodes: int) -> Results:
+    return Results(pickle.loads(task), episodes)

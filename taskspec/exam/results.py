@@ -27,7 +27,7 @@ distance of a learned reward to the true one, `reward_regret` the score lost by 
 
 
 class Examined(TypedDict):
-    """A task of the exam: returns, and the score of the best constant action."""
+    """A task of the exam: returns, the score of the best constant action, and why the learner cannot learn it (None: it can)."""
 
     capability: str
     title: str
@@ -37,6 +37,7 @@ class Examined(TypedDict):
     worst: float | None
     constant: float | None
     content_hash: str
+    cannot: str | None
 
 
 class Told(TypedDict):

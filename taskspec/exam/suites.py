@@ -8,6 +8,7 @@ from taskspec import registry
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.exam.rules import read_exam
 from taskspec.exam.rules.reading import exam_of
+from taskspec.ids import InstanceId
 from taskspec.task.task import Task, TaskLike
 
 
@@ -29,8 +30,14 @@ def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
         path = exam_of(suite)
         wanted = (read_exam(path).described.tasks if path is not None else ()) or tuple(known)
     found = [registry.load(known.get(task, task) if isinstance(task, str) else task) for task in wanted]
-    ids = [task.id for task in found]
+    ids = [exam_id(task) for task in found]
     twice = next((i for i in ids if ids.count(i) > 1), None)
     if twice is not None:
         raise SpecError([Diagnostic("E713", None, f"{twice} is asked twice", "an exam asks each task once")])
     return found
+
+
+def exam_id(task: Task) -> str:
+    """What a task is called in results: its id, with the values of parameters that are not their defaults, and modifiers."""
+    values = {p.name: p.value for p in task.parameters if p.value != p.default}
+    return str(InstanceId(task.id, dict(sorted(values.items())), tuple(map(str, task.modifiers))))

@@ -21,8 +21,9 @@ from taskspec.exam.learners import train_at
 from taskspec.exam.policies import values
 from taskspec.exam.rewards import told
 from taskspec.exam.twins import NEGATED
-from taskspec.experiments.order import Sent
+from taskspec.learners import CannotLearn
 from taskspec.modifiers import modify
+from taskspec.task.task import Task
 
 Row = dict[str, Any]
 """What came of one seed: returns, costs, and points of the learning curve, as JSON data."""
@@ -39,14 +40,12 @@ class Trial:
 
     Args:
         about: the task; with the modifiers of a twin, where it is one.
-        content_hash: of that.
         negated: whether the reward that is withheld is negated (scores are by the true one all the same).
         place, content: of the learner, for another process.
         episodes: for scores that have to be simulated.
     """
 
-    about: Sent
-    content_hash: str
+    about: Task
     negated: bool
     place: str
     content: str
@@ -58,14 +57,14 @@ class Trial:
     def key(self) -> str:
         """A hash of all that the result depends on; the block is part of it, as its width may change results."""
         told = [
-            self.content_hash, self.negated, self.content, vars(self.terms), self.seeds, self.episodes,
+            self.about.content_hash, self.negated, self.content, vars(self.terms), self.seeds, self.episodes,
             taskspec.__version__,
         ]  # fmt: skip
         return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
 def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[Row]:
-    """Train, and score what was learned: a row for each seed of the block.
+    """Train, and score what was learned: a row for each seed of the block, with `cannot` alone where it is not for this task.
 
     Args:
         train: the learner, where it is at hand.
@@ -85,6 +84,8 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
         policies = _policies(learned, len(case.seeds), train)
         rows = [_scored(policy, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
         curves = _curves(case, results)
+    except CannotLearn as error:
+        return [{"seed": seed, "cannot": str(error)} for seed in trial.seeds]
     except Exception as error:
         raise LearnerFailed(_words(error, train)) from error
     shared = {"seconds": (trained - begin) / len(rows), "scoring": (time.perf_counter() - trained) / len(rows)}

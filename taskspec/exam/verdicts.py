@@ -49,7 +49,9 @@ def verdicts(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> dict[str
     """The verdict of each capability: the worst of its tasks, as printed and on twins."""
     found = {}
     for capability in dict.fromkeys(about["capability"] for about in tasks.values()):
-        names = [task for task, about in tasks.items() if about["capability"] == capability]
+        names = [task for task, about in tasks.items() if about["capability"] == capability and not about.get("cannot")]
+        if not names:
+            continue
         printed = [told(list(by_seed(scores, task, "printed").values()), task) for task in names]
         known = {task: list(by_seed(scores, task, "twin").values()) for task in names}
         twins = [told(values, task) for task, values in known.items() if values]

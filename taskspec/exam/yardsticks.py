@@ -14,7 +14,6 @@ from taskspec import __version__
 from taskspec.exact.scoring.policies import policy_value
 from taskspec.exact.scoring.returns import Results, Return, normalised
 from taskspec.exam.known import results_of
-from taskspec.experiments.order import Sent
 from taskspec.task.spaces import action_layout
 from taskspec.task.task import Task
 
@@ -27,9 +26,9 @@ def key(content_hash: str, episodes: int) -> str:
     return hashlib.sha256(json.dumps(["yardsticks", content_hash, episodes, __version__]).encode()).hexdigest()
 
 
-def measured(about: Sent, episodes: int) -> dict[str, Any]:
+def measured(task: Task, episodes: int) -> dict[str, Any]:
     """Returns of random actions, the expert and the optimum, and the score of the best constant action, as JSON data."""
-    results = results_of(about, episodes)
+    results = results_of(task, episodes)
     found = {name: getattr(results, name) for name in ("random", "expert", "optimal", "worst")}
     top = found["expert"] or found["optimal"]
     ends = (None, None) if top is None or found["random"] is None else (found["random"].value, top.value)

@@ -1,7 +1,9 @@
-"""Experiments: which instances of which tasks are measured, as a YAML file; and sweeps, which measure them."""
+"""Experiments: which instances of which tasks, as a YAML file; sweeps, which measure them; and exams of learners on them."""
 
 from __future__ import annotations
 
+from taskspec.experiments.exams import LearnersExamined as LearnersExamined
+from taskspec.experiments.exams import examine_all as examine_all
 from taskspec.experiments.instances import Expanded as Expanded
 from taskspec.experiments.instances import Instance as Instance
 from taskspec.experiments.instances import expand as expand
@@ -11,4 +13,6 @@ from taskspec.experiments.results import Measured as Measured
 from taskspec.experiments.sweeping import Swept as Swept
 from taskspec.experiments.sweeping import sweep as sweep
 
-__all__ = ["Expanded", "ExperimentFile", "Instance", "Measured", "Swept", "expand", "read", "sweep"]
+__all__ = [
+    "Expanded", "ExperimentFile", "Instance", "LearnersExamined", "Measured", "Swept", "examine_all", "expand", "read", "sweep",
+]  # fmt: skip

@@ -11,18 +11,21 @@ from typing import Any
 
 from taskspec import ids, registry
 from taskspec.data.actors import actor_of
+from taskspec.data.functions import is_function, place_of
 from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, suggest
 from taskspec.exact.difficulty import MEASURES
 from taskspec.experiments.axes import Axis, Values, combinations, sample
 from taskspec.experiments.laid import Option, options
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.values import Assignment, count, listed, misplaced
+from taskspec.learners import learner
 from taskspec.limits import how_to_raise, limits
 from taskspec.modifiers import modify
 from taskspec.source import Path as Place
 from taskspec.task.build import bind
 from taskspec.task.parts import Parameter
 from taskspec.task.schema import TaskEntry
+from taskspec.task.task import Task
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,14 @@ class Instance:
         """The id of the task, without values and modifiers."""
         return ids.parse(self.id).name
 
+    def load(self) -> Task:
+        """The task itself.
+
+        Raises:
+            SpecError: with every mistake in it.
+        """
+        return modify(registry.load(self.source, self.variant, **self.parameters), *self.modifiers)
+
 
 @dataclass(frozen=True)
 class Expanded:
@@ -74,6 +85,7 @@ def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -
     """
     collector = Collector()
     _check_measures(written, collector)
+    _check_learners(written, collector)
     found: dict[str, Instance] = {}
     refused: list[Diagnostic] = []
     used: frozenset[str] = frozenset()
@@ -94,6 +106,18 @@ def _check_measures(written: ExperimentFile, collector: Collector) -> None:
         if name not in MEASURES:
             hint = suggest(name, MEASURES) or f"there are: {', '.join(MEASURES)}"
             collector.add("E206", written.document.span(("measures", i)), f"there is no measure '{name}'", hint)
+
+
+def _check_learners(written: ExperimentFile, collector: Collector) -> None:
+    for i, name in enumerate(written.learners):
+        try:
+            if is_function(name):  # a check runs no code
+                place_of(name)
+            elif ":" not in name or name.endswith((".yaml", ".yml")):
+                learner(name)
+        except SpecError as error:
+            place = written.document.span(("learners", i))
+            collector.extend(replace(d, span=place) if d.span is None else d for d in error.diagnostics)
 
 
 class _Entry:
@@ -152,7 +176,10 @@ class _Entry:
     def _check_policies(self) -> None:
         for i, policy in enumerate(self.written.experiment.policies):
             try:
-                actor_of(self.task, policy)
+                if is_function(policy):  # a check runs no code
+                    place_of(policy)
+                else:
+                    actor_of(self.task, policy)
             except SpecError as error:
                 place = self.document.span(("policies", i))
                 self.collector.extend(replace(d, span=place) for d in error.diagnostics)

@@ -1,4 +1,4 @@
-"""Tasks that can travel to another process or machine."""
+"""Tasks that another process or machine is to build, so that they need not be built here first."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from taskspec.modifiers import modify
-from taskspec.source import Document, Packed, packed, unpacked
+from taskspec.source import Document, Packed, unpacked
 from taskspec.task.build import build
 from taskspec.task.task import Task
 
@@ -30,11 +30,6 @@ class Sent:
             SpecError: with every mistake found.
         """
         return modify(build(_document(self.text), self.variant, self.parameters, self.suite), *self.modifiers)
-
-
-def sent(task: Task) -> Sent:
-    """A task, ready to travel."""
-    return Sent(packed(task.document), task.suite, task.variant, task.values, tuple(map(str, task.modifiers)))
 
 
 @lru_cache(maxsize=16)

@@ -10,6 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from taskspec.exam.learners import folder_name
 from taskspec.experiments.results import Measured
 from taskspec.extras import need
 from taskspec.files import write_bytes
@@ -31,8 +32,11 @@ SHOWN = ("optimal", "expert", "random")
 MAPPED = ("optimal", "random")
 
 
-def draw(experiment: Experiment, rows: Sequence[Measured], path: Path) -> None:
+def draw(experiment: Experiment, rows: Sequence[Measured], path: Path, learners: tuple[str, ...] = ()) -> None:
     """Write an SVG, PNG or PDF file; the same rows give the same bytes.
+
+    Args:
+        learners: whose scores are drawn, in place of returns.
 
     Raises:
         SpecError: E705 without matplotlib.
@@ -41,7 +45,7 @@ def draw(experiment: Experiment, rows: Sequence[Measured], path: Path) -> None:
     kind = path.suffix[1:].lower()
     settings = {"svg.hashsalt": "taskspec", "svg.fonttype": "path", "font.size": 8, "font.family": "DejaVu Sans"}
     with matplotlib.rc_context(settings):
-        drawn = figure(experiment, rows)
+        drawn = figure(experiment, rows, learners)
         metadata: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}[
             kind
         ]
@@ -50,8 +54,13 @@ def draw(experiment: Experiment, rows: Sequence[Measured], path: Path) -> None:
     write_bytes(path, picture.getvalue())
 
 
-def figure(experiment: Experiment, rows: Sequence[Measured]) -> Any:
+def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str, ...] = ()) -> Any:
     """The picture as matplotlib's `Figure`; instances without results are left out."""
+    if learners:
+        plot = experiment.plot.model_copy(
+            update={"show": list(learners), "log": [n for n in experiment.plot.log if n != "value"]}
+        )
+        experiment = experiment.model_copy(update={"plot": plot})
     figures = need("matplotlib.figure", "figures")
     panels = _panels(experiment, [row for row in rows if row.error is None])
     across = max(1, min(ACROSS, len(panels)))
@@ -163,10 +172,16 @@ def _frame(axes: Any, panel: _Panel, experiment: Experiment, xs: Sequence[float]
     if "value" in experiment.plot.log:
         axes.set_yscale("log")
     axes.set_xlabel(panel.x or "")
-    axes.set_ylabel("return" if set(panel.show) <= set(LINES) else "")
+    axes.set_ylabel(_quantity(panel.show, experiment))
     axes.grid(True, alpha=0.25, linewidth=0.5)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(fontsize=6.5, frameon=False)
+
+
+def _quantity(shown: Sequence[str], experiment: Experiment) -> str:
+    if set(shown) <= set(LINES):
+        return "return"
+    return "score: random 0, expert 1" if set(shown) <= set(map(folder_name, experiment.learners)) else ""
 
 
 def _positions(rows: Sequence[Measured], x: str | None) -> tuple[list[float], list[str] | None]:

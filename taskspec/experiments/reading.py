@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from taskspec.data.functions import is_function
 from taskspec.diagnostics import Diagnostic, SpecError, raise_if_errors, suggest
 from taskspec.registry import tasks_root
 from taskspec.source import Document, read_file
@@ -24,8 +25,17 @@ class ExperimentFile:
 
     @property
     def folder(self) -> Path:
-        """Where paths of specs start from."""
+        """Where paths of specs and learners start from."""
         return Path(self.document.origin.name).parent
+
+    @property
+    def learners(self) -> list[str]:
+        """The learners, as `taskspec exam` takes them."""
+        return [self._found(name) for name in self.experiment.learners]
+
+    def _found(self, learner: str) -> str:
+        is_file = learner.endswith((".yaml", ".yml")) or is_function(learner)
+        return str(self.folder / learner) if is_file and not Path(learner).is_absolute() else learner
 
 
 def read(source: str | os.PathLike[str]) -> ExperimentFile:
@@ -47,6 +57,21 @@ def described(document: Document) -> ExperimentFile:
     raise_if_errors(problems)
     assert found is not None
     return ExperimentFile(found, document)
+
+
+def read_if_experiment(source: str) -> ExperimentFile | None:
+    """The experiment of this name or path, if it is one; None for anything else.
+
+    Raises:
+        SpecError: with every mistake in its shape.
+    """
+    if source in shipped():
+        return read(source)
+    if not source.endswith((".yaml", ".yml")) or not Path(source).is_file():
+        return None
+    document = read_file(Path(source))
+    is_one = isinstance(document.data, dict) and "experiment" in document.data
+    return described(document) if is_one else None
 
 
 def find(source: str | os.PathLike[str]) -> Path:

@@ -75,7 +75,7 @@ def wanted_of(experiment: Experiment) -> Questions:
     """What an experiment asks of every instance."""
     measures = None if experiment.measures is None else tuple(experiment.measures)
     return Questions(
-        measures, tuple(experiment.policies), experiment.seeds, experiment.episodes, experiment.speed,
+        measures, tuple(experiment.policies), experiment.seeds or 1, experiment.episodes, experiment.speed,
         limits().seconds,
     )  # fmt: skip
 

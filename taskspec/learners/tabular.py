@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from taskspec.data import Demonstrations, Tabular
+from taskspec.diagnostics import SpecError
 from taskspec.exact.abstraction.abstraction import abstraction
-from taskspec.exact.model.failure import misused, refuse
 from taskspec.learners.case import LearnerCase
 from taskspec.learners.configurations import Matching
+from taskspec.learners.refusals import cannot_learn
 from taskspec.progress import tell
 from taskspec.task.spaces import observation_layout
 from taskspec.task.task import Task
@@ -58,13 +59,23 @@ def matched(config: Matching, case: LearnerCase) -> list[Timed]:
     """A policy for each seed, of rewards that begin at random.
 
     Raises:
-        SpecError: E712 for tasks without an exact model of what is observed, or without a horizon.
+        CannotLearn: tasks without an exact model of what is observed, or without a horizon.
     """
+    try:
+        return _matched(config, case)
+    except SpecError as error:
+        first = error.diagnostics[0]
+        if first.code != "E712":
+            raise
+        cannot_learn(first.message, "take another learner")
+
+
+def _matched(config: Matching, case: LearnerCase) -> list[Timed]:
     found = case.task.tabular()
     if found.horizon is None:
-        refuse(f"episodes of {case.task.id} have no horizon", "give the task one")
+        cannot_learn(f"episodes of {case.task.id} have no horizon", "give the task one")
     if abstraction(case.task) is not None:
-        refuse(f"the exact model of {case.task.id} is that of its abstraction", "take another learner")
+        cannot_learn(f"the exact model of {case.task.id} is that of its abstraction", "take another learner")
     wanted = visits(found, case.demonstrations, config.absorb)
     seen, states = _shown(found, case.task), np.flatnonzero(~found.absorbed)
     start = np.stack([np.random.default_rng(seed).standard_normal(found.n_states) for seed in case.seeds])
@@ -87,7 +98,7 @@ def _shown(found: Tabular, task: Task) -> Array:
     """What is seen in each state, as a number from 0 (S,)."""
     layout = observation_layout(task)
     if layout.form != "discrete":
-        refuse(f"observations of {task.id} are not one number", "take another learner")
+        cannot_learn(f"observations of {task.id} are not one number", "take another learner")
     return np.asarray(found.observations).astype(np.int64) - layout.starts[0]
 
 
@@ -113,7 +124,7 @@ def _absorbed(found: Tabular, ends: Array) -> Array:
     seen, places = np.asarray(found.observations), np.flatnonzero(found.absorbed)
     same = (ends.reshape(len(ends), 1, -1) == seen[places].reshape(1, len(places), -1)).all(axis=2)
     if not (same.sum(axis=1) == 1).all():
-        misused(f"the ends of {found.task.id} do not tell its states apart")
+        cannot_learn(f"the ends of {found.task.id} do not tell its states apart")
     found_at: Array = places[same.argmax(axis=1)]
     return found_at
 

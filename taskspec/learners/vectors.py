@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.model.failure import misused
+from taskspec.learners.refusals import cannot_learn
 from taskspec.task.spaces import SpaceLayout
 
 Array = Any
@@ -38,7 +38,7 @@ class Vectors:
         """Of a space as environments lay it out.
 
         Raises:
-            SpecError: E713 for dicts.
+            CannotLearn: for dicts.
         """
         match layout.form:
             case "discrete":
@@ -50,7 +50,7 @@ class Vectors:
             case "one_hot":
                 return cls((), layout.shape, low=(0.0,) * layout.size, high=(1.0,) * layout.size)
             case "dict":
-                misused("observations that are dicts are no vectors", "choose another `space` for the observation")
+                cannot_learn("observations that are dicts are no vectors", "choose another `space` for the observation")
 
     @property
     def size(self) -> int:

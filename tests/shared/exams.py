@@ -21,7 +21,7 @@ Scores = Mapping[str, float | Sequence[float]]
 def entry(task: str, seed: int, score: float | None, **others: Any) -> dict[str, Any]:
     """One result."""
     return {
-        "task": f"derail/{task}-v0", "twin": None, "probe": None, "seed": seed, "deterministic": score, "stochastic": score,
+        "task": id_of(task), "twin": None, "probe": None, "seed": seed, "deterministic": score, "stochastic": score,
         "half": 0.0, "return": score, "error": None if score is not None else "it failed", "steps": 50_000, "seconds": 2.5,
         "starc": None, "reward_regret": None, "curve": None,
     } | others  # fmt: skip
@@ -29,6 +29,12 @@ def entry(task: str, seed: int, score: float | None, **others: Any) -> dict[str,
 
 def over_seeds(scores: float | Sequence[float], seeds: int) -> list[float]:
     return list(scores) if isinstance(scores, Sequence) else [float(scores)] * seeds
+
+
+def id_of(task: str) -> str:
+    """`derail/NoisyObs-v0?L=5` for `NoisyObs?L=5`."""
+    name, mark, values = task.partition("?")
+    return f"derail/{name}-v0{mark}{values}"
 
 
 def exam(printed: Scores, twins: Scores | None = None, seeds: int = 15, **others: Any) -> dict[str, Any]:
@@ -41,11 +47,12 @@ def exam(printed: Scores, twins: Scores | None = None, seeds: int = 15, **others
         for i, x in enumerate(over_seeds(each, seeds))
     ]
     about = {
-        f"derail/{t}-v0": {
-            "capability": TITLES[t], "title": t, "random": -10.0, "expert": 4.0, "optimal": 4.0, "constant": CONSTANT.get(t, 0.0),
+        id_of(t): {
+            "capability": TITLES[t.partition("?")[0]],
+            "title": t, "random": -10.0, "expert": 4.0, "optimal": 4.0, "constant": CONSTANT.get(t, 0.0),
             "content_hash": "0" * 64,
         }
-        for t in TITLES
+        for t in {**TITLES, **printed}
     }  # fmt: skip
     found = {
         "exam": 1, "learner": "bc", "learns_from": ["demonstrations"], "suite": "derail", "steps": 500_000, "tasks": about,

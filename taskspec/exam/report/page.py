@@ -22,7 +22,7 @@ def page(exam: Mapping[str, Any]) -> str:
         rows=[_row(row, ends) for row in rows], axis=strips.axis(ends),
         curves=[{"name": row.name, "picture": strips.curves(row), "steps": _last(row)} for row in rows if row.curves],
         diagnoses=[each | {key: _code(each[key]) for key in ("message", "cause", "try")} for each in exam["diagnoses"]],
-        flags=[flag | {"task": _short(flag["task"]), "size": _size(flag)} for flag in exam["flags"]], facts=_facts(exam),
+        flags=[flag | {"task": told.named(flag["task"]), "size": _size(flag)} for flag in exam["flags"]], facts=_facts(exam),
     )  # fmt: skip
 
 
@@ -65,10 +65,6 @@ def _code(text: str) -> Markup:
     )
 
 
-def _short(task: str) -> str:
-    return task.partition("/")[2].rpartition("-v")[0] or task
-
-
 def _size(flag: Mapping[str, Any]) -> str:
     if flag["effect"] is None:
         return ""
@@ -84,4 +80,5 @@ def _facts(exam: Mapping[str, Any]) -> dict[str, str]:
     """How it was run: cost, command, versions, machine."""
     versions = ", ".join(f"{name} {version}" for name, version in exam["versions"].items())
     machine = ", ".join(f"{name} {value}" for name, value in exam["machine"].items())
-    return {"Cost": told.costs(exam), "Command": exam["command"], "Versions": versions, "Machine": machine}
+    left_out = {"Cannot learn": "; ".join(told.left_out(exam))} if told.left_out(exam) else {}
+    return left_out | {"Cost": told.costs(exam), "Command": exam["command"], "Versions": versions, "Machine": machine}

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from taskspec import ids
 from taskspec.exam.bootstrap import estimate, mean
 from taskspec.exam.verdicts import grade, side
 
@@ -24,10 +25,12 @@ NOT_RUN: Colour = (196, 200, 205)
 
 @dataclass(frozen=True)
 class SeedCell:
-    """The scores of one learner on a task, or on its twins (mean over them): a number for each seed."""
+    """The scores of one learner on a task, or on its twins (mean over them): a number for each seed; `cannot` where it has none
+    because the learner is not for the task."""
 
     scores: tuple[float, ...]
     failed: int = 0
+    cannot: bool = False
 
     @property
     def mean(self) -> float | None:
@@ -43,7 +46,7 @@ class SeedCell:
     @property
     def words(self) -> str:
         """The mean as it is written in a cell; why there is none."""
-        return decimal(self.mean) if self.scores else "failed" if self.failed else ""
+        return decimal(self.mean) if self.scores else "failed" if self.failed else "cannot" if self.cannot else ""
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class TaskRow:
 
     @property
     def name(self) -> str:
-        return self.id.partition("/")[2].rpartition("-v")[0] or self.id
+        return named(self.id)
 
     @property
     def capability(self) -> str:
@@ -89,6 +92,25 @@ class TaskRow:
         return None if low is None or high is None or best is None or high == low else (best - low) / (high - low)
 
 
+def named(task: str) -> str:
+    """What a report calls a task of an exam: `NoisyObs`, or `NoisyObs, L=50` where several are asked."""
+    about = ids.parse(task)
+    name = about.name.partition("/")[2].rpartition("-v")[0] or about.name
+    return ", ".join([name, *(f"{key}={value}" for key, value in about.parameters.items()), *about.modifiers])
+
+
+def left_out(exam: Mapping[str, Any]) -> list[str]:
+    """The tasks that the learner is not made for, each with the reason."""
+    found = [(task, about.get("cannot")) for task, about in exam["tasks"].items()]
+    return [f"{named(task)}: {_message(why)}" for task, why in found if why]
+
+
+def _message(told: str) -> str:
+    """What a diagnostic says, without its code and its hint."""
+    first, *_ = told.splitlines()
+    return first.partition("]: ")[2] or first
+
+
 def rows(exam: Mapping[str, Any]) -> list[TaskRow]:
     """The tasks of an exam, in its order."""
     found = []
@@ -101,6 +123,8 @@ def rows(exam: Mapping[str, Any]) -> list[TaskRow]:
             if r.get("curve")
         )
         printed, drawn = (_cell(sides["printed"], entry) for entry in ("deterministic", "stochastic"))
+        if about.get("cannot"):
+            printed = SeedCell((), cannot=True)
         found.append(TaskRow(task, about, printed, _cell(sides["twin"], "deterministic"), drawn, curves))
     return found
 

@@ -98,7 +98,7 @@ class RuleChecker:
             if bound[expr.id] not in (kind, UNKNOWN):
                 self.fail("E306", expr, f"'{expr.id}' is a {bound[expr.id]} here; a {kind} is needed")
             return
-        known = self.names.tasks if kind == "task" else self.names.learners
+        known = (*self.names.tasks, *self.names.instances) if kind == "task" else self.names.learners
         self.name_of(expr, known, kind, tuple(bound))
 
     def name_of(self, expr: s.Expr, known: tuple[str, ...], kind: str, others: tuple[str, ...] = ()) -> None:

@@ -131,9 +131,8 @@ class Judge:
     def _about(self, exprs: tuple[s.Expr, ...], bound: Bound) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The tasks and learners that are named below some expressions."""
         ids = [bound.get(n.id, n.id) for e in exprs for n in s.names(e) if isinstance(n, s.Name)]
-        found = [
-            tuple(dict.fromkeys(i for i in ids if i in known)) for known in (self.names.tasks, self.names.learners)
-        ]
+        tasks = (*self.names.tasks, *self.names.instances)
+        found = [tuple(dict.fromkeys(i for i in ids if i in known)) for known in (tasks, self.names.learners)]
         return found[0], found[1]
 
     # -- numbers -------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taskspec import registry
+from taskspec import ids, registry
 from taskspec.appendix.bibliography import Reference, beside
 from taskspec.diagnostics import Collector, Diagnostic, raise_if_errors, suggest
 from taskspec.exam.rules.check import RuleChecker
@@ -130,7 +130,11 @@ def _names(
         for name, members in described.unable.items():
             _all_in([name], learners, "learner", ("unable",), document, collector)
             _all_in(members, tasks, "task", ("unable", name), document, collector)
-    return RuleNames(tasks, learners, {name: tuple(members) for name, members in described.groups.items()})
+        for name, instance in described.instances.items():
+            _all_in([ids.parse(instance).name], tasks, "task", ("instances", name), document, collector)
+    groups = {name: tuple(members) for name, members in described.groups.items()}
+    instances = tuple(described.instances) if isinstance(described, FindingsDocument) else ()
+    return RuleNames(tasks, learners, groups, instances)
 
 
 def _all_in(

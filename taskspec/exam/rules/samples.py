@@ -15,13 +15,13 @@ from taskspec.exam.verdicts import side
 
 ONE = ""
 """The learner where there is only one."""
-_VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?(?:[?+].*)?")
+_VERSIONED = re.compile(r"(?:[^?+]*/)?([^?+]+?)(?:-v\d+)?([?+].*)?")
 
 
 def short(task: str) -> str:
-    """The name of a task in rules: `NoisyObs` for `derail/NoisyObs-v0?L=50`."""
+    """The name of a task in rules: `NoisyObs?L=50` for `derail/NoisyObs-v0?L=50`."""
     found = _VERSIONED.fullmatch(task)
-    return found[1] if found else task
+    return found[1] + (found[2] or "") if found else task
 
 
 class SeedScores:
@@ -32,11 +32,12 @@ class SeedScores:
         floor: scores below it count as it.
         drawn: whether scores are those of policies that draw their actions, instead of those that take their best ones.
         same: names of tasks that count as others, where those were not run.
+        instances: names of tasks at some values, by those.
     """
 
     def __init__(
         self, exams: Mapping[str, Mapping[str, Any]], floor: float | None = None, drawn: bool = False,
-        same: Mapping[str, str] | None = None,
+        same: Mapping[str, str] | None = None, instances: Mapping[str, str] | None = None,
     ) -> None:  # fmt: skip
         self.floor, self.drawn = floor, drawn
         self.records: dict[tuple[str, str, str], list[Mapping[str, Any]]] = defaultdict(list)
@@ -44,7 +45,9 @@ class SeedScores:
         self.ids: dict[str, str] = {}
         for learner, exam in exams.items():
             own = {short(task) for task in exam["tasks"]}
-            called = {task: _known_as(short(task), own, same or {}) for task in exam["tasks"]}
+            called = {
+                task: _known_as(short(task), own, {**(same or {}), **(instances or {})}) for task in exam["tasks"]
+            }
             self.ids |= {called[task]: task for task in exam["tasks"]}
             self.tasks |= {called[task]: about for task, about in exam["tasks"].items()}
             for record in exam["scores"]:

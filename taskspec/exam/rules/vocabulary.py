@@ -82,11 +82,12 @@ ALL_TASKS, ALL_LEARNERS = "tasks", "learners"
 
 @dataclass(frozen=True)
 class RuleNames:
-    """What a rule may name: tasks, learners (none where results are those of one), and groups of either."""
+    """What a rule may name: tasks, learners (none where results are those of one), groups of either, tasks at other values."""
 
     tasks: tuple[str, ...]
     learners: tuple[str, ...] = ()
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    instances: tuple[str, ...] = ()
 
     def group(self, name: str) -> tuple[str, ...] | None:
         """The members of a group."""

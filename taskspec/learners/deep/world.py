@@ -11,10 +11,10 @@ import jax.numpy as jnp
 
 from taskspec.backends.jax import State, compile_jax
 from taskspec.backends.jax.pack import acted, observed
-from taskspec.exact.model.failure import misused
 from taskspec.lang.ir import Const
 from taskspec.learners.configurations import Experience
 from taskspec.learners.deep.spaces import ActionHead
+from taskspec.learners.refusals import cannot_learn
 from taskspec.learners.vectors import Vectors
 from taskspec.modifiers import modify
 from taskspec.task.task import Task
@@ -87,13 +87,13 @@ class World:
         """The most steps that an episode may take.
 
         Raises:
-            SpecError: E713 where there is no telling.
+            CannotLearn: where there is no telling.
         """
         if self.horizon is not None:
             return self.horizon
         if isinstance(self.task.terminal, Const) and self.task.terminal.value:
             return 1
-        return misused(f"episodes of {self.task.id} have no horizon", "give the task one")
+        return cannot_learn(f"episodes of {self.task.id} have no horizon", "give the task one")
 
     def begin(self, key: Array, lanes: int) -> Walk:
         """New episodes."""

@@ -73,6 +73,9 @@ class FindingsDocument(Strict):
     same: dict[str, str] = Field(
         default_factory=dict, description="Tasks whose results count as those of another, where that was not run."
     )
+    instances: dict[Name, str] = Field(
+        default_factory=dict, description="Names for tasks at other values of their parameters: `NoisyObs?L=50&M=7`."
+    )
     floor: float | None = Field(None, description="Scores below it count as it.")
     drawn: bool = Field(
         False,

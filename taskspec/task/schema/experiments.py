@@ -149,7 +149,7 @@ class Plot(Strict):
 
 
 class Experiment(Strict):
-    """Which instances of which tasks are measured, and how."""
+    """Which instances of which tasks are measured, or what learners are examined on, and how."""
 
     experiment: int = Field(description="The version of the format: 1.")
     name: Annotated[str, Field(description="A short name; files of results are called by it.")]
@@ -161,7 +161,22 @@ class Experiment(Strict):
         default_factory=list,
         description="Policies that are rolled out: random, expert, optimal, soft(1), epsilon(0.1).",
     )
-    seeds: int = Field(1, ge=1, description="How often each policy is rolled out, each time with another seed.")
+    learners: list[str] = Field(
+        default_factory=list,
+        description="Learners that `taskspec exam` trains: `bc`, `paper/gail_im`, `FILE.py:train`, or a file of settings.",
+    )
+    steps: int | None = Field(None, ge=1, description="Environment steps of each training run; 500,000 unless given.")
+    transitions: int | None = Field(
+        None, ge=1, description="Transitions of expert demonstrations; 10,000 unless given."
+    )
+    twins: int | None = Field(
+        None, ge=0, description="Twins of each task that learners are examined on; 2 unless given."
+    )
+    probes: bool = Field(True, description="Whether it is tried if learners look at rewards that are withheld.")
+    seeds: int | None = Field(
+        None, ge=1,
+        description="How often each policy is rolled out (1 unless given), and each learner trained (15), with another seed.",
+    )  # fmt: skip
     episodes: int = Field(
         1000, ge=2, description="Episodes of each roll-out, and for what cannot be worked out exactly."
     )
