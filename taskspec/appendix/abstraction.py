@@ -9,7 +9,7 @@ from taskspec.appendix.lines import Maker, formula
 from taskspec.appendix.prose import Inlines, Text, inlines
 from taskspec.appendix.writing import Writing
 from taskspec.printers import tree as m
-from taskspec.task.build import build_abstract
+from taskspec.task.derived import build_abstract
 
 _OWN: tuple[tuple[str, str, Maker], ...] = (
     ("initial", "initial state", lines.initial),

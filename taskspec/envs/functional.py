@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import gymnasium
@@ -35,19 +36,23 @@ class TaskFuncEnv(_FuncEnv):
     There is no autoreset, and the horizon is the caller's, as for every FuncEnv.
     """
 
-    def __init__(self, task: TaskLike, options: dict[str, Any] | None = None) -> None:
+    def __init__(self, task: TaskLike, options: dict[str, Any] | None = None, varying: Sequence[str] = ()) -> None:
+        self._functional = Functional(task, varying)
         super().__init__(options)
-        self._functional = Functional(task)
         self.observation_space: gymnasium.Space[Any] = space(self._functional.program.observation)
         self.action_space: gymnasium.Space[Any] = space(self._functional.program.action)
 
     def initial(self, rng: Any, params: Any = None) -> FuncState:
-        seen, state = self._functional.reset(rng)
+        seen, state = self._functional.reset(rng, params)
         return FuncState(state, seen, np.float32(0), np.False_)
 
     def transition(self, state: FuncState, action: Any, rng: Any, params: Any = None) -> FuncState:
-        seen, following, reward, _, info = self._functional.step_env(state.state, action)
+        seen, following, reward, _, info = self._functional.step_env(state.state, action, params)
         return FuncState(following, seen, reward, info["terminated"])
+
+    def get_default_params(self, **changes: Any) -> Any:
+        """The parameters in `varying`, as the task was loaded with them or with other values (see `Functional`)."""
+        return self._functional.default_params.replace(**changes)
 
     def observation(self, state: FuncState, rng: Any, params: Any = None) -> Any:
         return state.seen

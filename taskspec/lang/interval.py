@@ -45,7 +45,7 @@ def step(node: Node, args: Args) -> Range:
             if node.type.kind is not Kind.BOOL:
                 edge = _tidy((node.low, node.high), node.type.kind)
             # States, actions and times are numbers; a variable may stand for any value.
-            return Range(*edge, role is not Role.VARIABLE or all(map(math.isfinite, edge)))
+            return Range(*edge, role not in (Role.VARIABLE, Role.PARAMETER) or all(map(math.isfinite, edge)))
         case Draw():
             return Range(*_tidy(VARIATES[node.base].bounds(node, args), node.type.kind))
         case Apply(type=t) if t.kind is Kind.BOOL:

@@ -23,6 +23,7 @@ class Role(enum.Enum):
     ACTION = "action"
     NEXT = "next"
     TIME = "time"
+    PARAMETER = "parameter"  # of a task that leaves it open
     VARIABLE = "variable"  # of a comprehension or a function, while it is being expanded
 
 

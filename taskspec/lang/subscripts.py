@@ -15,7 +15,7 @@ import numpy as np
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker, ClampedIndex
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Const, Node
+from taskspec.lang.ir import Const, Node, Role, reads
 from taskspec.lang.late import varies
 from taskspec.lang.scope import Scope
 from taskspec.lang.types import Kind, Shape, Type
@@ -114,6 +114,8 @@ def _argument(checker: BaseChecker, index: Node, length: int, expr: s.Expr, scop
 
 def moved(checker: BaseChecker, index: Node, length: int, expr: s.Expr) -> Node:
     """An index that depends on the state, moved to the nearest end of a vector if it lies outside; kept for the lints."""
+    if Role.PARAMETER in {role for role, _ in reads([index])}:  # a known one would count from the end
+        checker.fail("E312", expr, "an index must be a constant where it depends on parameters")
     found = checker.builder.within(index, 0, length - 1)
     if found is not index:
         checker.moved.setdefault(id(found), ClampedIndex(found, index, length, expr.place))

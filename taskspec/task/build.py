@@ -6,13 +6,12 @@ import copyreg
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import taskspec
 from taskspec.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors, suggest
 from taskspec.lang.basechecker import Poisoned
-from taskspec.lang.ir import Const
+from taskspec.lang.ir import Const, reads
 from taskspec.lang.scope import FunctionDef, Scope
 from taskspec.lang.types import BOOL, REAL, Refused
 from taskspec.lang.uncalled import check_uncalled
@@ -25,7 +24,7 @@ from taskspec.task.figure import figure
 from taskspec.task.forms import is_word
 from taskspec.task.invariants import check_on_request
 from taskspec.task.memory import remembered
-from taskspec.task.merge import Merged, abstracted, merge
+from taskspec.task.merge import Merged, merge
 from taskspec.task.names import Names, signature
 from taskspec.task.schema import Spec, check_shape, validated
 from taskspec.task.sections import SectionBuilder
@@ -58,8 +57,7 @@ def build(
         SpecError: with every mistake found.
     """
     raise_if_errors(check_shape(document))
-    merged = merge(document, variant)
-    return _Build(validated(merged), merged, Collector()).checked(dict(parameters or {}), suite)
+    return rebuilt(merge(document, variant), parameters or {}, suite)
 
 
 class BoundParameters(NamedTuple):
@@ -104,20 +102,13 @@ def _rebuilt(
 copyreg.pickle(Task, _reduced)  # here, since a task need not know how it is built
 
 
-def build_abstract(task: Task) -> Task | None:
-    """The finite stand-in that a task's spec declares under `abstraction`, for the same parameters; None without one.
+def rebuilt(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:
+    """The task of sections that were merged, or changed since.
 
     Raises:
-        SpecError: with every mistake found in it.
+        SpecError: with every mistake found.
     """
-    merged = abstracted(merge(task.document, task.variant))
-    if merged is None:
-        return None
-    try:
-        return _Build(validated(merged), merged, Collector()).checked(task.values, task.suite)
-    except SpecError as error:
-        note = "this is about the abstraction, which takes from the task what it does not give itself"
-        raise SpecError(replace(d, notes=(*d.notes, note)) for d in error.diagnostics) from None
+    return _Build(validated(merged), merged, Collector()).checked(dict(parameters), suite)
 
 
 class _Build:
@@ -261,6 +252,8 @@ class _Build:
         value = None if expr is None else context.checker.check(expr, scope)
         if expr is None or value is None:
             return
+        if value.node.type == BOOL and reads([value.node]):
+            return  # it hangs on parameters that are left open
         if not isinstance(value.node, Const) or value.node.type != BOOL:
             self.collector.add("E306", expr.place, "a requirement is a condition on parameters")
         elif not value.node.value:

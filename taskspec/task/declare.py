@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import math
-import reprlib
 import zlib
 from collections.abc import Mapping, Sequence
-from fractions import Fraction
 from typing import Any
-
-import numpy as np
 
 from taskspec import draws
 from taskspec.diagnostics import Collector, Placed, suggest
@@ -18,7 +14,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.calls import static_shape
 from taskspec.lang.check import Checker
 from taskspec.lang.evaluate import evaluate
-from taskspec.lang.ir import Const, Node, plain
+from taskspec.lang.ir import Const, Node, Role, plain, reads
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import INT, INT_WIDEST, Domain, Kind, Refused, Type
 from taskspec.lang.variates.layout import WordLayout
@@ -26,6 +22,7 @@ from taskspec.lang.variates.sample import sampler
 from taskspec.limits import count, how_to_raise, limits
 from taskspec.source import Path
 from taskspec.task.forms import Forms
+from taskspec.task.given import Varying, article, brief, convert
 from taskspec.task.merge import Merged
 from taskspec.task.task import Component, Parameter
 
@@ -58,7 +55,9 @@ class Declarations:
             domain = self.domain(entry, path, scope) if kind == "choice" else None
         except Poisoned:
             return None
-        value = self._given(name, given[name], kind, labels) if name in given else default
+        asked = given.get(name, default)
+        own = asked.value if isinstance(asked, Varying) else asked
+        value = self._given(name, own, kind, labels) if name in given else default
         if value is None or not self._within(name, value, low, high, labels, name in given):
             return None
         shown = {k: entry.get(k) for k in ("symbol", "doc", "alias")}
@@ -66,6 +65,9 @@ class Declarations:
         if kind == "choice":
             assert labels is not None
             return parameter, Value(self.builder.scalar(labels.index(value)), domain)
+        if isinstance(asked, Varying):
+            ends = (-math.inf if low is None else low, math.inf if high is None else high)
+            return parameter, Value(self.builder.read(Role.PARAMETER, name, Type(KINDS[kind]), *ends))
         return parameter, Value(self.builder.const(value, Type(KINDS[kind])))
 
     def _labels(self, entry: Mapping[str, Any]) -> tuple[Any, ...] | None:
@@ -98,19 +100,19 @@ class Declarations:
         if expr is None:
             raise Poisoned
         node = self.checker.constant(expr, scope, "a default")
-        found = _convert(node.value, kind) if node.type.is_scalar else None
+        found = convert(node.value, kind) if node.type.is_scalar else None
         if found is None:
             shown = f"{node.value}" if node.type.is_scalar and node.type.kind is KINDS[kind] else str(node.type)
-            self.collector.add("E213", expr.place, f"the default is {shown}, but the parameter is {_article(kind)}")
+            self.collector.add("E213", expr.place, f"the default is {shown}, but the parameter is {article(kind)}")
             raise Poisoned
         return found
 
     def _given(self, name: str, value: Any, kind: str, labels: Any) -> Any:
         is_label = kind == "choice" and isinstance(value, str) and value in labels
-        converted = str(value) if is_label else _convert(value, kind)
+        converted = str(value) if is_label else convert(value, kind)
         if converted is None:
-            wanted = f"one of {', '.join(map(str, labels))}" if kind == "choice" else _article(kind)
-            self.collector.add("E703", None, f"parameter {name} must be {wanted}, not {_brief(value)}")
+            wanted = f"one of {', '.join(map(str, labels))}" if kind == "choice" else article(kind)
+            self.collector.add("E703", None, f"parameter {name} must be {wanted}, not {brief(value)}")
         return converted
 
     def _within(self, name: str, value: Any, low: Any, high: Any, labels: Any, given: bool) -> bool:
@@ -143,8 +145,10 @@ class Declarations:
             raise Poisoned
         with self.builder.written(apart=True) as written:
             found = self.checker.value(expr, scope)
-        if isinstance(found.node, Const):
-            return found
+        if isinstance(found.node, Const) or not written:
+            return found  # one that is no constant depends on parameters that are left open
+        if reads([found.node]):
+            self.checker.fail("E312", expr, "what a constant is drawn from must be a constant")
         if seed is None:
             self.checker.fail("E311", expr, "this constant is drawn, but the task has no parameter 'instance_seed'",
                               "declare it: `instance_seed: {type: int, default: 0, low: 0}`")  # fmt: skip
@@ -313,34 +317,6 @@ class Declarations:
 def _value(node: Node) -> Any:
     assert isinstance(node, Const)
     return node.flat if node.type.shape else node.value
-
-
-def _convert(value: Any, kind: str) -> Any:
-    """A value as the kind of a parameter, or None where it is of another kind, no number, or too large."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    if kind == "bool":
-        return value if isinstance(value, bool) else None
-    is_nan = isinstance(value, float) and math.isnan(value)
-    if isinstance(value, bool) or not isinstance(value, int | float | Fraction) or is_nan:
-        return None
-    if kind == "int":
-        return int(value) if -INT_WIDEST <= value <= INT_WIDEST and value == int(value) else None
-    try:
-        return float(value) if kind == "real" else None
-    except OverflowError:
-        return None
-
-
-def _article(kind: str) -> str:
-    return {"int": "an int", "real": "a real number", "bool": "true or false"}.get(kind, f"a {kind}")
-
-
-def _brief(value: Any) -> str:
-    """A value from Python in a few words; ints may be longer than Python is willing to print."""
-    if isinstance(value, int) and abs(value) > INT_WIDEST:
-        return f"one of {value.bit_length()} bits"
-    return reprlib.repr(value)
 
 
 def _shown(value: float) -> str:

@@ -46,7 +46,7 @@ OF_TASKS: tuple[TaskRule, ...] = (
     ("each action component has an expert's value of its type", lambda t: _typed(experts(t), t.action if experts(t) else ())),
     ("the rewards are single reals", lambda t: t.reward.type == t.absorbing_reward.type == REAL),
     ("the end is a single condition", lambda t: t.terminal.type == BOOL),
-    ("first values read nothing", lambda t: not reads(t.initial)),
+    ("first values read nothing", lambda t: not _roles(t.initial)),
     ("a step reads state, action and time", lambda t: _roles((*t.next, t.reward, t.terminal)) <= _STEP),
     ("an observation reads state and time", lambda t: _roles(t.observation.nodes) <= _PRESENT),
     ("an expert reads state and time", lambda t: _roles(experts(t)) <= _PRESENT),
@@ -147,7 +147,7 @@ def _bounded(c: Component) -> bool:
 
 
 def _roles(nodes: Iterable[Node]) -> set[Role]:
-    return {role for role, _ in reads(nodes)}
+    return {role for role, _ in reads(nodes)} - {Role.PARAMETER}
 
 
 def _remembered(task: Task) -> bool:
@@ -192,7 +192,7 @@ def _kept(task: Task) -> Iterator[tuple[Node, float, float]]:
 
 
 def _names(task: Task) -> set[str]:
-    return {name for _, name in reads(roots(task))}
+    return {name for role, name in reads(roots(task)) if role is not Role.PARAMETER}
 
 
 def _key(node: Apply) -> tuple[str, tuple[int, ...], Type, tuple[int, ...]]:

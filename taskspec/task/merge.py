@@ -24,6 +24,19 @@ _OF_ANY_TYPE = ("default", "shape", "symbol", "doc", "alias")
 _DROPPED = ("variants", "base", "extends")
 _OF_A_FILE = ("taskspec", "name", "version", "roles")
 """Sections that are about a file as a whole, which none takes over from another."""
+_BESIDE = (
+    "abstraction",
+    "absorbing_reward",
+    "accept",
+    "claims",
+    "examples",
+    "expert",
+    "figure",
+    "info",
+    "memory",
+    "symmetries",
+)
+"""Sections that neither reset nor step a task."""
 _NOT_ABSTRACT = ("abstraction", "observation", "claims", "examples", "accept", "figure", "info")
 
 
@@ -144,6 +157,12 @@ def abstracted(merged: Merged) -> Merged | None:
             data[section] = value
             _move(moved, (section,), merged.written(("abstraction", section)))
     return Merged(merged.document, merged.name, merged.variant, data, moved)
+
+
+def stripped(merged: Merged) -> Merged:
+    """What resets and steps a task, and no more."""
+    data = {key: value for key, value in merged.data.items() if key not in _BESIDE}
+    return Merged(merged.document, merged.name, merged.variant, data, merged.moved)
 
 
 def _key(document: Document, variant: str) -> str:

@@ -220,7 +220,7 @@ class Names:
     def _noise_of_reset(self, name: str, at: s.Name, section: str) -> Value:
         """A noise that a reset draws, too: one that depends on no step."""
         value = self._drawn(name)
-        if reads([value.node]):
+        if any(role is not Role.PARAMETER for role, _ in reads([value.node])):
             message = f"the noise '{name}' depends on the state or the action before the step"
             hint = "only noise that depends on neither can be observed; keep it in a state component"
             if section == "initial":

@@ -7,6 +7,7 @@ counters that the state carries.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -15,9 +16,11 @@ import jax.numpy as jnp
 
 from taskspec.backends.jax.gymnax import Gymnax
 from taskspec.backends.jax.pack import acted, observed
+from taskspec.backends.jax.params import default_params, values
 from taskspec.backends.jax.program import JaxProgram, State, StepResult, compile_jax
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.registry import load
+from taskspec.task.derived import build_varying
 from taskspec.task.task import Task, TaskLike
 
 Array = Any
@@ -28,11 +31,21 @@ class Functional:
 
     Arrays of one environment have no axis for lanes. For many environments, `lanes_reset` and `lanes_step` take and
     give arrays with the lanes last, which XLA compiles to better code than `vmap` over the first axis.
+
+    `varying` names numeric parameters of the task that are given where it runs, as `params`: `default_params` with other
+    values. They may be traced and differ between lanes, unless they decide shapes, counts, bounds or the horizon. Computed where
+    the task runs, they are float32, and probabilities are as those that depend on the state.
+
+    Raises:
+        SpecError: E702 and E713 for parameters that cannot vary.
     """
 
-    def __init__(self, task: TaskLike) -> None:
+    def __init__(self, task: TaskLike, varying: Sequence[str] = ()) -> None:
         self.task: Task = load(task)
-        self.program: JaxProgram = compile_jax(self.task)
+        names = tuple(sorted(set(varying)))
+        self.program: JaxProgram = compile_jax(build_varying(self.task, names) if names else self.task)
+        self._varying = tuple(p for name in names for p in self.task.parameters if p.name == name)
+        self.default_params: Any = default_params(self.task, self._varying)
 
     @property
     def name(self) -> str:
@@ -40,17 +53,19 @@ class Functional:
 
     # -- one environment ------------------------------------------------------------------------------------------
 
-    def reset(self, key: Array) -> tuple[Any, State]:
+    def reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
         """The first observation and state of a key: `jax.random.key(seed)`, or its uint32 words (2,)."""
-        observation, state = self.lanes_reset(key_words(key)[:, None])
+        observation, state = self.lanes_reset(key_words(key)[:, None], params)
         return _single(observation), _single(state)
 
-    def step(self, state: State, action: Array) -> tuple[Any, State, Array, Array, dict[str, Array]]:
+    def step(
+        self, state: State, action: Array, params: Any = None
+    ) -> tuple[Any, State, Array, Array, dict[str, Array]]:
         """Observation, state, reward, done and info of a step; an episode that ends begins anew (autoreset).
 
         info holds "terminated", "truncated", and "final_observation", that of the step itself.
         """
-        observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None])
+        observation, state, result = self.lanes_step(_lane(state), jnp.asarray(action)[..., None], params)
         info = {
             "terminated": result.terminated[0],
             "truncated": result.truncated[0],
@@ -59,10 +74,13 @@ class Functional:
         done = info["terminated"] | info["truncated"]
         return _single(observation), _single(state), result.reward[0], done, info
 
-    def step_env(self, state: State, action: Array) -> tuple[Any, State, Array, Array, dict[str, Array]]:
+    def step_env(
+        self, state: State, action: Array, params: Any = None
+    ) -> tuple[Any, State, Array, Array, dict[str, Array]]:
         """A step without autoreset; info holds "terminated" and "truncated"."""
         program = self.program
-        after, result = program.step(_lane(state), acted(program.action, jnp.asarray(action)[..., None]))
+        action = acted(program.action, jnp.asarray(action)[..., None])
+        after, result = program.step(_lane(state), action, values(self._varying, params))
         seen = _single(observed(program.observation, result.observation))
         ends = {"terminated": result.terminated[0], "truncated": result.truncated[0]}
         return seen, _single(after), result.reward[0], ends["terminated"] | ends["truncated"], ends
@@ -77,20 +95,25 @@ class Functional:
         Raises:
             SpecError: E713, for observations or actions that are not finite.
         """
-        functions = Functional(_one_hot(self.task)) if one_hot else self
+        names = [p.name for p in self._varying]
+        functions = Functional(_one_hot(self.task), names) if one_hot else self
         return Gymnax(functions, flat_actions)
 
     # -- many environments, lanes last ----------------------------------------------------------------------------
 
-    def lanes_reset(self, key: Array) -> tuple[Any, State]:
-        """First observations (*shape, N) and states of keys: uint32 (2, N), high and low words of the seeds."""
-        state, seen = self.program.reset(key)
+    def lanes_reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
+        """First observations (*shape, N) and states of keys: uint32 (2, N), high and low words of the seeds.
+
+        Parameters are numbers, or arrays (N,).
+        """
+        state, seen = self.program.reset(key, values(self._varying, params))
         return observed(self.program.observation, seen), state
 
-    def lanes_step(self, state: State, action: Array) -> tuple[Any, State, StepResult]:
+    def lanes_step(self, state: State, action: Array, params: Any = None) -> tuple[Any, State, StepResult]:
         """A step of every lane with autoreset; actions are (*shape, N). The result holds the observations before it."""
-        after, result = self.program.step(state, acted(self.program.action, action))
-        following, seen = self.program.again(after, result)
+        given = values(self._varying, params)
+        after, result = self.program.step(state, acted(self.program.action, action), given)
+        following, seen = self.program.again(after, result, given)
         return observed(self.program.observation, seen), following, result
 
 

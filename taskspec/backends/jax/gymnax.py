@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,30 +11,10 @@ import numpy as np
 from taskspec.backends.jax.program import JaxProgram, State
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.extras import need
-from taskspec.lang.types import INT_MAX
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
 from taskspec.task.task import Component, Task
 
 Array = Any
-
-
-class Params(NamedTuple):
-    """What a caller may want to know. A task's parameters, its horizon among them, are bound when it is loaded."""
-
-    max_steps_in_episode: int
-
-    def replace(self, **changes: Any) -> Params:
-        """The same with other values, as gymnax's learners ask for it.
-
-        Raises:
-            SpecError: E713 for another value, which would have no effect.
-        """
-        other = self._replace(**changes)
-        if other != self:
-            hint = "`Functional(load(task, L=5))` is the task with other parameters"
-            message = "the parameters of a task are bound when it is loaded, its horizon among them"
-            raise SpecError([Diagnostic("E713", None, message, hint)])
-        return other
 
 
 class Functions(Protocol):
@@ -42,12 +22,15 @@ class Functions(Protocol):
 
     task: Task
     program: JaxProgram
+    default_params: Any
 
     @property
     def name(self) -> str: ...
-    def reset(self, key: Array) -> tuple[Any, State]: ...
-    def step(self, state: State, action: Array) -> tuple[Any, State, Array, Array, dict[str, Array]]: ...
-    def step_env(self, state: State, action: Array) -> tuple[Any, State, Array, Array, dict[str, Array]]: ...
+    def reset(self, key: Array, params: Any) -> tuple[Any, State]: ...
+    def step(self, state: State, action: Array, params: Any) -> tuple[Any, State, Array, Array, dict[str, Array]]: ...
+    def step_env(
+        self, state: State, action: Array, params: Any
+    ) -> tuple[Any, State, Array, Array, dict[str, Array]]: ...
 
 
 class Gymnax:
@@ -70,10 +53,10 @@ class Gymnax:
             )
         self._flat = flat_actions and self._acted.form == "multi_discrete"
         self.name = functional.name
-        self.default_params = Params(INT_MAX if task.horizon is None else task.horizon)
+        self.default_params: Any = functional.default_params
 
     def reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
-        seen, state = self._functional.reset(key)
+        seen, state = self._functional.reset(key, params)
         return _from_zero(self._seen, seen), state
 
     reset_env = reset
@@ -83,13 +66,13 @@ class Gymnax:
 
         info holds "terminated", "truncated", and "final_observation", that of the step itself.
         """
-        seen, following, reward, _, info = self._functional.step(state, self._action(action))
+        seen, following, reward, _, info = self._functional.step(state, self._action(action), params)
         info["final_observation"] = _from_zero(self._seen, info["final_observation"])
         return _from_zero(self._seen, seen), following, reward, info["terminated"], info["truncated"], info
 
     def step_env(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
         """Observation, state, reward, terminated, info; without autoreset and horizon."""
-        seen, following, reward, _, info = self._functional.step_env(state, self._action(action))
+        seen, following, reward, _, info = self._functional.step_env(state, self._action(action), params)
         return _from_zero(self._seen, seen), following, reward, info["terminated"], info
 
     def is_truncated(self, state: State, params: Any = None) -> Array:

@@ -18,7 +18,7 @@ from taskspec.backends.jax.pack import DTYPES
 from taskspec.backends.lowering.hoist import compared, word_names
 from taskspec.backends.lowering.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.ranges import INF, Range
 from taskspec.lang.types import INT_MAX, Kind
@@ -70,26 +70,29 @@ class JaxProgram:
     _start_words: int
     _step_words: int
 
-    def reset(self, key: Array) -> tuple[State, tuple[Array, ...]]:
-        """The first state of lanes with the given keys, uint32 (2, N), and what is observed of it."""
-        zero = jnp.zeros(key.shape[-1], jnp.uint32)
-        return self.begin(State((), zero.astype(jnp.int32), zero, zero, key))
+    def reset(self, key: Array, given: Sequence[Array] = ()) -> tuple[State, tuple[Array, ...]]:
+        """The first state of lanes with the given keys, uint32 (2, N), and what is observed of it.
 
-    def begin(self, state: State) -> tuple[State, tuple[Array, ...]]:
+        `given` are parameters that the task leaves open, (N,) or (1,), in alphabetical order; so in all that follows.
+        """
+        zero = jnp.zeros(key.shape[-1], jnp.uint32)
+        return self.begin(State((), zero.astype(jnp.int32), zero, zero, key), given)
+
+    def begin(self, state: State, given: Sequence[Array] = ()) -> tuple[State, tuple[Array, ...]]:
         """The first state of the next episode of every lane."""
         high, low = state.key
         words = library.RandomWords(low, high, state.episodes, draws.RESET, self._start_words)
-        values, seen = self._start(words)
+        values, seen = self._start(words, *given)
         lanes = state.time.shape
         values = tuple(_full(v, c, lanes) for v, c in zip(values, self.task.state, strict=True))
         seen = tuple(_full(v, c, lanes) for v, c in zip(seen, self.observation.components, strict=True))
         return State(values, jnp.zeros_like(state.time), state.steps, state.episodes + jnp.uint32(1), state.key), seen
 
-    def step(self, state: State, action: Sequence[Array]) -> tuple[State, StepResult]:
+    def step(self, state: State, action: Sequence[Array], given: Sequence[Array] = ()) -> tuple[State, StepResult]:
         """A step of every lane, without autoreset. `action` has one array (*shape, N) for each component."""
         high, low = state.key
         words = library.RandomWords(low, high, state.steps, draws.STEP, self._step_words)
-        values, reward, terminal, seen = self._step(words, state.time, *state.values, *action)
+        values, reward, terminal, seen = self._step(words, state.time, *state.values, *action, *given)
         lanes = state.time.shape
         values = tuple(_full(v, c, lanes) for v, c in zip(values, self.task.state, strict=True))
         seen = tuple(_full(v, c, lanes) for v, c in zip(seen, self.observation.components, strict=True))
@@ -103,10 +106,10 @@ class JaxProgram:
         )
         return State(values, time, state.steps + jnp.uint32(1), state.episodes, state.key), result
 
-    def again(self, state: State, result: StepResult) -> tuple[State, tuple[Array, ...]]:
+    def again(self, state: State, result: StepResult, given: Sequence[Array] = ()) -> tuple[State, tuple[Array, ...]]:
         """The state and the observation after a step, begun anew where the episode has ended."""
         ended = result.terminated | result.truncated
-        fresh, seen = self.begin(state)
+        fresh, seen = self.begin(state, given)
         values = tuple(jnp.where(ended, a, b) for a, b in zip(fresh.values, state.values, strict=True))
         shown = tuple(jnp.where(ended, a, b) for a, b in zip(seen, result.observation, strict=True))
         time, episodes = jnp.where(ended, 0, state.time), state.episodes + ended.astype(jnp.uint32)
@@ -136,10 +139,11 @@ def compile_jax(task: Task) -> JaxProgram:
     constants: dict[str, Any] = {}
     body, values = _emit(task, step, step_words, constants)
     states, actions = _names("s", task.state), _names("a", task.action)
-    lines = [f"def step({', '.join(['w', 't', *states, *actions])}):", *_indent(body)]
+    given = list(open_names(task).values())
+    lines = [f"def step({', '.join(['w', 't', *states, *actions, *given])}):", *_indent(body)]
     lines += _indent([f"return {tuple_of(values[:n])}, {values[n]}, {values[n + 1]}, {tuple_of(values[n + 2 :])}"])
     body, values = _emit(task, start, start_words, constants)
-    lines += ["", "", "def start(w):", *_indent(body)]
+    lines += ["", "", f"def start({', '.join(['w', *given])}):", *_indent(body)]
     lines += _indent([f"return {tuple_of(values[:n])}, {tuple_of(values[n:])}"])
     source = "\n".join([repr(f"{task.id}: n environments, array code for JAX. Generated."), "", "", *lines, ""])
     namespace = {**_NAMESPACE, **arrays(constants, _array)}
@@ -198,6 +202,7 @@ def _emit(
     names = {(Role.TIME, "t"): "t"}
     for components, prefix, role in ((task.state, "s", Role.STATE), (task.action, "a", Role.ACTION)):
         names |= {(role, c.name): s for c, s in zip(components, _names(prefix, components), strict=True)}
+    names |= {(Role.PARAMETER, name): source for name, source in open_names(task).items()}
     for draw in (n for n in walk(roots) if isinstance(n, Draw)):
         first = words.first[draw.site]
         names |= {(Role.VARIABLE, v): f"w.signed({first + k})" for k, v in enumerate(word_names(draw))}
@@ -223,6 +228,12 @@ def _drawn(draw: Draw, args: Sequence[str], words: WordLayout, constants: dict[s
     constants[name] = partial(form, library, draw)
     shape = "".join(f"{k}, " for k in draw.type.shape)
     return f"{name}({tuple_of(args)}, w.rows({words.first[draw.site]}, {words_of(draw)})).reshape({shape}-1)"
+
+
+def open_names(task: Task) -> dict[str, str]:
+    """The parameters that a task leaves open, in alphabetical order, and their names in the source."""
+    found = sorted(name for role, name in reads((*task.reset_roots, *task.step_roots)) if role is Role.PARAMETER)
+    return {name: f"p{i}" for i, name in enumerate(found)}
 
 
 def _names(prefix: str, components: Sequence[Component]) -> list[str]:

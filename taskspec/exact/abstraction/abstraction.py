@@ -24,7 +24,7 @@ from taskspec.lang.ir import Node
 from taskspec.modifiers import stand_in as modified_stand_in
 from taskspec.registry import load
 from taskspec.task.assign import assign
-from taskspec.task.build import build_abstract
+from taskspec.task.derived import build_abstract
 from taskspec.task.task import Task, TaskLike
 
 Array = np.ndarray[Any, Any]
