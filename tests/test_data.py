@@ -123,6 +123,29 @@ def test_functions_of_files_see_what_the_environment_shows(tmp_path: Path) -> No
     assert same(data.acts[late & (data.episode < 120)], again.acts) and 0.4 < data.acts.mean() < 0.6
 
 
+DATACLASS = """
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass
+class Always:
+    action: int
+
+    def predict(self, observations):
+        return [self.action] * len(observations)
+
+
+act = Always(1)
+"""
+
+
+def test_files_may_define_dataclasses(tmp_path: Path) -> None:
+    (tmp_path / "m.py").write_text(DATACLASS)
+    assert demonstrations("RiskyPath", f"{tmp_path}/m.py:act", episodes=3).acts.all()
+
+
 def test_objects_with_predict_are_asked_for_their_most_likely_actions() -> None:
     class Steps:
         def predict(self, seen: Any, state: Any = None, deterministic: bool = False) -> tuple[Any, Any]:

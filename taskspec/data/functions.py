@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -46,13 +47,16 @@ def function_of(name: str, form: str = "(observation)") -> Any:
 
 def _module(path: Path) -> Any:
     """The module that a file makes, run anew; what lies beside it can be imported, as by a script."""
-    spec = importlib.util.spec_from_file_location(path.stem, path)
+    name = f"{path.stem}_{zlib.crc32(str(path.resolve()).encode()):08x}"
+    spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # where dataclasses look for the module of a class
     sys.path.insert(0, str(path.resolve().parent))
     try:
         spec.loader.exec_module(module)
     except Exception as error:
+        del sys.modules[name]
         message = f"'{path}' cannot be run: {type(error).__name__}: {error}"
         raise SpecError([Diagnostic("E711", None, message)]) from error
     finally:
