@@ -56,7 +56,7 @@ def write(
         title: of the whole; by default the tasks' suite.
         facts: results by id of the task (see `gather`); left out without.
         columns: parameter values to show beside the symbols.
-        brief: what defines a task, its figure and its scores alone, half a page each; in LaTeX tasks of one spec share a section.
+        brief: what defines a task, its figure and its scores alone, half a page each.
         references: bibliography by key; by default the `references.bib` beside the specs.
         links: names and addresses for the head of every HTML page.
 

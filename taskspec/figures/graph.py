@@ -275,4 +275,4 @@ class _Graph:
         body = shape(x, y, spot.half, RADIUS, fill, shade)
         yield body
         if fill == "bad":
-            yield from hatched(body, text_width(self.says.labels[v], STATE) / 2 + 0.07)
+            yield from hatched(body, min(RADIUS / 2, text_width(self.says.labels[v], STATE) / 2))

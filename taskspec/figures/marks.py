@@ -10,7 +10,7 @@ from taskspec.figures.scene import Box, Circle, Line, Point, Role, bezier
 from taskspec.printers import tree as m
 
 RADIUS, ROUND = 0.31, 0.2
-HATCH, RIM = 0.14, 0.03
+HATCH, RIM = 0.12, 0.03
 """Centimetres between two lines of a hatching, and between these and the outline."""
 
 

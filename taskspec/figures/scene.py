@@ -76,6 +76,10 @@ class Scene:
     alt: str
     notes: tuple[str, ...] = ()
 
+    def shows(self, other: Scene | None) -> bool:
+        """Whether another scene, maybe of a task of another name, looks the same."""
+        return other is not None and (self.items, self.notes) == (other.items, other.notes)
+
 
 def text_width(tree: m.Math, size: float = 0.36) -> float:
     """About how wide a label is."""

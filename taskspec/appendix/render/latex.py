@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import assert_never
 from urllib.parse import quote
 
+from taskspec import __version__
 from taskspec.appendix.brief import Family, families
 from taskspec.appendix.page import Page
 from taskspec.appendix.prose import (
@@ -26,7 +27,7 @@ from taskspec.appendix.prose import (
 from taskspec.appendix.render.environment import text_environment
 from taskspec.appendix.render.suite import Suite
 from taskspec.appendix.sections import Section, SectionLine
-from taskspec.figures import tikz
+from taskspec.figures import Scene, tikz
 from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.printers import tree as m
 from taskspec.printers.latex import escape, latex
@@ -48,17 +49,17 @@ def document(suite: Suite) -> dict[str, str]:
     """Files by name: the tasks, `appendix.tex`, `document.tex`, `preamble.tex`, `references.bib`."""
     env = text_environment()
     writer = LatexWriter(frozenset(suite.cited))
-    if suite.brief:
-        texts = {family.head.anchor: writer.family(suite, family) for family in families(suite.pages)}
-    else:
-        texts = {page.anchor: writer.page(suite, page) for page in suite.pages}
+    write = writer.brief if suite.brief else writer.family
+    texts = {family.head.anchor: write(suite, family) for family in families(suite.pages)}
     files = {f"{anchor}.tex": text for anchor, text in texts.items()}
     names = list(texts)
     files["appendix.tex"] = env.get_template("appendix.tex").render(
         names=names, title=escape(suite.title), results=any(page.section("scores") for page in suite.pages)
     )
     files["preamble.tex"] = env.get_template("preamble.tex").render(colors=tikz_colors())
-    files["document.tex"] = env.get_template("document.tex").render(title=escape(suite.title), cites=bool(suite.cited))
+    files["document.tex"] = env.get_template("document.tex").render(
+        title=escape(suite.title), cites=bool(suite.cited), version=__version__
+    )
     files["references.bib"] = "\n".join(r.bibtex() for r in suite.cited.values())
     return files
 
@@ -69,19 +70,31 @@ class LatexWriter:
 
     known: frozenset[str]
 
-    def page(self, suite: Suite, page: Page) -> str:
-        scene = suite.scenes.get(page.anchor)
+    def family(self, suite: Suite, family: Family) -> str:
+        """Tasks of one spec in one section: the first, and what differs in the others."""
+        head = family.head
         return text_environment().get_template("task.tex").render(
-            name=escape(page.name), title=escape(page.title), label=page.anchor, id=escape(page.id),
-            summary=self.prose(page.summary), make=escape(page.make), capability=escape(page.capability),
-            description=[self.block(b) for b in page.description],
-            beside=[self.section(s, page, BESIDE_ROOM) for s in page.sections if s.key in BESIDE],
-            below=[self.section(s, page, WHOLE_ROOM) for s in page.sections if s.key not in BESIDE],
-            figure=tikz(scene) if scene else "", caption=self.caption(page, scene.notes if scene else ()),
-            others=[(tikz(each.scene), escape(each.title)) for each in suite.others(page)],
+            self.parts(suite, head), title=escape(family.title), id=escape(head.id), capability=escape(head.capability),
+            labels=[page.anchor for page in (head, *family.others)],
+            others=[(tikz(each.scene), escape(each.title)) for each in suite.others(head)],
+            family=[self.parts(suite, page, head) for page in family.others],
         )  # fmt: skip
 
-    def family(self, suite: Suite, family: Family) -> str:
+    def parts(self, suite: Suite, page: Page, head: Page | None = None) -> dict[str, object]:
+        """What is printed of a page; of one that follows `head`, a figure and a description of its own if it has them."""
+        scene = suite.scenes.get(page.anchor)
+        if head is not None and scene is not None and scene.shows(suite.scenes.get(head.anchor)):
+            scene = None
+        told = () if head is not None and page.description == head.description else page.description
+        return {
+            "name": escape(page.name), "summary": self.prose(page.summary), "make": escape(page.make),
+            "description": [self.block(b) for b in told],
+            "beside": [self.section(s, page, BESIDE_ROOM) for s in page.sections if s.key in BESIDE],
+            "below": [self.section(s, page, WHOLE_ROOM) for s in page.sections if s.key not in BESIDE],
+            "figure": tikz(scene) if scene else "", "caption": self.caption(scene),
+        }  # fmt: skip
+
+    def brief(self, suite: Suite, family: Family) -> str:
         """Tasks of one spec in one section: the first, and what differs in the others."""
         head = family.head
         scene = suite.scenes.get(head.anchor)
@@ -91,7 +104,7 @@ class LatexWriter:
             sections=[*self.run_in(head)],
             others=[{"name": escape(page.name), "summary": self.prose(page.summary),
                      "sections": [*self.run_in(page)]} for page in family.others],
-            figure=tikz(scene) if scene else "", caption=" ".join(map(escape, scene.notes if scene else ())),
+            figure=tikz(scene) if scene else "", caption=self.caption(scene),
         )  # fmt: skip
 
     def run_in(self, page: Page) -> Iterator[dict[str, object]]:
@@ -103,8 +116,9 @@ class LatexWriter:
             opens, last = paragraph != last, paragraph
             yield {"title": escape(section.title), "text": text + self.table(section), "opens": opens}
 
-    def caption(self, page: Page, notes: Iterable[str]) -> str:
-        return " ".join([rf"\texttt{{{escape(page.name)}}}.", *map(escape, notes)])
+    def caption(self, scene: Scene | None) -> str:
+        """What is seen, and what has to be known of it."""
+        return "" if scene is None else " ".join(map(escape, (f"{scene.alt}.", *scene.notes)))
 
     # -- sections -------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,76 @@
+"""Pages as LaTeX in the places where people put them: sections of families, two columns, slides, numbered captions, metadata."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from taskspec.appendix import write
+
+FAMILY = [f"derail/{name}-v0" for name in ("Branching", "BranchingSeals", "Sort")]
+TEX = pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdfinfo") is None, reason="no TeX")
+
+
+def compiled(folder: Path, source: str) -> str:
+    """What TeX says of a document beside the pages, compiled twice so that its references are known."""
+    (folder / "paper.tex").write_text(source, encoding="utf-8")
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "paper.tex"]
+    for _ in range(2):
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, errors="replace", check=False)
+        assert done.returncode == 0, done.stdout[-2000:]
+    return done.stdout
+
+
+def test_variants_follow_their_task_with_what_differs(tmp_path: Path) -> None:
+    write(FAMILY, ["latex"], tmp_path)
+    assert not (tmp_path / "branching-seals.tex").exists()
+    text = (tmp_path / "branching.tex").read_text(encoding="utf-8")
+    assert text.count(r"\subsection") == 1
+    assert r"\label{task:branching}" in text
+    assert r"\label{task:branching-seals}" in text
+    first, second = text.split("\n\\noindent\\texttt{BranchingSeals}: ")
+    assert "State space" in first and "State space" not in second
+    assert "Horizon: $L$" in first and "Horizon: $11$" in second
+    assert "Transition graph of BranchingSeals" in second  # its notes differ, so it has a figure of its own
+    names = (tmp_path / "appendix.tex").read_text(encoding="utf-8")
+    assert re.findall(r"\\input\{\\taskspecpath (.*?)\}", names) == ["branching", "sort"]
+
+
+def test_a_variant_whose_figure_is_the_same_has_none(tmp_path: Path) -> None:
+    write(["derail/InitShiftExpert-v0", "derail/InitShiftLearner-v0"], ["latex"], tmp_path)
+    assert (tmp_path / "init-shift-expert.tex").read_text(encoding="utf-8").count(r"\begin{tikzpicture}") == 1
+
+
+@pytest.mark.slow
+@TEX
+@pytest.mark.parametrize("brief", [False, True], ids=["whole", "brief"])
+@pytest.mark.parametrize(
+    "opening",
+    [
+        r"\documentclass[twocolumn]{article}\input{preamble}\usepackage{lmodern,microtype}\begin{document}\input{appendix}",
+        r"\documentclass{beamer}\input{preamble}\begin{document}\begin{frame}[allowframebreaks]{Tasks}\input{branching}\end{frame}",
+    ],
+    ids=["two columns", "slides"],
+)
+def test_pages_go_into_other_documents(opening: str, brief: bool, tmp_path: Path) -> None:
+    write(FAMILY, ["latex"], tmp_path, brief=brief)
+    said = compiled(tmp_path, opening + r"\end{document}")
+    wide = [float(x) for x in re.findall(r"Overfull \\hbox \(([\d.]+)pt", said)]
+    assert all(x < 15 for x in wide)
+
+
+@pytest.mark.slow
+@TEX
+def test_the_document_has_numbered_captions_and_metadata(tmp_path: Path) -> None:
+    path = write(FAMILY, ["pdf"], tmp_path, title="Three tasks")[-1]
+    said = subprocess.run(["pdfinfo", path], capture_output=True, text=True, check=True).stdout
+    assert re.search(r"^Title: +Three tasks$", said, re.MULTILINE)
+    assert re.search(r"^Creator: +taskspec", said, re.MULTILINE)
+    text = subprocess.run(["pdftotext", path, "-"], capture_output=True, text=True, check=True).stdout
+    numbers = [int(x) for x in re.findall(r"Figure (\d+): ", text)]
+    assert numbers == [1, 2, 3]
+    assert "Overfull" not in (tmp_path / "document.log").read_text(encoding="latin-1")
