@@ -139,6 +139,9 @@ reward: REWARD
         ("(s, q) not in {(y, y)}", lambda s, q, n: (s, q) != ("y", "y")),
         ("all((s, q) == (y, y))", lambda s, q, n: (s, q) == ("y", "y")),
         ("any((y, n) != (q, n))", lambda s, q, n: q != "y"),
+        ("(s, n) in {(a, k) for a in {x, y} for k in range(1)}", lambda s, q, n: s in ("x", "y") and n == 0),
+        ("(q, n) not in {(y, k) for k in range(5) if k > 0}", lambda s, q, n: q != "y" or n == 0),
+        ("q in {a for a in {y, z} if a == y}", lambda s, q, n: q == "y"),
         ("((s, n), (q, 1)) in {((x, 1), (y, 1))}", lambda s, q, n: (s, q, n) == ("x", "y", 1)),
     ],
 )
@@ -156,7 +159,14 @@ def test_labels_inside_vectors_are_those_of_their_choice(reward: str, holds: Any
 
 @pytest.mark.parametrize(
     ("reward", "code"),
-    [("(s, n) in {(x, 1), (z, 1)}", "E313"), ("(s, n) in {(q, 1)}", "E306"), ("all((s, 1) == (q, 1))", "E306")],
+    [
+        ("(s, n) in {(x, 1), (z, 1)}", "E313"),
+        ("(s, n) in {(q, 1)}", "E306"),
+        ("(s, n) in {(z, k) for k in range(2)}", "E313"),
+        ("(s, n) in {(q, k) for k in range(2)}", "E312"),
+        ("(s, n) in {(a, 0) for a in {x, z}}", "E313"),
+        ("all((s, 1) == (q, 1))", "E306"),
+    ],
 )
 def test_labels_of_another_choice_inside_vectors_are_errors(reward: str, code: str) -> None:
     with pytest.raises(SpecError) as caught:

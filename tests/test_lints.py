@@ -184,3 +184,28 @@ dynamics: {{hit': Bernoulli(1/2), k': "min(k + a, 3)"}}
 """
     report = check(build(source.read_text(text, "shot.yaml")))
     assert "W519" not in [d.code for d in report.diagnostics]
+
+
+GOLD = """
+taskspec: 1
+name: Gold
+state:
+  s: {type: int, low: 0, high: 2}
+  gold: {type: bool}
+action:
+  a: {type: choice, values: [go, grab]}
+horizon: 9
+observation: {s: s}
+initial: {s: 0, gold: FIRST}
+dynamics:
+  s': min(s + (a == go), 2)
+  gold': gold or (a == grab and s == 2)
+reward: gold' and not gold
+terminal: gold'
+"""
+
+
+@pytest.mark.parametrize(("first", "codes"), [("false", []), ("Bernoulli(1/2)", ["W518"])])
+def test_what_is_the_same_wherever_an_episode_acts_is_not_hidden(first: str, codes: list[str]) -> None:
+    report = check(build(source.read_text(GOLD.replace("FIRST", first))))
+    assert [d.code for d in report.diagnostics if d.code == "W518"] == codes

@@ -8,7 +8,7 @@ from functools import cached_property, partial, reduce
 from taskspec.lang import alternatives, sets
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
-from taskspec.lang.ir import Node
+from taskspec.lang.ir import Const, Node
 from taskspec.lang.labels import check_comparable
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import Domain
@@ -116,9 +116,34 @@ def _part_links(op: str, left: _Side, right: _Side) -> list[Callable[[], Node]]:
 def _member(left: _Side, right: _Side) -> Node:
     """`x in {a, b}`; where x is a vector of choices, it is compared with one vector after the other."""
     checker = left.checker
+    if isinstance(right.expr, s.Comprehension) and right.expr.is_set and left.has_choices:
+        return _member_of_many(left, right.expr, right.scope)
     items = right.expr.items if isinstance(right.expr, s.SetOf | s.Vector) else ()
     sides = [_Side(checker, item, right.scope) for item in items]
     if not sides or not all(_of_choices(left, side) for side in sides):
         return sets.member(checker, left.value(), left.expr, right.expr, right.scope)
     same = checker.each([partial(_link, "==", left, side) for side in sides])
     return reduce(partial(checker.builder.apply, "or"), [checker.builder.apply("all", node) for node in same])
+
+
+def _member_of_many(left: _Side, right: s.Comprehension, scope: Scope) -> Node:
+    """`x in {... for ...}` of a choice, or a vector with choices: labels of each element belong to the choice in its place."""
+    checker, b, element = left.checker, left.checker.builder, right.element
+    parts = left.parts or [left]
+    items = element.items if left.parts and isinstance(element, s.Vector) else (element,)
+    if len(items) != len(parts):
+        return sets.member(checker, left.value(), left.expr, right, scope)
+    domains = [alternatives.domain_of(part.expr, scope) for part in parts]
+    wants = {item.id: domain for item, domain in zip(items, domains, strict=True) if isinstance(item, s.Name)}
+
+    def same(inner: Scope) -> Node:
+        for item, domain in zip(items, domains, strict=True):
+            if not isinstance(checker.value(item, inner, domain).node, Const):
+                checker.fail(
+                    "E312", item, "a set is enumerated before the task runs; it may use parameters and constants only"
+                )
+        found = _link("==", left, _Side(checker, element, inner))
+        return b.apply("all", found) if found.type.shape else found
+
+    none: Node = b.scalar(False)
+    return reduce(partial(b.apply, "or"), sets.unroll(checker, right, scope, same, wants), none)

@@ -5,7 +5,9 @@ Sets are enumerated as arrays, all candidates at once, so that a set of a millio
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -94,26 +96,44 @@ def member(checker: BaseChecker, value: Value, left: s.Expr, right: s.Expr, scop
     return found
 
 
-def unroll(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> list[Node]:
-    """Elements of `[e for x in range(n) for y in range(m)]`, one node each; the element may depend on the state."""
-    found = _unrolled(checker, expr, expr.clauses, scope)
+def unroll(
+    checker: BaseChecker,
+    expr: s.Comprehension,
+    scope: Scope,
+    make: Callable[[Scope], Node] | None = None,
+    wants: Mapping[str, Domain | None] = MappingProxyType({}),
+) -> list[Node]:
+    """Elements of `[e for x in range(n) for y in range(m)]`, one node each; the element may depend on the state.
+
+    `make` gives what stands for the element, in a scope of its own; `wants` are the domains of variables.
+    """
+    found = _unrolled(
+        checker, expr, expr.clauses, scope, make or (lambda inner: checker.numeric(expr.element, inner)), wants
+    )
     _check_few(checker, "unrolled", len(found), expr, "elements to write out")
     return found
 
 
-def _unrolled(checker: BaseChecker, expr: s.Comprehension, clauses: tuple[s.Clause, ...], scope: Scope) -> list[Node]:
+def _unrolled(
+    checker: BaseChecker,
+    expr: s.Comprehension,
+    clauses: tuple[s.Clause, ...],
+    scope: Scope,
+    make: Callable[[Scope], Node],
+    wants: Mapping[str, Domain | None],
+) -> list[Node]:
     """The elements for everything that the clauses go over, the last one fastest."""
     if not clauses:
-        return [checker.numeric(expr.element, scope)]
+        return [make(scope)]
     clause, nodes = clauses[0], []
-    points = _candidates(checker, clause, scope)
+    points = _candidates(checker, clause, scope, wants.get(clause.targets[0]) if len(clause.targets) == 1 else None)
     _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
     checker.expand(expr, len(points.rows))
     with checker.repeated(max(1, len(points.rows))):
         for row in points.rows:
             inner = scope.child(_bind(checker, clause, row, points.domain, expr))
             if all(_holds(checker, c, inner) for c in clause.conditions):
-                nodes += _unrolled(checker, expr, clauses[1:], inner)
+                nodes += _unrolled(checker, expr, clauses[1:], inner, make, wants)
     return nodes
 
 
@@ -203,7 +223,7 @@ def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.E
     return np.moveaxis(np.broadcast_to(result, (*result.shape[:-1], count)), -1, 0)
 
 
-def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope) -> _Points:
+def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope, want: Domain | None = None) -> _Points:
     expr = clause.domain
     match expr:
         case s.Call(function="box", args=(low, high, n)):
@@ -214,7 +234,7 @@ def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope) -> _Points
         case s.Call(function="range"):
             return _range(checker, expr, scope)
         case s.SetOf() | s.Comprehension(is_set=True):
-            table, domain = _table(checker, expr, scope, None)
+            table, domain = _table(checker, expr, scope, want)
         case _:
             table, domain = checker.numeric(expr, scope), None
     if not isinstance(table, Const) or table.type.is_scalar:

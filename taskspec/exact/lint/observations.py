@@ -116,9 +116,18 @@ def hidden(case: Linted, collector: Collector) -> None:
         return
     told, paid = mentioned(task, "observation"), mentioned(task, "reward")
     for c in task.state:
-        if c.name in paid and c.name not in told and c.low != c.high:
+        if c.name in paid and c.name not in told and c.low != c.high and _varies(case, c):
             message = f"the reward depends on '{c.name}', of which the observation shows nothing"
             collector.add("W518", case.key("observation"), message)
+
+
+def _varies(case: Linted, c: Component) -> bool:
+    """Whether a component of the state has several values where episodes act, as far as is known."""
+    model = case.model
+    if model is None or model.task is not case.task or not model.acting.any():
+        return True
+    values = model.states.decode(model.codes[model.acting])[Role.STATE, c.name]
+    return bool((values != values[..., :1]).any())
 
 
 def _shown(case: Linted) -> list[tuple[Component, Node]]:

@@ -139,7 +139,8 @@ def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
             message = "rows are nested deeper than `by` is long, or a probability is a mapping"
             yield Problem("E208", (key,), message)
         elif isinstance(weight, list):
-            yield wrong_kind("a probability", weight).below(key)
+            hint = "a mapping is a draw; a vector for each label is a list of them, in order, and `ways[a]` is that of a label"
+            yield wrong_kind("a probability", weight, hint).below(key)
         else:
             yield from (problem.below(key) for problem in expression(weight))
 
