@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from taskspec.figures.marks import signed
+from taskspec.figures.axes import axes, plane
 from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Circle, Item, Label, Line, Point, Scene, fitted
+from taskspec.figures.scene import Circle, Item, Line, Point, Scene, fitted
 from taskspec.figures.values import at_states, expert_path, reads_of
 from taskspec.lang.ir import Read, Role
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.task.task import Task
 
-WIDTH, HEIGHT, SAMPLES, SEED = 5.0, 3.0, 60, 8
+SAMPLES, SEED = 60, 8
 MOST_DOTS = 40
-GAP, LETTERS, TICKS = 0.15, 0.3, 0.25
 
 
 def curve(task: Task, overlay: Overlay) -> Scene | None:
@@ -46,12 +45,8 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
 def _draw(task: Task, line: list[Point], dots: list[Point], symbols: Sequence[m.Math]) -> Scene:
     xs = [x for x, _ in (*line, *dots)]
     ys = [y for _, y in (*line, *dots)]
-    sx, sy = WIDTH / (max(xs) - min(xs) or 1.0), HEIGHT / (max(ys) - min(ys) or 1.0)
-
-    def to(p: Point) -> Point:
-        return (p[0] - min(xs)) * sx, (max(ys) - p[1]) * sy
-
-    items: list[Item] = [*_axes(min(xs), max(xs), min(ys), max(ys), to, symbols)]
+    to = plane((min(xs), max(xs)), (min(ys), max(ys)))
+    items: list[Item] = [*axes(min(xs), max(xs), min(ys), max(ys), to, symbols)]
     items.append(Line(tuple(map(to, line)), color="accent", width=0.07))
     if len(dots) > 1:
         items.append(Line(tuple(map(to, dots)), color="second", width=0.03))
@@ -62,23 +57,3 @@ def _draw(task: Task, line: list[Point], dots: list[Point], symbols: Sequence[m.
     alt = f"Curve of {task.name}, with the places of an episode marked on it"
     notes = ("Dots: an episode of the expert, from the ringed one on.",) if len(dots) > 1 else ()
     return fitted(items, alt, notes)
-
-
-def _axes(
-    x0: float, x1: float, y0: float, y1: float, to: Callable[[Point], Point], symbols: Sequence[m.Math]
-) -> Iterator[Item]:
-    """Axes below and on the left, with the numbers at their ends, and fine lines through zero."""
-    (left, bottom), (right, top) = to((x0, y0)), to((x1, y1))
-    for axis, (low, high) in enumerate(((x0, x1), (y0, y1))):
-        if low < 0 < high:
-            x, y = to((0.0, 0.0))
-            yield Line(((x, bottom), (x, top)) if axis == 0 else ((left, y), (right, y)), color="faint", width=0.02)
-    corner = (left - GAP, bottom + GAP)
-    yield Line((corner, (right + GAP, bottom + GAP)), arrow=True, color="muted", width=0.02)
-    yield Line((corner, (left - GAP, top - GAP)), arrow=True, color="muted", width=0.02)
-    yield Label((right + GAP + 0.22, bottom + GAP), symbols[0], LETTERS)
-    yield Label((left - GAP, top - GAP - 0.25), symbols[1], LETTERS)
-    for x in (x0, x1):
-        yield Label((to((x, y0))[0], bottom + GAP + 0.25), signed(x), TICKS, color="muted")
-    for y in (y0, y1):
-        yield Label((left - GAP - 0.1, to((x0, y))[1]), signed(y), TICKS, "end", color="muted")

@@ -18,7 +18,12 @@ WIDTH, LETTERS, LINE = 44, 0.3, 0.5
 def stated(task: Task, needed: str) -> Scene:
     """A frame with the size of the task and what a figure of its kind would need."""
     size = f"{_size(task, 'state')} and {_size(task, 'action')}"
-    lines = [size, *textwrap.wrap(f"No {'' if task.figure is None else task.figure.kind} is drawn: {needed}", WIDTH)]
+    lines = [
+        size,
+        *textwrap.wrap(
+            f"No {'' if task.figure is None else task.figure.kind} is drawn: {needed.replace('`', '')}", WIDTH
+        ),
+    ]
     words = [
         Label((0.0, LINE * i), m.Words(line), LETTERS, "start", "muted" if i else "ink") for i, line in enumerate(lines)
     ]

@@ -12,7 +12,12 @@ from taskspec.source import Path
 from taskspec.task.context import Context
 from taskspec.task.task import Figure
 
-_NEEDED: dict[str, tuple[str, ...]] = {"grid": ("at",), "curve": ("at", "curve")}
+_NEEDED: dict[str, tuple[str, ...]] = {
+    "grid": ("at",),
+    "curve": ("at", "curve"),
+    "portrait": ("at",),
+    "arm": ("values",),
+}
 
 
 def figure(context: Context, scope: Scope) -> Figure | None:

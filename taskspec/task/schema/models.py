@@ -143,11 +143,17 @@ class Highlight(Strict):
 class FigureEntry(Strict):
     """How to draw the task; what is needed besides depends on the kind."""
 
-    kind: Literal["graph", "matrix", "grid", "curve", "bars", "swaps", "vector"] = Field(description="Kind of figure.")
-    at: Expression | None = Field(None, description="Column and row on a grid, or a point beside a curve.")
+    kind: Literal["graph", "matrix", "grid", "curve", "bars", "swaps", "vector", "portrait", "series", "arm"] = Field(
+        description="Kind of figure."
+    )
+    at: Expression | None = Field(
+        None, description="Column and row on a grid, a point beside a curve, or the two numbers of a portrait."
+    )
     map: str | None = Field(None, description="The constant that is a grid's map.")
     curve: Expression | None = Field(None, description="A function of the first of `at`.")
-    values: Expression | None = Field(None, description="The vector that bars show.")
+    values: Expression | None = Field(
+        None, description="The vector that bars show, the angles of an arm, or what a series shows."
+    )
     highlight: Highlight | None = Field(
         None, description="Colours of states for which a condition holds, or of parts of a vector."
     )

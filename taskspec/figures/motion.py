@@ -1,0 +1,160 @@
+"""States that move: the plane of two numbers with its flow, components over an episode, and the links of an arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from taskspec.exact.model.space import Space
+from taskspec.figures.axes import GAP, HEIGHT, LETTERS, TICKS, WIDTH, axes, plane
+from taskspec.figures.marks import signed
+from taskspec.figures.overlay import Overlay
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, fitted
+from taskspec.figures.values import at_states, expert_path, first_state, reads_of
+from taskspec.lang import batch
+from taskspec.lang.ir import Node, Read, draws
+from taskspec.lang.ir import Role as Reading
+from taskspec.printers import tree as m
+from taskspec.printers.names import of_task
+from taskspec.task.task import Task
+
+STEPS = 200
+"""Steps of an episode that are followed."""
+ACROSS, DOWN = 11, 7
+"""Arrows of a flow."""
+MOST, PANEL, APART = 6, 1.0, 1.35
+"""Numbers that are followed over time, how high the picture of one is, and how far these lie apart, in centimetres."""
+LINK = 1.2
+"""Length of a link, in centimetres."""
+
+
+def portrait(task: Task, overlay: Overlay) -> Scene | None:
+    """The plane of two components of the state: where one step leads from everywhere, and an episode of the expert."""
+    at = () if task.figure is None else task.figure.at
+    known = {c.name: c for c in task.state}
+    if len(at) != 2 or draws(task.next) or not all(isinstance(node, Read) and not node.type.shape for node in at):
+        return None
+    pair = [known[node.name] for node in at if isinstance(node, Read)]
+    ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
+    if not all(map(math.isfinite, (*ends[0], *ends[1]))):
+        return None
+    to = plane(ends[0], ends[1])
+    path = [dict(overlay.here)] if overlay.here is not None else expert_path(task, min(task.horizon or STEPS, STEPS))
+    dots = [to((float(state[pair[0].name]), float(state[pair[1].name]))) for state in path]
+    names = of_task(task)
+    items: list[Item] = [*axes(*ends[0], *ends[1], to, [names.symbol(c.name) for c in pair])]
+    items += _flow(task, [c.name for c in pair], ends, path[0])
+    items += [Line(tuple(dots), color="accent", width=0.05)] if len(dots) > 1 else []
+    items.append(Circle(dots[0], 0.09, "ink", None))
+    told = f"Arrows: where a step leads with {_word(task)}, drawn longer than it is. Dot: a first state."
+    notes = (told, "Line: an episode of the expert.") if len(dots) > 1 else (told,)
+    return fitted(items, f"Phase portrait of {task.name}", notes)
+
+
+def _neutral(task: Task) -> dict[Any, np.ndarray[Any, Any]]:
+    """The action in the middle of those there are."""
+    if all(c.is_finite for c in task.action):
+        space = Space(task.action, Reading.ACTION)
+        return dict(space.decode(np.array([space.size // 2])))
+    middle = [(min(c.low) + max(c.high)) / 2 for c in task.action]
+    values = [float(v) if math.isfinite(v) else 0.0 for v in middle]
+    return {(Reading.ACTION, c.name): np.full((*c.type.shape, 1), v) for c, v in zip(task.action, values, strict=True)}
+
+
+def _word(task: Task) -> str:
+    """The name of that action."""
+    if len(task.action) == 1 and task.action[0].domain is not None:
+        labels = task.action[0].domain.labels
+        return f"the action {labels[len(labels) // 2]}"
+    return "the middle action"
+
+
+def _flow(
+    task: Task, pair: Sequence[str], ends: Sequence[tuple[float, float]], state: dict[str, Any]
+) -> Iterator[Line]:
+    """Arrows for one step from points of the plane, the longest as long as there is room."""
+    xs, ys = (np.linspace(low, high, n + 2)[1:-1] for (low, high), n in zip(ends, (ACROSS, DOWN), strict=True))
+    points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+    reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(task, state).items()}
+    reads |= {(Reading.STATE, name): points[:, i] for i, name in enumerate(pair)}
+    given = reads | _neutral(task) | {(Reading.TIME, "t"): np.zeros(1, dtype=np.int64)}
+    after = dict(zip((c.name for c in task.state), batch.evaluate(task.next, given), strict=True))
+    to = plane(ends[0], ends[1])
+    starts = [to((float(x), float(y))) for x, y in points]
+    ways = [
+        to((float(x), float(y))) for x, y in zip(*(np.broadcast_to(after[n], len(points)) for n in pair), strict=True)
+    ]
+    moves = [(bx - ax, by - ay) for (ax, ay), (bx, by) in zip(starts, ways, strict=True)]
+    longest = max(max(abs(dx) * ACROSS / WIDTH, abs(dy) * DOWN / HEIGHT) for dx, dy in moves) or 1.0
+    for (x, y), (dx, dy) in zip(starts, moves, strict=True):
+        if math.hypot(dx, dy) / longest > 0.03:
+            yield Line(
+                ((x, y), (x + 0.9 * dx / longest, y + 0.9 * dy / longest)), arrow=True, color="muted", width=0.02
+            )
+
+
+def series(task: Task, overlay: Overlay) -> Scene | None:
+    """Components of the state (or the elements of `values`) over an episode of the expert."""
+    path = expert_path(task, min(task.horizon or STEPS, STEPS))
+    if len(path) < 2:
+        return None
+    found = _measured(task, path)
+    if not found:
+        return None
+    end, bottom = len(path) - 1, PANEL + (len(found) - 1) * APART
+    items: list[Item] = [x for i, (symbol, values) in enumerate(found) for x in _panel(symbol, values, i * APART)]
+    items.append(Line(((0.0, bottom + GAP), (WIDTH + GAP, bottom + GAP)), arrow=True, color="muted", width=0.02))
+    items.append(Label((WIDTH + GAP + 0.22, bottom + GAP), m.Ident("t"), LETTERS))
+    for x, t in ((0.0, 0), (WIDTH, end)):
+        items.append(Label((x, bottom + GAP + 0.25), m.Num(str(t)), TICKS, color="muted"))
+    return fitted(items, f"An episode of the expert in {task.name} over time, {end} steps")
+
+
+def _panel(symbol: m.Math, values: Sequence[float], top: float) -> Iterator[Item]:
+    """One number over time, on a scale of its own."""
+    low, high = min(values), max(values)
+    low, high = (low - 0.5, high + 0.5) if low == high else (low, high)
+    heights = [top + PANEL * (high - v) / (high - low) for v in values]
+    yield Box((0.0, top), WIDTH, PANEL, None, "faint")
+    yield Line(tuple((WIDTH * t / (len(values) - 1), y) for t, y in enumerate(heights)), color="accent", width=0.05)
+    yield Label((WIDTH + 0.2, top + PANEL / 2), symbol, LETTERS, "start")
+    for value, y in ((high, top), (low, top + PANEL)):
+        yield Label((-0.1, y), signed(value), TICKS, "end", color="muted")
+
+
+def _measured(task: Task, path: Sequence[dict[str, Any]]) -> list[tuple[m.Math, list[float]]]:
+    """Symbols, and values along the path, of the first numbers."""
+    names, node = of_task(task), None if task.figure is None else task.figure.values
+    if node is not None:
+        rows = np.array([at_states(task, node, reads_of(task, state), 1)[0].reshape(-1) for state in path], dtype=float)
+        base = names.symbol(node.name) if isinstance(node, Read) else m.Ident("v")
+        scalar = not node.type.shape
+        symbols = [base if scalar else m.Script(base, sub=m.Num(str(i))) for i in range(rows.shape[1])]
+        return [(symbol, rows[:, i].tolist()) for i, symbol in enumerate(symbols)][:MOST]
+    shown = [c for c in task.state if not c.type.shape and c.domain is None][:MOST]
+    return [(names.symbol(c.name), [float(state[c.name]) for state in path]) for c in shown]
+
+
+def arm(task: Task, overlay: Overlay) -> Scene | None:
+    """Links in a chain, each at the angle (from hanging down) that `values` has for it, in a first state."""
+    node: Node | None = None if task.figure is None else task.figure.values
+    if node is None or len(node.type.shape) != 1:
+        return None
+    state = overlay.here or first_state(task)
+    angles = at_states(task, node, reads_of(task, state), 1)[0].astype(float).tolist()
+    points: list[Point] = [(0.0, 0.0)]
+    for angle in angles:
+        x, y = points[-1]
+        points.append((x + LINK * math.sin(angle), y + LINK * math.cos(angle)))
+    reach = LINK * len(angles)
+    items: list[Item] = [
+        Circle((0.0, 0.0), reach, None, "faint"),
+        Line(((0.0, 0.0), (0.0, reach)), color="faint", dashed=True),
+    ]
+    items.append(Line(tuple(points), color="accent", width=0.16))
+    items += [Circle(p, 0.11, "paper") for p in points[:-1]] + [Circle(points[-1], 0.11, "ink")]
+    notes = () if overlay.here is not None else ("A first state. The circle is how far the arm reaches.",)
+    return fitted(items, f"{task.name} as an arm of {len(angles)} links", notes)

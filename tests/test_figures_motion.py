@@ -1,0 +1,129 @@
+"""Figures of continuous tasks: phase portraits, episodes over time, arms; on classic control tasks and on worked examples."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from taskspec.diagnostics import SpecError
+from taskspec.figures import Overlay, scene, undrawn
+from taskspec.figures.scene import Circle, Label, Line, Scene
+from taskspec.printers.plain import plain
+from taskspec.source import read_text
+from taskspec.task.build import build
+from taskspec.task.task import Task
+from tests.test_contact_sheet import outside, overlapping
+
+SPECS = Path(__file__).parent / "specs"
+SPRING = """\
+taskspec: 1
+name: Spring
+state:
+  x: {type: real, low: -1, high: 1}
+  v: {type: real, low: -1, high: 1}
+action:
+  a: {type: choice, values: {left: -1, none: 0, right: 1}}
+horizon: 30
+initial: {x: 0.5, v: 0}
+dynamics:
+  x': clip(x + 0.1 * v, -1, 1)
+  v': clip(v - 0.1 * x + 0.05 * a, -1, 1)
+reward: -x * x
+expert: none
+"""
+
+
+def task(text: str, figure: str) -> Task:
+    return build(read_text(f"{text}\nfigure: {figure}\n"))
+
+
+def classic(name: str, figure: str) -> Task:
+    return task((SPECS / f"{name}.yaml").read_text(encoding="utf-8"), figure)
+
+
+def drawn(one: Task, here: dict[str, object] | None = None) -> Scene:
+    found = scene(one, Overlay(here=here))
+    assert found is not None
+    assert undrawn(one) == ()
+    assert overlapping(found) == outside(found) == []
+    return found
+
+
+def words(found: Scene) -> list[str]:
+    return [plain(x.text) for x in found.items if isinstance(x, Label)]
+
+
+def test_a_portrait_shows_where_a_step_leads() -> None:
+    found = drawn(task(SPRING, "{kind: portrait, at: [x, v]}"))
+    arrows = [
+        x.points for x in found.items if isinstance(x, Line) and x.arrow and x.width == 0.02 and x.color == "muted"
+    ]
+    flow = [(b[0] - a[0], a[1] - b[1]) for a, b in arrows if abs(b[0] - a[0]) < 0.5 and abs(b[1] - a[1]) < 0.5]
+    assert len(flow) >= 70
+    # a spring turns clockwise: upper right goes right and down, lower left goes left and up
+    assert sum(dx > 0 and dy < 0 for dx, dy in flow) >= 10
+    assert sum(dx < 0 and dy > 0 for dx, dy in flow) >= 10
+    assert {"x", "v", "−1", "1"} <= set(words(found))
+    assert "none" in found.notes[0]
+
+
+def test_the_episode_in_a_portrait_is_the_expert_s() -> None:
+    found = drawn(task(SPRING, "{kind: portrait, at: [x, v]}"))
+    (line,) = [x for x in found.items if isinstance(x, Line) and x.color == "accent"]
+    assert len(line.points) == 31
+    x, v, wanted = 0.5, 0.0, []
+    for _ in range(31):
+        wanted.append(x)
+        x, v = x + 0.1 * v, v - 0.1 * x
+    shift = line.points[0][0] - wanted[0] * 2.5
+    assert [p[0] - shift for p in line.points] == pytest.approx([2.5 * w for w in wanted])
+
+
+def test_a_series_follows_the_components() -> None:
+    found = drawn(task(SPRING, "{kind: series}"))
+    lines = [x for x in found.items if isinstance(x, Line) and len(x.points) == 31]
+    assert len(lines) == 2
+    assert {"t", "x", "v", "0", "30"} <= set(words(found))
+    assert drawn(task(SPRING, "{kind: series, values: x + v}")).alt.endswith("30 steps")
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0), (math.pi / 2, math.pi / 2), (math.pi, 0.0)])
+def test_an_arm_hangs_down_at_zero(angles: tuple[float, float]) -> None:
+    one = classic("acrobot", "{kind: arm, values: '[s[0], s[0] + s[1]]'}")
+    found = drawn(one, {"s": [angles[0], angles[1], 0.0, 0.0]})
+    (base, elbow), tip = [x.centre for x in found.items if isinstance(x, Circle) and x.fill == "paper"], next(
+        x.centre for x in found.items if isinstance(x, Circle) and x.fill == "ink"
+    )  # fmt: skip
+    turned = angles[0], sum(angles)
+    for (x0, y0), (x1, y1), angle in ((base, elbow, turned[0]), (elbow, tip, turned[1])):
+        assert (x1 - x0, y1 - y0) == pytest.approx((1.2 * math.sin(angle), 1.2 * math.cos(angle)))
+
+
+@pytest.mark.parametrize(
+    ("name", "figure"),
+    [
+        ("mountain_car", "{kind: portrait, at: [x, v]}"), ("mountain_car", "{kind: series}"),
+        ("mountain_car_continuous", "{kind: portrait, at: [x, v]}"), ("cart_pole", "{kind: series}"),
+        ("acrobot", "{kind: arm, values: '[s[0], s[0] + s[1]]'}"),
+    ],
+)  # fmt: skip
+def test_classic_control_is_drawn(name: str, figure: str) -> None:
+    one = classic(name, figure)
+    assert not any("is drawn:" in word for word in words(drawn(one)))
+
+
+def test_what_cannot_be_drawn_says_so() -> None:
+    one = classic("acrobot", "{kind: series}")  # which has no expert
+    (warning,) = undrawn(one)
+    assert warning.code == "W523"
+    found = scene(one)
+    assert found is not None
+    assert any("No series is drawn" in x for x in words(found))
+
+
+def test_what_a_kind_needs_is_asked_for() -> None:
+    for kind in ("portrait", "arm"):
+        with pytest.raises(SpecError, match="E203"):
+            task(SPRING, f"{{kind: {kind}}}")
