@@ -76,6 +76,11 @@ class Scene:
     alt: str
     notes: tuple[str, ...] = ()
 
+    @property
+    def caption(self) -> str:
+        """What is seen, and what has to be known of it."""
+        return " ".join((f"{self.alt}.", *self.notes))
+
     def shows(self, other: Scene | None) -> bool:
         """Whether another scene, maybe of a task of another name, looks the same."""
         return other is not None and (self.items, self.notes) == (other.items, other.notes)

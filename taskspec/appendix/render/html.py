@@ -86,7 +86,7 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
         "description": [writer.block(b) for b in page.description],
         "sections": [writer.section(s, [each.title for each in page.settings]) for s in page.sections],
         "figure": Markup(svg(scene, css=True)) if scene else None,
-        "notes": scene.notes if scene else (),
+        "caption": scene.caption if scene else "",
         "others": [(each.title, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
         "source": _highlighted(page.source_text),
     }

@@ -27,7 +27,7 @@ from taskspec.appendix.prose import (
 from taskspec.appendix.render.environment import text_environment
 from taskspec.appendix.render.suite import Suite
 from taskspec.appendix.sections import Section, SectionLine
-from taskspec.figures import Scene, tikz
+from taskspec.figures import tikz
 from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.printers import tree as m
 from taskspec.printers.latex import escape, latex
@@ -91,7 +91,7 @@ class LatexWriter:
             "description": [self.block(b) for b in told],
             "beside": [self.section(s, page, BESIDE_ROOM) for s in page.sections if s.key in BESIDE],
             "below": [self.section(s, page, WHOLE_ROOM) for s in page.sections if s.key not in BESIDE],
-            "figure": tikz(scene) if scene else "", "caption": self.caption(scene),
+            "figure": tikz(scene) if scene else "", "caption": escape(scene.caption) if scene else "",
         }  # fmt: skip
 
     def brief(self, suite: Suite, family: Family) -> str:
@@ -104,7 +104,7 @@ class LatexWriter:
             sections=[*self.run_in(head)],
             others=[{"name": escape(page.name), "summary": self.prose(page.summary),
                      "sections": [*self.run_in(page)]} for page in family.others],
-            figure=tikz(scene) if scene else "", caption=self.caption(scene),
+            figure=tikz(scene) if scene else "", caption=escape(scene.caption) if scene else "",
         )  # fmt: skip
 
     def run_in(self, page: Page) -> Iterator[dict[str, object]]:
@@ -115,10 +115,6 @@ class LatexWriter:
             paragraph = next((i for i, keys in enumerate(PARAGRAPHS) if section.key in keys), section.key)
             opens, last = paragraph != last, paragraph
             yield {"title": escape(section.title), "text": text + self.table(section), "opens": opens}
-
-    def caption(self, scene: Scene | None) -> str:
-        """What is seen, and what has to be known of it."""
-        return "" if scene is None else " ".join(map(escape, (f"{scene.alt}.", *scene.notes)))
 
     # -- sections -------------------------------------------------------------------------------------------------
 
