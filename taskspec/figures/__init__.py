@@ -40,7 +40,7 @@ KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
 NEEDED = {
     "graph": "transition graphs are drawn of finite tasks with few states, whose arrows cross little",
     "matrix": "tables of transitions are drawn of finite tasks of which episodes visit at most 300 states",
-    "grid": "columns and rows are two whole numbers that the state says",
+    "grid": "columns and rows are two whole numbers that the state says, up to 5,000",
     "portrait": "phase portraits are drawn of two bounded numbers of the state, `at: [x, v]`, where nothing is drawn in a step",
     "series": "an episode over time is drawn where the expert's actions are expressions and nothing is drawn in a step",
     "arm": "an arm is drawn of a vector of angles: `values: [a, a + b]`",

@@ -17,6 +17,10 @@ from taskspec.figures.ways import Cell, chosen_ways
 from taskspec.lang.ir import Node
 from taskspec.task.task import Task
 
+FARTHEST = 5_000
+"""Columns or rows of a world that is drawn whole, and how far off what is marked of another may be."""
+NOWHERE = 2**53
+"""Places beyond it, or that are no number, are taken for this one."""
 SMALL = 0.44
 """The side of a cell, in centimetres, where a part of a vast grid is drawn."""
 _COLORS: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end"}
@@ -29,7 +33,7 @@ def grid(task: Task, overlay: Overlay) -> Scene | None:
         return None
     world = all_states(task)
     drawn = _whole(task, place, *world, overlay) if world is not None else _window(task, place, overlay)
-    return _with_seen(task, drawn) if overlay.here is None and is_noisy(task) else drawn
+    return _with_seen(task, drawn) if drawn is not None and overlay.here is None and is_noisy(task) else drawn
 
 
 def _with_seen(task: Task, drawn: Scene) -> Scene:
@@ -50,7 +54,12 @@ def _place(task: Task) -> tuple[Node, ...] | None:
 def _cells(task: Task, place: tuple[Node, ...], reads: Reads, count: int) -> np.ndarray[Any, Any]:
     """Column and row (count, 2) of states."""
     found = [at_states(task, node, reads, count) for node in place]
-    return np.asarray(found[0] if len(found) == 1 else np.stack(found, axis=1)).astype(int)
+    return _whole_numbers(found[0] if len(found) == 1 else np.stack(found, axis=1))
+
+
+def _whole_numbers(places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    found: np.ndarray[Any, Any] = np.clip(np.nan_to_num(places, nan=NOWHERE), -NOWHERE, NOWHERE).astype(int)
+    return found
 
 
 def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Role, np.ndarray[Any, Any]]]:
@@ -61,14 +70,16 @@ def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Role, np.ndar
             yield _COLORS[name], at_states(task, node, reads, count)
 
 
-def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overlay: Overlay) -> Scene:
+def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overlay: Overlay) -> Scene | None:
     cells = _cells(task, place, reads, count)
+    if np.ptp(np.vstack([cells, [(0, 0)]]), axis=0).max() >= FARTHEST:
+        return None
     columns, rows = (
         range(min(0, int(low)), int(high) + 1) for low, high in zip(cells.min(0), cells.max(0), strict=True)
     )
     colors: dict[Cell, Role] = {}
     for role, found in _marks(task, reads, count):
-        points = cells[found.astype(bool)] if found.ndim == 1 else found.astype(int)[:1]
+        points = cells[found.astype(bool)] if found.ndim == 1 else _whole_numbers(found[:1])
         colors |= {(int(x), int(y)): role for x, y in points}
     by_code = {code: (int(x), int(y)) for code, (x, y) in enumerate(cells)}
     agents = _agents(task, place, by_code, overlay)
@@ -103,7 +114,8 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
     state = overlay.here or first_state(task)
     reads = reads_of(task, state)
     ((ax, ay),) = _cells(task, place, reads, 1)
-    marks = [(role, found[0].astype(int)) for role, found in _marks(task, reads, 1) if found.shape == (1, 2)]
+    known = [(role, _whole_numbers(found[0])) for role, found in _marks(task, reads, 1) if found.shape == (1, 2)]
+    marks = [(role, point) for role, point in known if np.abs(point - (ax, ay)).max() < FARTHEST]
     points = np.array([(ax, ay), *(p for _, p in marks)])
     middle = np.round(points.mean(axis=0)).astype(int)
     half = LARGEST // 2 if overlay.here is not None else max(4, int(np.abs(points - middle).max()) + 1)
@@ -111,4 +123,5 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
     colors: dict[Cell, Role] = {(int(p[0]), int(p[1])): role for role, p in marks}
     board = Board(columns, rows, colors, {}, {(int(ax), int(ay)): 1.0}, open=True, cell=SMALL)
     alt = f"Part of the grid of {task.name} around the agent"
-    return fitted(board.items(), alt, ("One start of many.", *board.notes()))
+    far = ("What is marked is too far away to be shown.",) if len(marks) < len(known) else ()
+    return fitted(board.items(), alt, ("One start of many.", *far, *board.notes()))
