@@ -115,9 +115,14 @@ class BaseChecker(ABC):
             hint = "compare it with something, e.g. `x != 0`" if node.type.is_scalar else None
             self.fail("E306", expr, f"a condition is needed here, not {_article(node.type)}", hint)
         if not node.type.is_scalar:
-            self.fail("E307", expr, f"one condition is needed here, not {node.type.size} at once",
-                      "comparing vectors compares element by element; write `all(...)` or `any(...)`")  # fmt: skip
+            self.fail(
+                "E307", expr, f"one condition is needed here, not {node.type.size} at once", self.of_many(expr, scope)
+            )
         return node
+
+    def of_many(self, expr: s.Expr, scope: Scope) -> str:
+        """What to do about several conditions where one is needed."""
+        return "comparing vectors compares element by element; write `all(...)` or `any(...)`"
 
     def constant(self, expr: s.Expr, scope: Scope, what: str) -> Const:
         """An expression that must be known once parameters are."""

@@ -85,6 +85,9 @@ class Checker(BaseChecker):
             case _:
                 assert_never(expr)
 
+    def of_many(self, expr: s.Expr, scope: Scope) -> str:
+        return subscripts.rows_for_an_element(self, expr, scope) or super().of_many(expr, scope)
+
     # -- leaves ---------------------------------------------------------------------------------------------------
 
     def _number(self, number: int | float, want: Domain | None) -> Value:

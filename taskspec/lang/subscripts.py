@@ -43,6 +43,27 @@ def _row(checker: BaseChecker, node: Node, index: s.Expr | s.Slice, scope: Scope
     return b.structure("index", [node, i])
 
 
+def rows_for_an_element(checker: BaseChecker, expr: s.Expr, scope: Scope) -> str | None:
+    """What to write where a vector with an index for each axis picks rows of a matrix, and so is no place in it."""
+    for part in s.below(expr):
+        if not isinstance(part, s.Subscript) or len(part.indices) > 1 or isinstance(part.indices[0], s.Slice):
+            continue
+        value, index = checker.check(part.value, scope), checker.check(part.indices[0], scope)
+        if value is None or index is None or len(value.node.type.shape) < 2:
+            continue
+        if index.node.type.shape == (len(value.node.type.shape),):
+            at, n = part.indices[0], len(value.node.type.shape)
+            name = at.place.text.value[at.place.start : at.place.end]
+            written = (
+                [i.place.text.value[i.place.start : i.place.end] for i in at.items]
+                if isinstance(at, s.Vector)
+                else None
+            )
+            places = ", ".join(written or [f"{name}[{i}]" for i in range(n)])
+            return f"a vector of indices picks rows; one element has an index for each axis: `[{places}]`"
+    return None
+
+
 def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
     """What several indices leave of a matrix, an axis for each slice: elements of its rows laid end to end."""
     b, axes = checker.builder, node.type.shape[: len(expr.indices)]

@@ -81,7 +81,7 @@ def about_event(case: Case, model: Model, rng: random.Random) -> Claim:
 
 
 def state_condition(case: Case, rng: random.Random) -> str:
-    names = [t for c in case.reference.state for t in terms(c)]
+    names = [t for c in case.reference.state if c.size for t in terms(c)]
     return conditions.condition(Context(rng, names), 2).text
 
 

@@ -42,6 +42,6 @@ def add(d: Draft) -> None:
     if d.chance(0.7):
         d.data["dynamics"]["none'"] = d.rng.choice(_NEXT)
     if isinstance(d.data["reward"], str | int):
-        d.data["reward"] = f"({d.data['reward']}) + {d.rng.choice(_PAID)}"
+        d.data["reward"] = f"({d.data['reward']}) + ({d.rng.choice(_PAID)})"
     if "observation" in d.data and d.chance(0.5) and (kind != "real" or "space" not in d.data["observation"]):
         d.data["observation"]["none"] = "none"
