@@ -76,8 +76,8 @@ Output = Annotated[
 ]  # fmt: skip
 Against = Annotated[
     Path | None,
-    typer.Option("--against", metavar="FOLDER", help="An earlier exam: what has become worse since is flagged.",
-                 show_default=False),
+    typer.Option("--against", metavar="FOLDER", show_default=False,
+                 help="An earlier exam, or one that comes with a suite (derail/bc): what has become worse since is flagged."),
 ]  # fmt: skip
 TimeLimit = Annotated[
     float | None,

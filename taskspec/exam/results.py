@@ -7,10 +7,13 @@ import platform
 from pathlib import Path
 from typing import Any, Literal, TypedDict
 
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec import registry
+from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.files import write_text
 
 FORMAT, NAME = 1, "exam.json"
+BASELINES = "baselines"
+"""The folder of a suite with exams that others can be compared with."""
 Grade = Literal["masters", "unsure", "fails"]
 Score = TypedDict(
     "Score",
@@ -108,17 +111,20 @@ def write(exam: Exam, folder: Path) -> Path:
 
 
 def read(folder: Path | str) -> Exam:
-    """What an exam left in a folder.
+    """What an exam left in a folder, or one that comes with a suite, such as `derail/bc`.
 
     Raises:
         SpecError: E710, E711 when there is nothing, or it cannot be read; E721 when it is something else.
     """
-    path = Path(folder)
-    path = path / NAME if path.is_dir() else path
+    path = _place(Path(folder))
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        hint = "`taskspec exam LEARNER --out FOLDER` leaves one"
+        shipped = [f"{p.parents[1].name}/{p.stem}" for p in sorted(registry.tasks_root().glob(f"*/{BASELINES}/*.json"))]
+        hint = (
+            suggest(str(folder), shipped)
+            or f"`taskspec exam LEARNER --out FOLDER` leaves one; there are {', '.join(shipped)}"
+        )
         raise SpecError([Diagnostic("E710", None, f"there is no exam in '{folder}'", hint)]) from None
     except OSError as error:
         raise SpecError([Diagnostic("E711", None, f"cannot read '{path}': {error.strerror or error}")]) from None
@@ -127,3 +133,12 @@ def read(folder: Path | str) -> Exam:
     if not isinstance(found, dict) or found.get("exam") != FORMAT or not Exam.__required_keys__ <= found.keys():
         raise SpecError([Diagnostic("E721", None, f"'{path}' holds no exam of this version", "hold it again")])
     return found  # type: ignore[return-value]  # as it was written
+
+
+def _place(given: Path) -> Path:
+    """The file that a folder, a file, or the name of a baseline means."""
+    suite, name = given.parent, given.name
+    shipped = registry.tasks_root() / suite / BASELINES / f"{name}.json"
+    if not given.exists() and shipped.is_file():
+        return shipped
+    return given / NAME if given.is_dir() else given
