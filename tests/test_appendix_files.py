@@ -112,9 +112,9 @@ def test_every_cited_source_of_the_suite_is_known() -> None:
 
 def test_the_suite_is_written_fast(tmp_path: Path) -> None:
     every = tasks()
-    start = time.perf_counter()
+    start = time.process_time()  # of the processor, whatever else runs on it
     write(every, ["latex", "html", "markdown"], tmp_path)
-    assert time.perf_counter() - start < 3
+    assert time.process_time() - start < 3
 
 
 @pytest.mark.slow
