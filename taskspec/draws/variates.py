@@ -42,7 +42,7 @@ def uniforms(words: Words) -> Reals:
 
 def bernoulli(word: int, p: float) -> bool:
     """True with a probability p known only at run time: uniform < p, with p rounded to float32."""
-    return uniform(word) < float(F(p))
+    return uniform(word) < (float(F(p)) if -1 <= p <= 2 else p)  # beyond, it might be no float32
 
 
 def bernoullis(words: Words, p: ArrayLike) -> NDArray[np.bool_]:

@@ -103,7 +103,7 @@ def _terms(draw: Draw) -> int:
     """How many counts of a Poisson draw are gone through: the tail that is left out weighs less than 1e-20."""
     highest = draw.args[-1]  # the constant rates, or their bound
     assert isinstance(highest, Const)
-    rate = max(map(float, highest.flat))
+    rate = max(0.0, *map(float, highest.flat))  # rates below 0 are refused elsewhere
     return int(rate + 10 * math.sqrt(rate) + 25)
 
 
