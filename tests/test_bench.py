@@ -126,6 +126,7 @@ def test_a_task_is_measured_on_all_that_suits_it_by_default(monkeypatch: pytest.
 
 
 @needs_vectors()
+@pytest.mark.slow
 def test_starts_and_memory_of_a_task_with_parameters() -> None:
     found = Done("vector", "Branching", "-p", "L=3", "-b", "numpy", "-l", 2, *QUICK, "--json").data
     (start,), (memory,) = found["starts"], found["memory"]

@@ -195,7 +195,7 @@ def test_parameters_are_tried_at_the_ends_of_their_ranges() -> None:
 
 
 @pytest.mark.parametrize(("parts", "code", "values"), [
-    ({"REWARD": "sum([i for i in range(n - 1)]) * s'"}, "E307", "n = 1"),
+    ({"REWARD": "max([i for i in range(n - 1)]) * s'"}, "E307", "n = 1"),
     ({"INITIAL": "sum(Uniform({p for p in box(0, 5, n)})) % 2"}, "E314", "n = 9"),
 ])  # fmt: skip
 def test_what_cannot_be_built_for_other_parameters_names_them(parts: dict[str, str], code: str, values: str) -> None:

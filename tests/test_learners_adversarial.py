@@ -36,6 +36,7 @@ def walked(task: str, config: Trpo | Ppo, steps: int = 40, absorb: bool = False)
     return world, held, world.walk(walk, acting(world, held.actor), jax.random.key(1), steps)[1]
 
 
+@pytest.mark.slow
 def test_the_step_of_trpo_is_that_of_a_dense_solution() -> None:
     config = Trpo(hidden=(2,), cg_iterations=60, damping=0.05, fisher_every=1)
     world, held, steps = walked("RiskyPath", config)
