@@ -11,4 +11,4 @@ def train(case: Case) -> PPO:
 
 if __name__ == "__main__":
     found = examine(train, tasks=["EarlyTermNeg"], seeds=1, steps=3000, twins=1)
-    print("PPO", [score["deterministic"] for score in found["scores"]])
+    print("PPO", min(score["deterministic"] or 0.0 for score in found["scores"]))
