@@ -75,6 +75,19 @@ def test_the_instances_of_an_experiment_may_be_the_tasks_of_any_learner(tmp_path
     ]  # fmt: skip
 
 
+def test_three_things_may_vary_and_one_of_them_in_a_modifier(tmp_path: Path) -> None:
+    """A learner that needs to tell states apart leaves the instances out in which actions stick."""
+    text = TEXT.replace("B: 2}}", "B: [2, 3]}}").replace("{L: [2, 4], B: 2}", "{L: [2, 4], B: [2, 3]}")
+    text = text.replace("  - task: derail/RiskyPath", "    modifiers: [{sticky: [0, 0.25]}]")
+    text = text.replace(f"{LEARNERS}:indifferent", "mce")
+    done = Done("exam", spec(tmp_path, text), "-o", tmp_path / "out", "-j", 1)
+    assert done.status == 0, done.out + done.err
+    assert len(scores(tmp_path / "out" / "counting-clone" / "exam.json")) == 8
+    assert (tmp_path / "out" / "paths.svg").exists()
+    assert scores(tmp_path / "out" / "mce" / "exam.json") == {}
+    assert done.out.count("cannot") == 8
+
+
 def test_an_experiment_without_learners_cannot_be_an_exam(tmp_path: Path) -> None:
     text = TEXT.replace("learners:", "policies: [random] #")
     done = Done("exam", spec(tmp_path, text), "-o", tmp_path / "out")

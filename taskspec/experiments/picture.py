@@ -121,7 +121,7 @@ def _parts(rows: Sequence[Measured], names: Sequence[str]) -> list[tuple[dict[st
     found: dict[tuple[str, ...], list[Measured]] = {}
     for row in rows:
         found.setdefault(tuple(repr(row.instance.varied[n]) for n in names), []).append(row)
-    return [({n: part[0].instance.parameters[n] for n in names}, tuple(part)) for part in found.values()]
+    return [({n: part[0].instance.varied[n] for n in names}, tuple(part)) for part in found.values()]
 
 
 # -- curves -------------------------------------------------------------------------------------------------------------

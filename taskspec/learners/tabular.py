@@ -59,13 +59,13 @@ def matched(config: Matching, case: LearnerCase) -> list[Timed]:
     """A policy for each seed, of rewards that begin at random.
 
     Raises:
-        CannotLearn: tasks without an exact model of what is observed, or without a horizon.
+        CannotLearn: tasks without an exact model of what is observed, without a horizon, or with states that look alike.
     """
     try:
         return _matched(config, case)
     except SpecError as error:
         first = error.diagnostics[0]
-        if first.code != "E712":
+        if first.code not in ("E712", "E713"):  # no exact model, or states that cannot be told apart by what is seen
             raise
         cannot_learn(first.message, "take another learner")
 
