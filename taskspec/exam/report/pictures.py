@@ -197,10 +197,13 @@ def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, An
     tasks = dict.fromkeys(task for cells in found.values() for task in cells)
     yield "table", table(exams)
     for task in tasks:
-        yield f"task-{task}", boxes({name: cells.get(task, SeedCell(())) for name, cells in found.items()}, task)
+        yield _stem(f"task-{task}"), boxes({name: cells.get(task, SeedCell(())) for name, cells in found.items()}, task)
     for name, cells in found.items():
-        stem = re.sub(r"[^\w.-]+", "-", name).strip("-")
-        yield f"learner-{stem}", boxes(cells, name)
+        yield _stem(f"learner-{name}"), boxes(cells, name)
+
+
+def _stem(name: str) -> str:
+    return re.sub(r"[^\w.=-]+", "-", name).strip("-")
 
 
 def table(exams: Mapping[str, Mapping[str, Any]], title: str = "") -> Any:
