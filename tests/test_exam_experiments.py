@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +12,10 @@ import numpy as np
 import pytest
 
 from taskspec import registry
+from taskspec.exam import examine
 from taskspec.experiments import expand, read
 from taskspec.learners import BUILT_IN
+from taskspec.task.schema.experiments import Experiment
 from tests.learners import counting
 from tests.shared.commands import Done, spec
 
@@ -98,6 +102,8 @@ def test_an_experiment_without_learners_cannot_be_an_exam(tmp_path: Path) -> Non
     ("gail", "there is no learner 'gail'"),
     ("missing.py:train", "there is no file"),
     ("released/bx", "there is no learner 'released/bx'"),
+    (f"{LEARNERS}:clone", "would take the place of those of"),
+    ("elsewhere/counting.py:clone", "are kept in a folder 'counting-clone'"),
 ])  # fmt: skip
 def test_a_learner_that_is_none_is_found_by_a_check_at_its_place(tmp_path: Path, name: str, words: str) -> None:
     path = spec(tmp_path, TEXT.replace(f"{LEARNERS}:indifferent", name))
@@ -153,3 +159,13 @@ def test_the_benchmark_of_the_paper_is_all_its_algorithms_on_all_its_tasks() -> 
         names = [name.removeprefix(f"{family}/") for name in written.learners]
         assert set(names) == BUILT_IN.keys() - {"drlhp_slow", "drlhp_eps", "drlhp_rnd"} and len(names) == 12
         assert (len(written.tasks), written.seeds, written.steps) == (10, 15, 500_000)
+
+
+def test_help_and_the_format_tell_the_defaults_of_an_exam() -> None:
+    terms = inspect.signature(examine).parameters
+    helped, described = Done("exam", "--help").out, {n: f.description or "" for n, f in Experiment.model_fields.items()}
+    for name in ("steps", "transitions", "twins", "seeds"):
+        count = terms[name].default
+        assert f"{count:,} unless given" in described[name] or f"each learner trained ({count})" in described[name]
+        line = re.search(rf"--{name}\b.*?(\S+)[\s│]+unless[\s│]+given", helped, re.DOTALL)
+        assert line and line[1] in (str(count), f"{count // 1000}k")

@@ -14,7 +14,6 @@ from taskspec.cli.console import say, write_json
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, LimitsGiven, complete_learners
 from taskspec.cli.sweep import Cluster, Jobs, Retry
-from taskspec.diagnostics import raise_if_errors
 
 if TYPE_CHECKING:
     from taskspec.exam import Exam, Running
@@ -185,11 +184,8 @@ def _tasks(names: Sequence[str] | None) -> list[TaskLike] | None:
         written = read_if_experiment(name)
         if written is None:
             found.append(name)
-            continue
-        expanded = expand(written)
-        expanded.raise_if_wrong()
-        raise_if_errors(expanded.refused)
-        found += [instance.load() for instance in expanded.instances]
+        else:
+            found += expand(written).tasks()
     return found
 
 

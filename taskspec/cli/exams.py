@@ -30,7 +30,7 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
     written = [path for name, exam in found.exams.items() for path in write(exam, found.folders[name])]
     if is_installed("matplotlib"):
         written += write_several(found.exams, folder, ["svg"])
-        if any(instance.varied for instance in found.expanded.instances):
+        if any(instance.varied for instance in found.instances):
             draw(experiment, found.rows(), folder / f"{experiment.name}.svg", tuple(found.exams))
             written.append(folder / f"{experiment.name}.svg")
     for path in written:

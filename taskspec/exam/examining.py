@@ -200,7 +200,8 @@ def _rows(planned: Planned, result: JobResult) -> list[Row]:
 def _exam(who: Examinee, suite: str, plan: Sequence[Planned], rows: Rows, tasks: dict[str, Examined]) -> Exam:
     pairs = [(p, row) for p, block in zip(plan, rows, strict=True) for row in block]
     for planned, row in pairs:
-        tasks[exam_id(planned.task)]["cannot"] = row.get("cannot")
+        if planned.twin is None and not planned.trial.negated:
+            tasks[exam_id(planned.task)]["cannot"] = row.get("cannot")
     scores = [_score(p, row, tasks[exam_id(p.task)]) for p, row in pairs if "cannot" not in row]
     terms, seeds = plan[0].trial.terms, list(dict.fromkeys(seed for p in plan for seed in p.trial.seeds))
     cost = {

@@ -85,7 +85,7 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
         rows = [_scored(policy, results, seed) for policy, seed in zip(policies, case.seeds, strict=True)]
         curves = _curves(case, results)
     except CannotLearn as error:
-        return [{"seed": seed, "cannot": str(error)} for seed in trial.seeds]
+        return [{"seed": seed, "cannot": error.message} for seed in trial.seeds]
     except Exception as error:
         raise LearnerFailed(_words(error, train)) from error
     shared = {"seconds": (trained - begin) / len(rows), "scoring": (time.perf_counter() - trained) / len(rows)}

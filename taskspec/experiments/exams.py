@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from taskspec.diagnostics import Diagnostic, SpecError, raise_if_errors
+from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exam import Exam, Running, examine
 from taskspec.exam.learners import folder_name
 from taskspec.exam.suites import exam_id
 from taskspec.exam.verdicts import by_seed, told
-from taskspec.experiments.instances import Expanded, Instance, expand
+from taskspec.experiments.instances import Instance, expand
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.results import Measured
 from taskspec.runs import Standing
+from taskspec.task.task import Task
 
 Bar = Callable[[str], AbstractContextManager[Callable[[Standing], None]]]
 """For the name of a learner, a place that shows how far its exam is."""
@@ -24,21 +25,21 @@ Bar = Callable[[str], AbstractContextManager[Callable[[Standing], None]]]
 
 @dataclass(frozen=True)
 class LearnersExamined:
-    """The exams of an experiment by what its learners are called, and where each lies."""
+    """The exams of an experiment by what its learners are called, where each lies, and the tasks of its instances."""
 
-    expanded: Expanded
+    instances: tuple[Instance, ...]
+    tasks: tuple[Task, ...]
     exams: dict[str, Exam]
     folders: dict[str, Path]
 
     def rows(self) -> tuple[Measured, ...]:
         """For each instance the mean score of every learner, `bc`, and half its 95 % interval, `bc_half`."""
-        return tuple(self._row(instance) for instance in self.expanded.instances)
+        return tuple(self._row(*each) for each in zip(self.instances, self.tasks, strict=True))
 
-    def _row(self, instance: Instance) -> Measured:
-        task, values = exam_id(instance.load()), dict[str, Any]()
+    def _row(self, instance: Instance, task: Task) -> Measured:
+        name, values = exam_id(task), dict[str, Any]()
         for learner, exam in self.exams.items():
-            scores = list(by_seed(exam["scores"], task, "printed").values())
-            found = told(scores, task)
+            found = told(list(by_seed(exam["scores"], name, "printed").values()), name)
             low, high = found["low"], found["high"]
             half = None if low is None or high is None else (high - low) / 2
             values |= {learner: found["mean"], f"{learner}_half": half}
@@ -46,42 +47,37 @@ class LearnersExamined:
 
 
 def examine_all(
-    written: ExperimentFile, folder: Path, *, expanded: Expanded | None = None, learners: Sequence[str] | None = None,
-    seeds: int | None = None, steps: int | None = None, transitions: int | None = None, twins: int | None = None,
-    probes: bool | None = None, running: Running | None = None, bar: Bar | None = None,
+    written: ExperimentFile, folder: Path, *, seeds: int | None = None, steps: int | None = None, transitions: int | None = None,
+    twins: int | None = None, probes: bool | None = None, running: Running | None = None, bar: Bar | None = None,
 ) -> LearnersExamined:  # fmt: skip
     """Examine the learners of an experiment, one after another; an exam that is there already is gone on with.
 
     Args:
         folder: where results go: `exam.json` of each learner lies in a folder that is called as it is.
-        expanded: the instances, where they are known already.
-        learners, seeds, steps, transitions, twins, probes: in place of those of the file.
+        seeds, steps, transitions, twins, probes: in place of those of the file.
         running: how many processes, time limits, a cluster.
 
     Raises:
         SpecError: with every mistake in the experiment; E713 where it names no learner.
     """
-    found = expand(written) if expanded is None else expanded
-    found.raise_if_wrong()
-    raise_if_errors(found.refused)
-    asked = list(learners) if learners is not None else written.learners
-    if not asked:
+    expanded = expand(written)
+    tasks = expanded.tasks()
+    if not written.learners:
         hint = "add them to it: `learners: [bc, ppo]`"
         raise SpecError(
             [Diagnostic("E713", None, f"the experiment '{written.experiment.name}' names no learners", hint)]
         )
-    tasks = [instance.load() for instance in found.instances]
     given = {"seeds": seeds, "steps": steps, "transitions": transitions, "twins": twins, "probes": probes}
     terms = {name: _either(value, getattr(written.experiment, name)) for name, value in given.items()}
     terms = {name: value for name, value in terms.items() if value is not None}
     exams, folders = dict[str, Exam](), dict[str, Path]()
-    for learner in asked:
+    for learner in written.learners:
         name = folder_name(learner)
         folders[name] = folder / name
         with bar(name) if bar else nullcontext() as progress:
             how = replace(running or Running(), progress=progress)
             exams[name] = examine(learner, suite=tasks[0].suite, tasks=tasks, out=folders[name], running=how, **terms)
-    return LearnersExamined(found, exams, folders)
+    return LearnersExamined(expanded.instances, tasks, exams, folders)
 
 
 def _either(given: Any, written: Any) -> Any:

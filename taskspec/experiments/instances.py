@@ -14,6 +14,7 @@ from taskspec.data.actors import actor_of
 from taskspec.data.functions import is_function, place_of
 from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, suggest
 from taskspec.exact.difficulty import MEASURES
+from taskspec.exam.learners import folder_name
 from taskspec.experiments.axes import Axis, Values, combinations, sample
 from taskspec.experiments.laid import Option, options
 from taskspec.experiments.reading import ExperimentFile
@@ -76,6 +77,16 @@ class Expanded:
         """Raise SpecError with all that is wrong with the experiment itself; single instances may still be refused."""
         raise_if_errors(self.diagnostics)
 
+    def tasks(self) -> tuple[Task, ...]:
+        """The task of every instance, in order.
+
+        Raises:
+            SpecError: with all that is wrong with the experiment, or with instances of it.
+        """
+        self.raise_if_wrong()
+        raise_if_errors(self.refused)
+        return tuple(instance.load() for instance in self.instances)
+
 
 def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -> Expanded:
     """Every instance once, in the order of the file; the last parameter of an entry changes fastest.
@@ -109,7 +120,15 @@ def _check_measures(written: ExperimentFile, collector: Collector) -> None:
 
 
 def _check_learners(written: ExperimentFile, collector: Collector) -> None:
+    folders, given = [folder_name(name) for name in written.learners], written.experiment.learners
     for i, name in enumerate(written.learners):
+        first = folders.index(folders[i])
+        if first < i:
+            message = f"the results of '{given[i]}' would take the place of those of '{given[first]}'"
+            hint = (
+                f"both are kept in a folder '{folders[i]}': name each learner once, and functions of files differently"
+            )
+            collector.add("E713", written.document.span(("learners", i)), message, hint)
         try:
             if is_function(name):  # a check runs no code
                 place_of(name)

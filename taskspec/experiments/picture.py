@@ -10,7 +10,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from taskspec.exam.learners import folder_name
 from taskspec.experiments.results import Measured
 from taskspec.extras import need
 from taskspec.files import write_bytes
@@ -62,7 +61,7 @@ def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str
         )
         experiment = experiment.model_copy(update={"plot": plot})
     figures = need("matplotlib.figure", "figures")
-    panels = _panels(experiment, [row for row in rows if row.error is None])
+    panels = _panels(experiment, [row for row in rows if row.error is None], bool(learners))
     across = max(1, min(ACROSS, len(panels)))
     down = max(1, math.ceil(len(panels) / across))
     drawn = figures.Figure(figsize=(WIDTH * across, HEIGHT * down + TITLE), layout="constrained")
@@ -76,16 +75,17 @@ def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str
 
 @dataclass(frozen=True)
 class _Panel:
-    """Rows of one task, along one parameter or two; for a heat map, `show` is what it maps."""
+    """Rows of one task, along one parameter or two; for a heat map, `show` is what it maps. `scored`: scores, not returns."""
 
     title: str
     rows: tuple[Measured, ...]
     x: str | None
     y: str | None = None
     show: tuple[str, ...] = SHOWN
+    scored: bool = False
 
 
-def _panels(experiment: Experiment, rows: Sequence[Measured]) -> list[_Panel]:
+def _panels(experiment: Experiment, rows: Sequence[Measured], scored: bool) -> list[_Panel]:
     found: list[_Panel] = []
     for _, group in itertools.groupby(rows, key=lambda row: row.instance.entry):
         some = tuple(group)
@@ -100,10 +100,10 @@ def _panels(experiment: Experiment, rows: Sequence[Measured]) -> list[_Panel]:
         for values, part in _parts(some, rest):
             name = ", ".join([title, *(f"{k}={v}" for k, v in values.items()), *_fixed(some[0])])
             if y is None:
-                found.append(_Panel(name, part, x, None, shown or SHOWN))
+                found.append(_Panel(name, part, x, None, shown or SHOWN, scored))
             else:
                 mapped = shown or [each for each in MAPPED if _differs(part, each)] or MAPPED[-1:]
-                found += [_Panel(f"{name}: {each}", part, x, y, (each,)) for each in mapped]
+                found += [_Panel(f"{name}: {each}", part, x, y, (each,), scored) for each in mapped]
     return found
 
 
@@ -172,26 +172,21 @@ def _frame(axes: Any, panel: _Panel, experiment: Experiment, xs: Sequence[float]
     if "value" in experiment.plot.log:
         axes.set_yscale("log")
     axes.set_xlabel(panel.x or "")
-    axes.set_ylabel(_quantity(panel.show, experiment))
+    axes.set_ylabel(_quantity(panel))
     axes.grid(True, alpha=0.25, linewidth=0.5)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(fontsize=6.5, frameon=False)
 
 
-def _quantity(shown: Sequence[str], experiment: Experiment) -> str:
-    if set(shown) <= set(LINES):
-        return "return"
-    return "score: random 0, expert 1" if set(shown) <= set(map(folder_name, experiment.learners)) else ""
+def _quantity(panel: _Panel) -> str:
+    if panel.scored:
+        return "score: random 0, expert 1"
+    return "return" if set(panel.show) <= set(LINES) else ""
 
 
 def _positions(rows: Sequence[Measured], x: str | None) -> tuple[list[float], list[str] | None]:
     """Where rows stand along the axis; names instead of numbers, where these are none."""
-    values = (
-        [row.instance.id.removeprefix(row.instance.task).lstrip("?+") or row.instance.task for row in rows]
-        if x is None
-        else []
-    )
-    values = values or [row.instance.varied[x or ""] for row in rows]
+    values: list[Any] = [_label(row) if x is None else row.instance.varied[x] for row in rows]
     if not any(isinstance(v, bool | str) for v in values):
         return [float(v) for v in values], None
     names = list(dict.fromkeys(map(str, values)))

@@ -17,10 +17,10 @@ class CannotLearn(SpecError):
 
     def __init__(self, message: str, hint: str | None = None) -> None:
         super().__init__([Diagnostic("E724", None, message, hint)])
-        self.told = message, hint
+        self.message, self.hint = message, hint
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return CannotLearn, self.told  # so that it comes through from another process
+        return CannotLearn, (self.message, self.hint)  # so that it comes through from another process
 
 
 def cannot_learn(message: str, hint: str | None = None) -> NoReturn:

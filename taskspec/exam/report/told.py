@@ -101,14 +101,7 @@ def named(task: str) -> str:
 
 def left_out(exam: Mapping[str, Any]) -> list[str]:
     """The tasks that the learner is not made for, each with the reason."""
-    found = [(task, about.get("cannot")) for task, about in exam["tasks"].items()]
-    return [f"{named(task)}: {_message(why)}" for task, why in found if why]
-
-
-def _message(told: str) -> str:
-    """What a diagnostic says, without its code and its hint."""
-    first, *_ = told.splitlines()
-    return first.partition("]: ")[2] or first
+    return [f"{named(task)}: {why}" for task, about in exam["tasks"].items() if (why := about.get("cannot"))]
 
 
 def rows(exam: Mapping[str, Any]) -> list[TaskRow]:
