@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from taskspec.diagnostics import SpecError
-from taskspec.figures import Overlay, scene, undrawn
+from taskspec.figures import Overlay, render_frame, scene, undrawn
 from taskspec.figures.scene import Circle, Label, Line, Scene
 from taskspec.printers.plain import plain
 from taskspec.source import read_text
@@ -127,3 +127,54 @@ def test_what_a_kind_needs_is_asked_for() -> None:
     for kind in ("portrait", "arm"):
         with pytest.raises(SpecError, match="E203"):
             task(SPRING, f"{{kind: {kind}}}")
+
+
+def chain(count: int) -> Task:
+    return task(
+        f"taskspec: 1\nname: Chain\nstate:\n  s: {{type: real, shape: [{count}]}}\naction:\n  a: {{type: int, low: 0, high: 1}}\n"
+        f"horizon: 3\ndynamics: {{s': s}}\ninitial: {{s: '[0 for i in range({count})]'}}\nreward: 0",
+        "{kind: arm, values: s}",
+    )
+
+
+def test_a_long_arm_has_the_size_of_a_figure() -> None:
+    for links in (1, 30):
+        found = drawn(chain(links))
+        assert max(found.width, found.height) < 13
+        assert sum(isinstance(x, Circle) and x.fill in ("paper", "ink") for x in found.items) == links + 1
+
+
+@pytest.mark.parametrize(("count", "size"), [(31, "31 numbers"), (3000, "3,000 numbers")])
+def test_too_long_an_arm_says_so(count: int, size: str) -> None:
+    one = chain(count)
+    found = scene(one)
+    assert found is not None
+    assert size in " ".join(words(found))
+    assert "up to 30 finite angles" in " ".join(words(found))
+    assert [x.code for x in undrawn(one)] == ["W523"]
+
+
+def test_angles_that_are_no_numbers_are_not_drawn() -> None:
+    one = chain(2)
+    for angle in (math.inf, math.nan):
+        frame = render_frame(one, {"s": [angle, 0.0]})
+        assert frame.shape == (480, 640, 3)
+        assert scene(one, Overlay(here={"s": [angle, 0.0]})) is None
+
+
+def test_a_flow_leaves_out_what_leads_nowhere() -> None:
+    text = SPRING.replace("x': clip(x + 0.1 * v, -1, 1)", "x': clip(x + 0.1 * v, -1, 1) / (x > -0.8)")
+    found = drawn(task(text, "{kind: portrait, at: [x, v]}"))
+    whole = drawn(task(SPRING, "{kind: portrait, at: [x, v]}"))
+    assert 20 < sum(isinstance(x, Line) and x.arrow for x in found.items) < len(whole.items)
+
+
+@pytest.mark.parametrize("figure", ["{kind: portrait, at: [x, v]}", "{kind: series}"])
+def test_numbers_beyond_all_bounds_are_not_drawn(figure: str) -> None:
+    text = SPRING.replace("low: -1, high: 1}", "low: -1.7e308, high: 1.7e308}").replace(
+        ", -1, 1)", ", -1.7e308, 1.7e308)"
+    )
+    text = text.replace("0.1 * v", "-2 * x * (2 if x > 0 else 1)").replace("x: 0.5", "x: 1.6e308")
+    found = scene(task(text, figure))
+    assert found is not None
+    assert any("is drawn:" in word for word in words(found))

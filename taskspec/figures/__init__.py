@@ -16,7 +16,7 @@ from taskspec.figures.curve import curve
 from taskspec.figures.graph import graph
 from taskspec.figures.grid import grid
 from taskspec.figures.matrix import matrix
-from taskspec.figures.motion import arm, portrait, series
+from taskspec.figures.motion import MOST_LINKS, arm, portrait, series
 from taskspec.figures.overlay import Overlay as Overlay
 from taskspec.figures.results import OVERLAYS as OVERLAYS
 from taskspec.figures.results import overlay as overlay
@@ -42,8 +42,8 @@ NEEDED = {
     "matrix": "tables of transitions are drawn of finite tasks of which episodes visit at most 300 states",
     "grid": "columns and rows are two whole numbers that the state says, up to 5,000",
     "portrait": "phase portraits are drawn of two bounded numbers of the state, `at: [x, v]`, where nothing is drawn in a step",
-    "series": "an episode over time is drawn where the expert's actions are expressions and nothing is drawn in a step",
-    "arm": "an arm is drawn of a vector of angles: `values: [a, a + b]`",
+    "series": "an episode over time is drawn where the expert's actions are expressions, nothing is drawn and numbers are finite",
+    "arm": f"an arm is drawn of up to {MOST_LINKS} finite angles: `values: [a, a + b]`",
     "curve": "a curve is drawn over a component of the state: `at: [x, y]`",
 }
 """What a figure of some kind needs; the others show a vector."""

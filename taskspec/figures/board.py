@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import groupby
 
 from taskspec.figures.marks import hatched
@@ -50,22 +51,32 @@ class Board:
     cell: float = CELL
 
     def items(self) -> list[Item]:
-        if max(len(self.columns), len(self.rows)) <= LARGEST:
+        if self.is_whole:
             return [*self._cells(_singly(self.columns), _singly(self.rows))]
-        across, down = (self._stretches(axis) for axis in (0, 1))
-        if max(len(across), len(down)) <= LARGEST:
+        if self.folded is not None:
+            across, down = self.folded
             return [*self._cells(across, down), *self._coordinates(across, 0), *self._coordinates(down, 1)]
         return [*self._map()]
 
     def notes(self) -> tuple[str, ...]:
         """What a reader has to know of how the board is drawn."""
-        if max(len(self.columns), len(self.rows)) <= LARGEST:
+        if self.is_whole:
             return ()
-        across, down = (self._stretches(axis) for axis in (0, 1))
-        if max(len(across), len(down)) <= LARGEST:
+        if self.folded is not None:
             return ("Dots stand for columns and rows like those beside them.",)
         told = " Letters and results are too small to show." if self.letters or self.values or self.moves else ""
         return (f"{len(self.columns)} columns and {len(self.rows)} rows.{told}",)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every cell is drawn, as large as usual."""
+        return max(len(self.columns), len(self.rows)) <= LARGEST
+
+    @cached_property
+    def folded(self) -> tuple[list[Stretch], list[Stretch]] | None:
+        """Columns and rows as they are drawn, alike ones as one; None where they are too many all the same."""
+        across, down = (self._stretches(axis) for axis in (0, 1))
+        return (across, down) if max(len(across), len(down)) <= LARGEST else None
 
     def _marked(self, axis: int) -> dict[int, set[tuple[int, object]]]:
         """What is in columns (or rows), where there is something."""

@@ -27,8 +27,9 @@ ACROSS, DOWN = 11, 7
 """Arrows of a flow."""
 MOST, PANEL, APART = 6, 1.0, 1.35
 """Numbers that are followed over time, how high the picture of one is, and how far these lie apart, in centimetres."""
-LINK = 1.2
-"""Length of a link, in centimetres."""
+LINK, REACH = 1.2, 6.0
+"""Length of a link, and how far an arm may reach at most, in centimetres."""
+MOST_LINKS = 30
 
 
 def portrait(task: Task, overlay: Overlay) -> Scene | None:
@@ -39,11 +40,12 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
         return None
     pair = [known[node.name] for node in at if isinstance(node, Read)]
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
-    if not all(map(math.isfinite, (*ends[0], *ends[1]))):
-        return None
     to = plane(ends[0], ends[1])
     path = [dict(overlay.here)] if overlay.here is not None else expert_path(task, min(task.horizon or STEPS, STEPS))
-    dots = [to((float(state[pair[0].name]), float(state[pair[1].name]))) for state in path]
+    places = np.array([[float(state[c.name]) for c in pair] for state in path])
+    if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
+        return None
+    dots = [to((float(x), float(y))) for x, y in np.clip(places, *np.transpose(ends))]
     names = of_task(task)
     items: list[Item] = [*axes(*ends[0], *ends[1], to, [names.symbol(c.name) for c in pair])]
     items += _flow(task, [c.name for c in pair], ends, path[0])
@@ -83,12 +85,12 @@ def _flow(
     given = reads | _neutral(task) | {(Reading.TIME, "t"): np.zeros(1, dtype=np.int64)}
     after = dict(zip((c.name for c in task.state), batch.evaluate(task.next, given), strict=True))
     to = plane(ends[0], ends[1])
-    starts = [to((float(x), float(y))) for x, y in points]
-    ways = [
-        to((float(x), float(y))) for x, y in zip(*(np.broadcast_to(after[n], len(points)) for n in pair), strict=True)
-    ]
+    targets = np.stack([np.broadcast_to(after[name], len(points)) for name in pair], axis=-1).astype(float)
+    led = np.isfinite(targets).all(1)
+    starts = [to((float(x), float(y))) for x, y in points[led]]
+    ways = [to((float(x), float(y))) for x, y in targets[led]]
     moves = [(bx - ax, by - ay) for (ax, ay), (bx, by) in zip(starts, ways, strict=True)]
-    longest = max(max(abs(dx) * ACROSS / WIDTH, abs(dy) * DOWN / HEIGHT) for dx, dy in moves) or 1.0
+    longest = max((max(abs(dx) * ACROSS / WIDTH, abs(dy) * DOWN / HEIGHT) for dx, dy in moves), default=0.0) or 1.0
     for (x, y), (dx, dy) in zip(starts, moves, strict=True):
         if math.hypot(dx, dy) / longest > 0.03:
             yield Line(
@@ -102,7 +104,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     if len(path) < 2:
         return None
     found = _measured(task, path)
-    if not found:
+    if not found or not all(math.isfinite(max(values) - min(values)) for _, values in found):
         return None
     end, bottom = len(path) - 1, PANEL + (len(found) - 1) * APART
     items: list[Item] = [x for i, (symbol, values) in enumerate(found) for x in _panel(symbol, values, i * APART)]
@@ -141,20 +143,23 @@ def _measured(task: Task, path: Sequence[dict[str, Any]]) -> list[tuple[m.Math, 
 def arm(task: Task, overlay: Overlay) -> Scene | None:
     """Links in a chain, each at the angle (from hanging down) that `values` has for it, in a first state."""
     node: Node | None = None if task.figure is None else task.figure.values
-    if node is None or len(node.type.shape) != 1:
+    if node is None or len(node.type.shape) != 1 or not 1 <= node.type.size <= MOST_LINKS:
         return None
     state = overlay.here or first_state(task)
     angles = at_states(task, node, reads_of(task, state), 1)[0].astype(float).tolist()
+    if not all(map(math.isfinite, angles)):
+        return None
+    link = min(LINK, REACH / len(angles))
     points: list[Point] = [(0.0, 0.0)]
     for angle in angles:
         x, y = points[-1]
-        points.append((x + LINK * math.sin(angle), y + LINK * math.cos(angle)))
-    reach = LINK * len(angles)
+        points.append((x + link * math.sin(angle), y + link * math.cos(angle)))
+    reach, joint = link * len(angles), min(0.11, 0.3 * link)
     items: list[Item] = [
         Circle((0.0, 0.0), reach, None, "faint"),
         Line(((0.0, 0.0), (0.0, reach)), color="faint", dashed=True),
     ]
-    items.append(Line(tuple(points), color="accent", width=0.16))
-    items += [Circle(p, 0.11, "paper") for p in points[:-1]] + [Circle(points[-1], 0.11, "ink")]
+    items.append(Line(tuple(points), color="accent", width=1.45 * joint))
+    items += [Circle(p, joint, "paper") for p in points[:-1]] + [Circle(points[-1], joint, "ink")]
     notes = () if overlay.here is not None else ("A first state. The circle is how far the arm reaches.",)
     return fitted(items, f"{task.name} as an arm of {len(angles)} links", notes)

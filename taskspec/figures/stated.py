@@ -9,6 +9,7 @@ import numpy as np
 from taskspec.exact.model.space import Space
 from taskspec.figures.scene import Box, Label, Scene, fitted
 from taskspec.lang.ir import Role
+from taskspec.lang.types import Kind
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
@@ -35,6 +36,6 @@ def stated(task: Task, needed: str) -> Scene:
 def _size(task: Task, what: str) -> str:
     """How many states or actions there are, or of how many numbers they are."""
     components, role = (task.state, Role.STATE) if what == "state" else (task.action, Role.ACTION)
-    if all(c.type.kind.name != "REAL" for c in components) and (what == "action" or task.is_finite):
+    if all(c.type.kind is not Kind.REAL for c in components) and (what == "action" or task.is_finite):
         return f"{Space(components, role).size:,} {what}s"
     return f"{what}s of {int(sum(np.prod(c.type.shape, dtype=int) for c in components)):,} numbers"
