@@ -11,30 +11,16 @@ from typing import Any
 import pytest
 
 from taskspec import source
-from taskspec.diagnostics import SpecError
 from taskspec.exact.claims.claims import Verdict, verdicts
 from taskspec.exact.claims.vocabulary import FUNCTIONS, MODELS, RESULTS
 from taskspec.task.build import build
-from taskspec.task.merge import variant_names
 from taskspec.task.task import Task
+from tests.shared.specs import EVERY, tasks
 
 ROOT = Path(__file__).parents[1]
-SPECS = sorted((ROOT / "tasks").rglob("*.yaml")) + sorted((ROOT / "tests" / "specs").glob("*.yaml"))
 
 
-def shipped() -> list[Task]:
-    found = []
-    for path in SPECS:
-        document = source.read(path)
-        for variant in variant_names(document.data).values():
-            try:
-                found.append(build(document, variant))
-            except SpecError:
-                continue
-    return found
-
-
-@pytest.mark.parametrize("task", shipped(), ids=lambda t: t.id)
+@pytest.mark.parametrize("task", tasks(*EVERY), ids=lambda t: t.id)
 def test_every_claim_of_every_task_holds(task: Task) -> None:
     for verdict in verdicts(task):
         assert verdict.holds, (verdict.claim.text, verdict.detail)

@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 
 from taskspec import source
-from taskspec.diagnostics import SpecError
 from taskspec.exact.lint import sense
 from taskspec.task.build import build
-from taskspec.task.merge import variant_names
 from taskspec.task.task import Task
+from tests.shared.specs import SHIPPED, tasks
 
 ROOT = Path(__file__).parents[1]
 
@@ -97,19 +96,7 @@ def test_noise_tells_nothing_and_a_named_goal_tells_all() -> None:
     assert "W509" not in {d.code for d in sense(task(**two, observation="{s: s, z: 'Normal(mean=side, std=1)'}"))}
 
 
-def shipped() -> list[Task]:
-    found = []
-    for path in sorted((ROOT / "tasks").rglob("*.yaml")):
-        document = source.read(path)
-        for variant in variant_names(document.data).values():
-            try:
-                found.append(build(document, variant))
-            except SpecError:
-                continue
-    return found
-
-
-@pytest.mark.parametrize("made", shipped(), ids=lambda t: t.id)
+@pytest.mark.parametrize("made", tasks(SHIPPED), ids=lambda t: t.id)
 def test_shipped_tasks_make_sense(made: Task) -> None:
     accepted = made.spec.accept
     assert [d for d in sense(made) if d.code not in accepted] == []

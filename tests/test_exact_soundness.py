@@ -7,15 +7,14 @@ from pathlib import Path
 import pytest
 
 from taskspec import source
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.diagnostics import Diagnostic
 from taskspec.exact.checks import places
 from taskspec.exact.checks.soundness import cases, check_ranges, examine, soundness
 from taskspec.task.build import build
-from taskspec.task.merge import variant_names
 from taskspec.task.task import Task
+from tests.shared.specs import EVERY, tasks
 
 ROOT = Path(__file__).parents[1]
-SPECS = sorted((ROOT / "tasks").rglob("*.yaml")) + sorted((ROOT / "tests" / "specs").glob("*.yaml"))
 
 FINITE = """
 taskspec: 1
@@ -203,21 +202,7 @@ def test_what_cannot_be_built_for_other_parameters_names_them(parts: dict[str, s
     assert [d.notes[-1] for d in found] == [f"parameters: {values}"]
 
 
-def all_tasks() -> list[tuple[Path, str | None]]:
-    return [(path, v) for path in SPECS for v in variant_names(source.read(path).data).values()]
-
-
-def shipped() -> list[Task]:
-    found = []
-    for path, variant in all_tasks():
-        try:
-            found.append(build(source.read(path), variant))
-        except SpecError:
-            continue  # a base that only its variants complete
-    return found
-
-
-@pytest.mark.parametrize("task", shipped(), ids=lambda t: t.id)
+@pytest.mark.parametrize("task", tasks(*EVERY), ids=lambda t: t.id)
 def test_every_task_is_sound(task: Task) -> None:
     assert soundness(task) == []
     if task.name != "RandomMDP":

@@ -18,9 +18,8 @@ from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exact import check, wrong_examples
 from taskspec.lang.ir import draws
 from taskspec.task.build import build
-from taskspec.task.merge import variant_names
 from taskspec.task.task import Task
-from tests.shared.specs import specs
+from tests.shared.specs import EVERY, tasks
 
 ROOT = Path(__file__).parents[1]
 SPEC: dict[str, Any] = {
@@ -178,22 +177,11 @@ def test_what_cannot_be_enumerated_is_refused_before_it_costs() -> None:
 # -- what environments do follows -------------------------------------------------------------------------------------
 
 
-def tasks() -> list[Task]:
-    found = []
-    for path in specs("tasks/*/*.yaml", "tests/specs/*.yaml"):
-        document = source.read(path)
-        for variant in variant_names(document.data).values():
-            try:
-                task = build(document, variant)
-            except SpecError:
-                continue
-            step = (*task.next, task.reward, task.terminal)
-            if not draws(step) and sum(c.type.size for c in task.state) <= 100:
-                found.append(task)
-    return found
+def is_deterministic(task: Task) -> bool:
+    return not draws((*task.next, task.reward, task.terminal)) and sum(c.type.size for c in task.state) <= 100
 
 
-@pytest.mark.parametrize("task", tasks(), ids=lambda t: t.id)
+@pytest.mark.parametrize("task", filter(is_deterministic, tasks(*EVERY)), ids=lambda t: t.id)
 def test_steps_of_environments_are_examples(task: Task) -> None:
     env, rng = task.make(), np.random.default_rng(1)
     env.reset(seed=1)

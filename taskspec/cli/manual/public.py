@@ -39,7 +39,7 @@ def public_modules() -> list[str]:
 @lru_cache
 def public_names(module: str) -> tuple[str, ...]:
     """What a module lists in `__all__`; nothing for a module that has none."""
-    for node in _tree(module).body:
+    for node in _tree(module).body if "__all__" in _source(module) else ():
         match node:
             case ast.Assign(targets=[ast.Name(id="__all__")], value=value):
                 return tuple(ast.literal_eval(value))
@@ -137,6 +137,10 @@ def _first_paragraph(text: str | None) -> str:
 
 @lru_cache
 def _tree(module: str) -> ast.Module:
+    return ast.parse(_source(module))
+
+
+def _source(module: str) -> str:
     path = PACKAGE.parent.joinpath(*module.split("."))
     file = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    return ast.parse(file.read_text(encoding="utf-8"))
+    return file.read_text(encoding="utf-8")
