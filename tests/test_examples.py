@@ -181,7 +181,7 @@ def is_deterministic(task: Task) -> bool:
     return not draws((*task.next, task.reward, task.terminal)) and sum(c.type.size for c in task.state) <= 100
 
 
-@pytest.mark.parametrize("task", filter(is_deterministic, tasks(*EVERY)), ids=lambda t: t.id)
+@pytest.mark.parametrize("task", [t for t in tasks(*EVERY) if is_deterministic(t)], ids=lambda t: t.id)
 def test_steps_of_environments_are_examples(task: Task) -> None:
     env, rng = task.make(), np.random.default_rng(1)
     env.reset(seed=1)
