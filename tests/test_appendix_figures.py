@@ -108,7 +108,7 @@ def test_probabilities_leaving_a_state_sum_to_one() -> None:
 
 def test_grid_marks_the_goal_and_the_starts() -> None:
     found = drawn("NoisyObs")
-    assert fills(found, Box).count("good") == 1
+    assert fills(found, Box).count("good") == 1 + 1  # in the key
     faint = [c for c in found.items if isinstance(c, Circle) and c.fill == "ink"]
     assert len(faint) == 4
     assert all(c.shade < 1 for c in faint)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from itertools import combinations
 
 import pytest
@@ -11,7 +12,7 @@ from matplotlib.textpath import TextPath
 
 from taskspec import registry
 from taskspec.exact import extract
-from taskspec.figures import scene, undrawn
+from taskspec.figures import overlay, scene, undrawn
 from taskspec.figures.raster import FONTS, mathtext
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
 from taskspec.printers.plain import plain
@@ -105,12 +106,20 @@ def drawn(name: str, **values: object) -> Scene:
     return found
 
 
+def valued(name: str) -> Scene:
+    one = task(name)
+    found = scene(one, overlay(one, ["values"]))
+    assert found is not None
+    assert overlapping(found) == outside(found) == []
+    return found
+
+
 def test_a_cliff_of_a_hundred_cells_keeps_its_ends() -> None:
     found = drawn("seals/CliffWorldLarge")
     told = words(found).split()
     assert {"0", "1", "2", "97", "98", "99"} <= set(told)
     assert "50" not in told
-    assert sum(isinstance(x, Box) and x.fill == "good" for x in found.items) == 1
+    assert sum(isinstance(x, Box) and x.fill == "good" for x in found.items) == 1 + 1  # in the key
 
 
 def test_goal_and_agent_are_in_the_picture_at_any_distance() -> None:
@@ -173,6 +182,38 @@ def test_what_is_bad_is_hatched(name: str) -> None:
     assert bad
     for x0, y0, x1, y1 in bad:
         assert sum(x0 <= a and y0 <= b and c <= x1 and d <= y1 for a, b, c, d in lines) >= 3
+
+
+STROKES = {"good": 1, "bad": 2, "end": 1}
+
+
+@pytest.mark.parametrize(
+    ("found", "roles"),
+    [
+        (lambda: drawn("seals/CliffWorld"), "good bad"), (lambda: drawn("seals/CliffWorldLarge"), "good bad"),
+        (lambda: drawn("derail/RiskyPath"), "good bad"), (lambda: drawn("derail/EarlyTermPos"), "end"),
+        (lambda: drawn("derail/ProcGoal"), "good"), (lambda: valued("derail/RiskyPath"), "good bad"),
+        (lambda: valued("seals/CliffWorld"), "good bad"),
+    ],
+)  # fmt: skip
+def test_states_are_told_apart_without_colours(found: Callable[[], Scene], roles: str) -> None:
+    """A sign in each of them, of another form for each role, and a key that names all that are there."""
+    items = found().items
+    strokes = [(extent(x), len(x.points)) for x in items if isinstance(x, Line) and x.color == "ink" and not x.arrow]
+    forms: dict[str, set[tuple[int, ...]]] = {}
+    for item in items:
+        if isinstance(item, Box | Circle) and item.fill in STROKES:
+            x0, y0, x1, y1 = extent(item)
+            inside = [n for (a, b, c, d), n in strokes if x0 <= a and y0 <= b and c <= x1 and d <= y1]
+            forms.setdefault(item.fill, set()).add(tuple(inside))
+    assert set(forms) == set(roles.split())
+    assert all(len(form) == 1 and len(min(form)) == STROKES[role] for role, form in forms.items())
+    assert len(set(map(min, forms.values()))) == len(forms)
+    assert set(roles.split()) <= {plain(x.text) for x in items if isinstance(x, Label)}
+
+
+def test_a_figure_without_roles_has_no_key() -> None:
+    assert {"good", "bad", "end"}.isdisjoint(words(drawn("seals/RandomTransition")).split())
 
 
 def test_the_sheet_shows_every_setting_three_times() -> None:

@@ -15,6 +15,7 @@ from taskspec.figures.bars import bars
 from taskspec.figures.curve import curve
 from taskspec.figures.graph import graph
 from taskspec.figures.grid import grid
+from taskspec.figures.marks import keyed
 from taskspec.figures.matrix import matrix
 from taskspec.figures.motion import MOST_LINKS, arm, portrait, series
 from taskspec.figures.overlay import Overlay as Overlay
@@ -74,7 +75,7 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     found = _drawn(task, over)
     if found is None and task.figure is not None and over.here is None:
         return stated(task, NEEDED.get(task.figure.kind, NEEDED_OTHERWISE))
-    return found if found is None else with_legend(found, over.legend)
+    return found if found is None else with_legend(keyed(found), over.legend)
 
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.figures.marks import SIGNS, marked, sign
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.scene import Box, Item, Label, Line, Role, Scene, fitted, shifted, text_width
 from taskspec.figures.values import at_states, expert_path, reads_of
@@ -107,6 +108,10 @@ def _bars(values: Array, colors: list[Role]) -> Iterator[Item]:
     for i, (value, color) in enumerate(zip(values.tolist(), colors, strict=True)):
         top = -scale * max(value, 0.0)
         yield Box((i * step, top), step * 0.8, max(0.01, scale * abs(value)), color, None)
+    for role, run in groupby(range(len(colors)), key=lambda i: colors[i]):
+        places = list(run)
+        if role in SIGNS:
+            yield from sign(role, ((sum(places) / len(places) + 0.4) * step, 0.2), 0.2)
     yield Line(((-0.1, 0.0), (len(values) * step + 0.02, 0.0)), color="muted")
 
 
@@ -130,7 +135,9 @@ def _cells(rows: list[Array], colors: list[Role], left_out: int) -> Iterator[Ite
     for r, row in enumerate(rows):
         for i, value in enumerate(row.tolist()):
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
-            yield Box((i * 1.0, r * 1.5), 1.0, 0.8, colors[i], "paper", shade=shade)
+            box = Box((i * 1.0, r * 1.5), 1.0, 0.8, colors[i], "paper", shade=shade)
+            yield box
+            yield from marked(box, 0.3)
             yield Label((i + 0.5, r * 1.5 + 0.4), m.Num(f"{value:.{digits}f}".replace("-", "−")), LETTERS)
         if left_out and r + 2 == len(rows):
             yield Label((len(row) / 2, r * 1.5 + 1.15), m.Words("⋮"), 0.42)

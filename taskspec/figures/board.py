@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby
 
-from taskspec.figures.marks import hatched
+import numpy as np
+
+from taskspec.figures.marks import SIGNS, marked, sign
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Role, text_width
 from taskspec.figures.ways import Cell, Way
 from taskspec.printers import tree as m
@@ -17,8 +20,8 @@ LARGEST = 24
 """Columns or rows that are drawn one by one."""
 KEPT = 2
 """Columns that are drawn on either side of those that are left out, as they are alike."""
-WIDEST = 12.0
-"""In centimetres: the cells of boards that are larger still are as small as that needs."""
+WIDEST, SIGN = 12.0, 0.26
+"""In centimetres: the cells of boards that are larger still are as small as that needs, and their signs stay as large."""
 COORDINATE, LETTER, VALUE = 0.26, 0.3, 0.24
 """Heights of letters."""
 
@@ -118,9 +121,8 @@ class Board:
             fill, shade = "accent", self.shades[cell]
         box = Box((x * self.cell, y * self.cell), self.cell, self.cell, fill, "faint", shade=shade)
         yield box
-        if fill == "bad":
-            written = cell in self.values or cell in self.letters or not alone
-            yield from hatched(box, 0.3 * self.cell if written else 0.0)
+        written = not alone or any(cell in found for found in (self.values, self.letters, self.agents))
+        yield from marked(box, 0.3 * self.cell if written else 0.0)
 
     def _marks(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
         """What is in the cells that are drawn, which lie at these places."""
@@ -131,7 +133,7 @@ class Board:
         yield from (self._move(at[cell], way) for cell, way in self.moves if cell in at)
         for cell, value in self.values.items():
             if cell in middle:
-                yield Label(middle[cell], m.Num(f"{value:.3g}".replace("-", "−")), VALUE)
+                yield Label(middle[cell], m.Num(_short(value)), VALUE)
         for cell, weight in self.agents.items():
             if cell in middle:
                 yield from agent(*middle[cell], weight, self.cell)
@@ -145,6 +147,11 @@ class Board:
 
         fills: dict[Cell, Role] = {**dict.fromkeys(self.letters, "muted"), **self.colors}
         yield from (Box(corner(cell), size, size, role, None) for cell, role in fills.items())
+        for role in SIGNS:  # of each, at the one nearest to their middle
+            spots = np.array([corner(cell) for cell in fills if fills[cell] == role])
+            if len(spots):
+                x, y = spots[np.abs(spots - spots.mean(axis=0)).sum(axis=1).argmin()]
+                yield from sign(role, (float(x) + size / 2, float(y) + size / 2), SIGN)
         if not self.open:
             yield Box((0, 0), len(self.columns) * size, len(self.rows) * size, None, "ink")
         for cell, weight in self.agents.items():
@@ -172,6 +179,13 @@ class Board:
             (self.cell * (cell[0] + 0.5 + r * way[0]), self.cell * (cell[1] + 0.5 + r * way[1])) for r in (0.2, 0.48)
         )
         return Line((near, far), arrow=True, color="muted")
+
+
+def _short(value: float) -> str:
+    """A number of at most five letters, which have room in a cell, or six."""
+    forms = (".3g", ".2g", ".1g") if abs(value) < 99.95 else (".0f", ".1e", ".0e")
+    texts = [re.sub(r"e([+-]?)0*", lambda e: f"e{e[1].strip('+')}", f"{value:{form}}") for form in forms]
+    return next((text for text in texts if len(text) <= 5), texts[-1]).replace("-", "−")
 
 
 def _singly(numbers: Sequence[int]) -> list[Stretch]:

@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 from taskspec.figures.captions import Captions
 from taskspec.figures.elide import DOTS, Arc, Drawing, Vertex, drawings
 from taskspec.figures.machine import Machine, explore
-from taskspec.figures.marks import RADIUS, hatched, shape
+from taskspec.figures.marks import RADIUS, marked, shape
 from taskspec.figures.order import DX, DY, ordered
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.place import ARROW, STATE, along, at_loop, beside, placed
@@ -274,5 +274,4 @@ class _Graph:
             yield shape(x, y, spot.half + RIM, RADIUS + RIM, "paper", 1.0)
         body = shape(x, y, spot.half, RADIUS, fill, shade)
         yield body
-        if fill == "bad":
-            yield from hatched(body, min(RADIUS / 2, text_width(self.says.labels[v], STATE) / 2))
+        yield from marked(body, min(RADIUS / 2, text_width(self.says.labels[v], STATE) / 2))

@@ -6,12 +6,21 @@ import math
 from collections.abc import Iterator
 from fractions import Fraction
 
-from taskspec.figures.scene import Box, Circle, Line, Point, Role, bezier
+from taskspec.figures.scene import Box, Circle, Label, Line, Point, Role, Scene, bezier, fitted, text_width
 from taskspec.printers import tree as m
 
 RADIUS, ROUND = 0.31, 0.2
 HATCH, RIM = 0.12, 0.03
 """Centimetres between two lines of a hatching, and between these and the outline."""
+
+SIGNS: dict[Role, tuple[tuple[Point, ...], ...]] = {
+    "good": (((-0.5, 0.0), (-0.15, 0.4), (0.5, -0.4)),),
+    "bad": (((-0.4, -0.4), (0.4, 0.4)), ((-0.4, 0.4), (0.4, -0.4))),
+    "end": (((-0.35, -0.35), (0.35, -0.35), (0.35, 0.35), (-0.35, 0.35), (-0.35, -0.35)),),
+}
+"""Strokes of a sign, around (0, 0), one centimetre wide at most."""
+KEY, WORD = 0.36, 0.26
+"""The side of a square in the key to a figure, and the height of the letters beside it."""
 
 
 def shape(x: float, y: float, half: float, radius: float, fill: Role, shade: float) -> Circle | Box:
@@ -25,12 +34,7 @@ def hatched(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
     if isinstance(item, Circle):
         (x, y), rx, ry = item.centre, item.radius - RIM, item.radius - RIM
     else:
-        x, y, rx, ry = (
-            item.corner[0] + item.width / 2,
-            item.corner[1] + item.height / 2,
-            item.width / 2,
-            item.height / 2,
-        )
+        (x, y), rx, ry = _centre(item), item.width / 2, item.height / 2
     count = int((rx + ry) / math.sqrt(2) / HATCH)
     for off in (i * HATCH for i in range(-count, count + 1)):  # distances from the centre
         rise, middle = off * math.sqrt(2), off / math.sqrt(2)
@@ -44,6 +48,54 @@ def hatched(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
         for start, end in ((low, middle - free), (middle + free, high)) if free else ((low, high),):
             if end - start > 0.04:
                 yield Line(((x + start, y + rise - start), (x + end, y + rise - end)), color="paper", width=0.03)
+
+
+def marked(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
+    """What tells a state that is good, bad or an end from others without its colour: a tick, a cross on hatching, a square.
+
+    The mark is at the top of what is round, and in the middle of a cell, or in its upper right corner where something is
+    written within `clear` of the middle.
+    """
+    if item.fill not in SIGNS:
+        return
+    if item.fill == "bad":
+        yield from hatched(item, clear or 0.28 * _height(item))
+    if isinstance(item, Circle) or item.round:
+        (x, y), top = _centre(item), _height(item) / 2
+        yield from sign(item.fill, (x, y - 0.7 * top), 0.42 * top)
+    else:
+        (x, y), side = _centre(item), min(item.width, item.height)
+        dx, dy = (item.width / 2 - 0.17 * side, 0.17 * side - item.height / 2) if clear else (0.0, 0.0)
+        yield from sign(item.fill, (x + dx, y + dy), (0.22 if clear else 0.4) * side)
+
+
+def _height(item: Circle | Box) -> float:
+    return 2 * item.radius if isinstance(item, Circle) else item.height
+
+
+def _centre(item: Circle | Box) -> Point:
+    if isinstance(item, Circle):
+        return item.centre
+    return item.corner[0] + item.width / 2, item.corner[1] + item.height / 2
+
+
+def sign(role: Role, at: Point, size: float) -> Iterator[Line]:
+    """The sign of a role."""
+    for stroke in SIGNS[role]:
+        yield Line(tuple((at[0] + size * x, at[1] + size * y) for x, y in stroke), width=0.035)
+
+
+def keyed(scene: Scene) -> Scene:
+    """The scene with a key of its roles below it, on its left; as it is without any."""
+    shown = {item.fill for item in scene.items if isinstance(item, Circle | Box)}
+    items, x, y = list(scene.items), 0.0, scene.height + KEY
+    for role in SIGNS:
+        if role in shown:
+            swatch = Box((x, y - KEY / 2), KEY, KEY, role, "muted")
+            word = Label((x + KEY + 0.1, y), m.Words(role), WORD, "start", "muted")
+            items += [swatch, *marked(swatch), word]
+            x += KEY + 0.1 + text_width(word.text, WORD) + 0.3
+    return scene if not x else fitted(items, scene.alt, scene.notes)
 
 
 def number(value: object) -> m.Math:

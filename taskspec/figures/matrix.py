@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from taskspec.figures.captions import Captions
 from taskspec.figures.machine import Machine, explore
+from taskspec.figures.marks import marked
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, text_width
 from taskspec.figures.values import reads_of
@@ -15,6 +16,8 @@ from taskspec.task.task import Task
 SIDE, LARGEST_CELL = 7.0, 0.55
 """Of the table and of a cell, in centimetres."""
 LETTERS = 0.28
+STRIP = 0.3
+"""Width of the column that says which states are good, bad or an end, in centimetres."""
 MOST = 300
 """States whose cells can still be seen."""
 LEAST_SHADE = 0.12
@@ -36,6 +39,7 @@ class _Matrix:
         self.place = {code: i for i, code in enumerate(sorted(machine.states))}
         self.cell = min(LARGEST_CELL, SIDE / len(self.place))
         self.side = self.cell * len(self.place)
+        self.strip = STRIP if self.says.fills else 0.0
 
     def scene(self) -> Scene:
         count, name = len(self.place), self.machine.task.name
@@ -53,6 +57,10 @@ class _Matrix:
             corner, shade = (column * self.cell, row * self.cell), min(1.0, LEAST_SHADE + (1 - LEAST_SHADE) * p)
             yield Box(corner, self.cell, self.cell, "ink", None, shade=shade)
         yield Box((0, 0), self.side, self.side, None, "faint")
+        for code, role in self.says.fills.items():
+            box = Box((-self.strip, self.place[code] * self.cell), self.strip, self.cell, role, "faint")
+            yield box
+            yield from marked(box)
         if self.overlay.here is not None:
             space, state = self.says.space, reads_of(self.machine.task, self.overlay.here)
             here = self.place.get(int(space.encode([state[c.read] for c in self.machine.task.state], 1)[0][0]))
@@ -67,11 +75,11 @@ class _Matrix:
         for i, text in enumerate(texts):
             if every or i in (0, last):
                 along = (i + 0.5) * self.cell
-                yield Label((-0.12, along), text, LETTERS, "end", "muted")
+                yield Label((-0.12 - self.strip, along), text, LETTERS, "end", "muted")
                 if every or (i == 0 or widest < 0.8 * self.side):
                     yield Label((along, -0.22), text, LETTERS, "middle", "muted")
         yield Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
-        yield Label((-0.35 - widest, self.side / 2), m.Words("from"), LETTERS, "end")
+        yield Label((-0.35 - widest - self.strip, self.side / 2), m.Words("from"), LETTERS, "end")
 
     def starts(self) -> Iterator[Item]:
         """Arrows to the rows in which episodes start, or dots where there is no room."""

@@ -11,13 +11,11 @@ import numpy as np
 
 from taskspec.figures.marks import RADIUS, beside_line
 from taskspec.figures.route import LOOP_OUT, Spot, descend, flattened, sampled
-from taskspec.figures.scene import Label, Line, Point, bezier, head, text_width
+from taskspec.figures.scene import BROAD, Label, Line, Point, bezier, head, text_width
 from taskspec.printers import tree as m
 
 ARROW, STATE = 0.25, 0.28
 """Heights of letters beside arrows and states."""
-BROAD = 1.15
-"""How much wider labels may be in the broadest of the fonts that figures are shown in."""
 PAPER, MUCH = 0.05, 0.35
 """How far the paper behind a label reaches beyond its letters, and which part of its own arrow it may hide."""
 APART = 0.06

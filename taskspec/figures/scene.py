@@ -12,6 +12,8 @@ from typing import Literal
 
 from taskspec.printers import tree as m
 
+BROAD = 1.15
+"""How much wider labels may be in the broadest of the fonts that figures are shown in."""
 Role = Literal["ink", "muted", "faint", "paper", "good", "bad", "end", "accent", "second"]
 Point = tuple[float, float]
 Anchor = Literal["start", "middle", "end"]
@@ -122,7 +124,7 @@ def _extent(item: Item) -> tuple[float, float, float, float]:
             xs, ys = zip(*(_samples(points) if curved else points), strict=True)
             return min(xs), min(ys), max(xs), max(ys)
         case Label(at=(x, y), text=text, size=size, anchor=anchor):
-            w = text_width(text, size)
+            w = BROAD * text_width(text, size)
             left = {"start": x, "middle": x - w / 2, "end": x - w}[anchor]
             return left, y - size * 0.7, left + w, y + size * 0.7
 
