@@ -105,8 +105,7 @@ def row_categoricals(words: Words, row: NDArray[np.integer], table: Words, last:
 
 def weighted_categorical(word: int, weights: Sequence[float]) -> int:
     """An outcome in proportion to float32 weights; see `weighted_categoricals`."""
-    column = np.asarray(weights, np.float32)[:, None]
-    return int(weighted_categoricals(np.array([word], np.uint32), column)[0])
+    return int(weighted_categoricals(np.array([word], np.uint32), np.asarray(weights)[:, None])[0])
 
 
 def weighted_categoricals(words: Words, weights: ArrayLike) -> Ints:
@@ -116,7 +115,8 @@ def weighted_categoricals(words: Words, weights: ArrayLike) -> Ints:
     less than the total, and a weight of 0 (as a negative one and NaN count) leaves the running sum
     as it was, so outcomes of no weight are never drawn, unless all are.
     """
-    weight = np.asarray(weights, np.float32)
+    with np.errstate(over="ignore"):  # what no float32 holds is infinite
+        weight = np.asarray(weights, np.float32)
     sums = list(accumulate(np.where(weight > F(0), weight, F(0))))
     target = uniform(words) * sums[-1]
     result = np.zeros(target.shape, np.int32)

@@ -10,6 +10,7 @@ from taskspec.exact.lint.case import Linted
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const
 from taskspec.lang.scope import Value
+from taskspec.lang.types import INT
 from taskspec.task.task import Task
 
 Cut = tuple[s.Subscript, s.Slice]
@@ -93,7 +94,7 @@ def _length(node: s.Subscript, where: SectionScope) -> int | None:
 
 def _constant(expr: s.Expr, where: SectionScope) -> int | None:
     node = where.number(expr)
-    return int(node.value) if isinstance(node, Const) and node.type.is_scalar else None
+    return int(node.value) if isinstance(node, Const) and node.type == INT else None
 
 
 def expressions(task: Task) -> Iterator[tuple[s.Expr, SectionScope]]:

@@ -33,13 +33,17 @@ def each(arg: Array, size: int) -> list[Array]:
 
 
 def clean(p: Array) -> Array:
-    """Rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total."""
+    """Rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total.
+
+    Where the total is 0, or infinite, it is the last one.
+    """
     p = np.where(p > 0, p, 0)
-    total = p.sum(axis=0)
+    with np.errstate(over="ignore"):
+        total = p.sum(axis=0)
     if (total != 1).any():
-        empty = total == 0
-        p = p / np.where(empty, 1, total)
-        p[-1] = np.where(empty, 1, p[-1])
+        is_none = (total == 0) | np.isinf(total)
+        p = np.where(is_none, 0, p) / np.where(is_none, 1, total)
+        p[-1] = np.where(is_none, 1, p[-1])
     return p
 
 
