@@ -11,7 +11,9 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
 from taskspec import registry
+from taskspec.diagnostics import SpecError
 from taskspec.exact import extract
+from taskspec.exact.planning.solve import solve
 from taskspec.figures import overlay, scene, undrawn
 from taskspec.figures.raster import FONTS, mathtext
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
@@ -106,14 +108,6 @@ def drawn(name: str, **values: object) -> Scene:
     return found
 
 
-def valued(name: str) -> Scene:
-    one = task(name)
-    found = scene(one, overlay(one, ["values"]))
-    assert found is not None
-    assert overlapping(found) == outside(found) == []
-    return found
-
-
 def test_a_cliff_of_a_hundred_cells_keeps_its_ends() -> None:
     found = drawn("seals/CliffWorldLarge")
     told = words(found).split()
@@ -192,8 +186,8 @@ STROKES = {"good": 1, "bad": 2, "end": 1}
     [
         (lambda: drawn("seals/CliffWorld"), "good bad"), (lambda: drawn("seals/CliffWorldLarge"), "good bad"),
         (lambda: drawn("derail/RiskyPath"), "good bad"), (lambda: drawn("derail/EarlyTermPos"), "end"),
-        (lambda: drawn("derail/ProcGoal"), "good"), (lambda: valued("derail/RiskyPath"), "good bad"),
-        (lambda: valued("seals/CliffWorld"), "good bad"),
+        (lambda: drawn("derail/ProcGoal"), "good"), (lambda: laid(task("derail/RiskyPath"), "values"), "good bad"),
+        (lambda: laid(task("seals/CliffWorld"), "values"), "good bad"),
     ],
 )  # fmt: skip
 def test_states_are_told_apart_without_colours(found: Callable[[], Scene], roles: str) -> None:
@@ -210,6 +204,68 @@ def test_states_are_told_apart_without_colours(found: Callable[[], Scene], roles
     assert all(len(form) == 1 and len(min(form)) == STROKES[role] for role, form in forms.items())
     assert len(set(map(min, forms.values()))) == len(forms)
     assert set(roles.split()) <= {plain(x.text) for x in items if isinstance(x, Label)}
+
+
+def laid(one: Task, *names: str) -> Scene:
+    found = scene(one, overlay(one, names))
+    assert found is not None
+    assert overlapping(found) == outside(found) == []
+    return found
+
+
+def test_what_an_abstraction_knows_is_told_of_the_state_that_is_shown() -> None:
+    """Each reward of selection sort is an element more in its place, and one on top for each step that ends sorted."""
+    found = laid(task("derail/Sort"), "values", "policy", "occupancy")
+    rows = [float(x) for x in re.findall(r"\d\.\d\d", words(found))][:4]
+    wrong = sum(a != b for a, b in zip(rows, sorted(rows), strict=True))
+    cycles = len({min(orbit(i, rows)) for i in range(4) if rows[i] != sorted(rows)[i]})
+    swaps = wrong - cycles
+    assert f"best return with all 8 steps to go, from the first state shown: {wrong + 8 - swaps + 1}" in words(found)
+    assert "not drawn: the expert's visits" in words(found)
+    goal = laid(task("derail/ProcGoal"), "values", "policy")
+    assert "from the first state shown: −45" in words(goal)
+    assert "shown: move = " in words(goal)
+
+
+def orbit(i: int, row: list[float]) -> list[int]:
+    """Where the permutation that sorts a row takes a place."""
+    seen, order = [i], sorted(row)
+    while (j := order.index(row[seen[-1]])) != i:
+        seen.append(j)
+    return seen
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "told"),
+    [
+        ("seals/CliffWorldLarge", {}, "numbers: best return"),
+        ("seals/CliffWorld", {"W": 200, "H": 80}, "numbers: best return"),
+        ("seals/RandomTransition", {"S": 60, "A": 4}, "not drawn: best return"),
+        ("derail/Branching", {"L": 20, "B": 6}, "V: best return"),
+        ("derail/LargestSum", {}, "E712"),
+    ],
+)  # fmt: skip
+def test_values_are_drawn_or_the_figure_says_that_they_are_not(name: str, values: dict[str, int], told: str) -> None:
+    one = task(name, **values)
+    if told == "E712":
+        with pytest.raises(SpecError, match=told):
+            overlay(one, ["values"])
+        return
+    assert told in words(laid(one, "values"))
+
+
+def test_folded_grids_show_values_and_say_of_which_cells() -> None:
+    found, model = laid(task("seals/CliffWorldLarge"), "values"), extract(task("seals/CliffWorldLarge"))
+    assert "what is laid over them is not shown" in found.caption
+    told = words(found).split()
+    assert sum(x.replace("−", "").replace(".", "").isdigit() for x in told) >= 6 * 5
+    assert f"{max(solve(model).value[model.acting]):.0f}" in told
+
+
+def test_visits_are_seen_where_a_state_is_good_or_bad() -> None:
+    found = laid(task("derail/RiskyPath"), "occupancy")
+    assert sum(isinstance(x, Circle) and x.fill == "accent" for x in found.items) == 4
+    assert {"good", "bad"} <= set(words(found).split())
 
 
 def test_a_figure_without_roles_has_no_key() -> None:

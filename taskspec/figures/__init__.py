@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,13 +69,30 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can.
 
     A figure that a spec asks for is never missing: a knot of arrows becomes a table, and what has no room at these
-    parameters becomes a frame that says so. It shows the task as its spec has it: modifiers change none.
+    parameters becomes a frame that says so. It shows the task as its spec has it: modifiers change none. What is laid
+    over it is told below it: how it is drawn, or else what is known of the state that the figure shows.
     """
     task, over = load(task).unmodified, over or Overlay()
     found = _drawn(task, over)
     if found is None and task.figure is not None and over.here is None:
-        return stated(task, NEEDED.get(task.figure.kind, NEEDED_OTHERWISE))
-    return found if found is None else with_legend(keyed(found), over.legend)
+        found = stated(task, NEEDED.get(task.figure.kind, NEEDED_OTHERWISE))
+    return found if found is None else with_legend(keyed(found), tuple(_legend(task, found, over)))
+
+
+def _legend(task: Task, found: Scene, over: Overlay) -> Iterator[str]:
+    """Of each result that is laid over the figure how it is drawn; or in words; or that it is not."""
+    if not over.legend:
+        return
+    bare = _drawn(task, over.only(None))
+    known = {} if found.state is None or over.told is None else over.told(found.state)
+    for part, (how, what) in over.legend.items():
+        drawn = _drawn(task, over.only(part))
+        if drawn is not None and not drawn.shows(bare):
+            yield f"{how}: {what}"
+        elif part in known:
+            yield f"{what}, from the first state shown: {known[part]}"
+        else:
+            yield f"not drawn: {what}"
 
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:

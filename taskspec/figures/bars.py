@@ -29,29 +29,30 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
     """The vector that the figure section names (or the only vector of the state).
 
     Of a short one every change that the expert makes, as swaps from row to row; of a long one the first state, and the
-    last of the expert's episode where it has another order.
+    last of the expert's episode where it has another order. Of a few episodes it is the one in which most happens.
     """
     node = _vector(task)
     if node is None:
         return None
-    if overlay.here is not None:
-        rows = _rows(task, node, [dict(overlay.here)])
-    else:  # the episode, of a few, in which most happens
-        steps = min(LONGEST, LONGEST if task.horizon is None else task.horizon)
-        rows = max((_rows(task, node, expert_path(task, steps, seed)) for seed in range(SEEDS)), key=len)
+    steps = min(LONGEST, LONGEST if task.horizon is None else task.horizon)
+    here = overlay.here
+    paths = [expert_path(task, steps, seed) for seed in range(SEEDS)] if here is None else [[dict(here)]]
+    rows, state = max(((_rows(task, node, path), path[0]) for path in paths), key=lambda found: len(found[0]))
     colors, alt = _colors(task, node, len(rows[0])), f"A state of {task.name} as {len(rows[0])}"
     if len(rows[0]) <= CELLS_UP_TO:
         shown = rows if len(rows) <= ROWS else [*rows[: ROWS - 1], rows[-1]]
         moves = "" if len(rows) == 1 else ", and how the expert changes it"
         return fitted(
-            [*_cells(shown, colors, len(rows) - len(shown)), *_sums(rows, colors, 1.0, 1.05)], f"{alt} cells{moves}"
+            [*_cells(shown, colors, len(rows) - len(shown)), *_sums(rows, colors, 1.0, 1.05)],
+            f"{alt} cells{moves}",
+            state=state,
         )
     items = [*_bars(rows[0], colors)]
     notes: tuple[str, ...] = ()
     if len(rows) > 1:
         items += [x for item in _bars(rows[-1], colors) for x in [shifted(item, 0.0, BELOW)]]
         notes = (f"Above a first state, below what the expert has made of it after {len(rows) - 1} changes.",)
-    return fitted([*items, *_sums(rows, colors, _step(len(rows[0])), 0.35)], f"{alt} bars", notes)
+    return fitted([*items, *_sums(rows, colors, _step(len(rows[0])), 0.35)], f"{alt} bars", notes, state=state)
 
 
 def _rows(task: Task, node: Node, path: list[dict[str, Any]]) -> list[Array]:
@@ -66,7 +67,7 @@ def _sums(rows: list[Array], colors: list[Role], step: float, y: float) -> Itera
     if len(rows) > 1 or not all(parts):
         return
     first, second = (float(rows[0][part].sum()) for part in parts)
-    sign = "=" if first == second else "<" if first < second else ">"
+    relation = "=" if first == second else "<" if first < second else ">"
     middles = [(min(part) + max(part) + 1) / 2 * step for part in parts]
     between = sum(middles) / 2
     texts = [m.Row((m.Words("sum "), m.Num(f"{x:.4g}".replace("-", "−")))) for x in (first, second)]
@@ -74,7 +75,7 @@ def _sums(rows: list[Array], colors: list[Role], step: float, y: float) -> Itera
         middles = [between - 0.4 - text_width(texts[0], LETTERS) / 2, between + 0.4 + text_width(texts[1], LETTERS) / 2]
     for at, text in zip(middles, texts, strict=True):
         yield Label((at, y), text, LETTERS)
-    yield Label((between, y), m.Sym(sign), LETTERS)
+    yield Label((between, y), m.Sym(relation), LETTERS)
 
 
 def _vector(task: Task) -> Node | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
 
@@ -66,8 +66,10 @@ class Board:
         if self.is_whole:
             return ()
         if self.folded is not None:
-            return ("Dots stand for columns and rows like those beside them.",)
-        told = " Letters and results are too small to show." if self.letters or self.values or self.moves else ""
+            laid = self.values or self.moves or self.shades
+            told = "; what is laid over them is not shown" if laid else ""
+            return (f"Dots stand for columns and rows like those beside them{told}.",)
+        told = " Letters are too small to show." if self.letters else ""
         return (f"{len(self.columns)} columns and {len(self.rows)} rows.{told}",)
 
     @property
@@ -116,26 +118,25 @@ class Board:
         yield from self._marks(at)
 
     def _cell(self, x: int, y: int, cell: Cell, alone: bool) -> Iterator[Item]:
-        fill, shade = self.colors.get(cell, "paper"), 1.0
-        if cell in self.shades and fill == "paper":
-            fill, shade = "accent", self.shades[cell]
-        box = Box((x * self.cell, y * self.cell), self.cell, self.cell, fill, "faint", shade=shade)
+        box = Box((x * self.cell, y * self.cell), self.cell, self.cell, self.colors.get(cell, "paper"), "faint")
         yield box
+        if alone and cell in self.shades:
+            yield replace(box, fill="accent", shade=self.shades[cell])
         written = not alone or any(cell in found for found in (self.values, self.letters, self.agents))
         yield from marked(box, 0.3 * self.cell if written else 0.0)
 
     def _marks(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
-        """What is in the cells that are drawn, which lie at these places."""
+        """What is in the cells that are drawn, which lie at these places; a value takes the room of all else."""
         middle = {cell: ((x + 0.5) * self.cell, (y + 0.5) * self.cell) for cell, (x, y) in at.items()}
         for cell, text in self.letters.items():
-            if cell in middle:
+            if cell in middle and cell not in self.values:
                 yield Label(middle[cell], m.Words(text), LETTER, color="muted")
         yield from (self._move(at[cell], way) for cell, way in self.moves if cell in at)
         for cell, value in self.values.items():
             if cell in middle:
                 yield Label(middle[cell], m.Num(_short(value)), VALUE)
         for cell, weight in self.agents.items():
-            if cell in middle:
+            if cell in middle and cell not in self.values:
                 yield from agent(*middle[cell], weight, self.cell)
 
     def _map(self) -> Iterator[Item]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -39,7 +40,8 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     symbols = [
         names.symbol(x.name) if isinstance(x, Read) else m.Ident(letter) for x, letter in ((place, "x"), (level, "y"))
     ]
-    return _draw(task, list(zip(xs.tolist(), ys.tolist(), strict=True)), dots, symbols)
+    found = _draw(task, list(zip(xs.tolist(), ys.tolist(), strict=True)), dots, symbols)
+    return replace(found, state=path[0])
 
 
 def _draw(task: Task, line: list[Point], dots: list[Point], symbols: Sequence[m.Math]) -> Scene:

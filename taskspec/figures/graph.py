@@ -224,6 +224,9 @@ class _Graph:
     def scene(self) -> Scene:
         nodes = [x for v in self.plan.spots for x in self.vertex(v)]
         notes = tuple(self.says.notes(self.plan.shows_loops))
+        laid = self.overlay.values or self.overlay.policy or self.overlay.occupancy
+        if laid and self.plan.drawing.elided:
+            notes += ("Results of the states left out are not shown.",)
         return fitted([*self.arrows(), *self.plan.starts, *nodes], self.alt, notes)
 
     @property
@@ -267,11 +270,11 @@ class _Graph:
             yield Box((x - 0.1, y - 0.1), 0.2, 0.2, "paper")
 
     def _body(self, v: int, spot: Spot) -> Iterator[Item]:
-        (x, y), fill, shade = spot.at, self.says.fills.get(v, "paper"), 1.0
-        if v in self.overlay.occupancy:
-            fill, shade = "accent", min(1.0, self.overlay.occupancy[v])
+        (x, y), fill = spot.at, self.says.fills.get(v, "paper")
         if spot.rim:
             yield shape(x, y, spot.half + RIM, RADIUS + RIM, "paper", 1.0)
-        body = shape(x, y, spot.half, RADIUS, fill, shade)
+        body = shape(x, y, spot.half, RADIUS, fill, 1.0)
         yield body
+        if v in self.overlay.occupancy:
+            yield shape(x, y, spot.half, RADIUS, "accent", min(1.0, self.overlay.occupancy[v]))
         yield from marked(body, min(RADIUS / 2, text_width(self.says.labels[v], STATE) / 2))

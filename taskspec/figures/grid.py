@@ -43,7 +43,7 @@ def _with_seen(task: Task, drawn: Scene) -> Scene:
     items = [shifted(item, left, 0.0) for item in drawn.items]
     items += [shifted(item, left + (drawn.width - strip.width) / 2, drawn.height + 0.1) for item in strip.items]
     notes = (*drawn.notes, "Below the grid: what the agent sees at the start of an episode.")
-    return fitted(items, f"{drawn.alt}, and an observation", notes)
+    return fitted(items, f"{drawn.alt}, and an observation", notes, state=drawn.state)
 
 
 def _place(task: Task) -> tuple[Node, ...] | None:
@@ -85,8 +85,8 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     agents = _agents(task, place, by_code, overlay)
     shades, values = ({by_code[c]: v for c, v in by.items()} for by in (overlay.occupancy, overlay.values))
     moves = list(chosen_ways(task, overlay.policy, by_code))
-    letters = {} if values else _letters(task, len(columns), len(rows))  # a cell has room for one of them
-    board = Board(columns, rows, colors, letters, {} if values else agents, shades, values, moves)
+    letters = _letters(task, len(columns), len(rows))
+    board = Board(columns, rows, colors, letters, agents, shades, values, moves)
     return fitted(board.items(), f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows", board.notes())
 
 
@@ -124,4 +124,4 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
     board = Board(columns, rows, colors, {}, {(int(ax), int(ay)): 1.0}, open=True, cell=SMALL)
     alt = f"Part of the grid of {task.name} around the agent"
     far = ("What is marked is too far away to be shown.",) if len(marks) < len(known) else ()
-    return fitted(board.items(), alt, ("One start of many.", *far, *board.notes()))
+    return fitted(board.items(), alt, ("One start of many.", *far, *board.notes()), state=state)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from taskspec.figures.captions import Captions
 from taskspec.figures.machine import Machine, explore
-from taskspec.figures.marks import marked
+from taskspec.figures.marks import marked, signed
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, text_width
 from taskspec.figures.values import reads_of
@@ -68,7 +68,7 @@ class _Matrix:
                 yield Box((0, here * self.cell), self.side, self.cell, "accent", None, shade=0.4)
 
     def labels(self) -> Iterator[Label]:
-        """Names of states on the left and above: of all where there is room, else of the first and the last."""
+        """Names of states on the left and above: of all (with values) where there is room, else of the ends."""
         texts = [self.says.labels[code] for code in self.place]
         last, widest = len(texts) - 1, max(text_width(text, LETTERS) for text in texts)
         every = max(widest, LETTERS) < self.cell
@@ -78,6 +78,10 @@ class _Matrix:
                 yield Label((-0.12 - self.strip, along), text, LETTERS, "end", "muted")
                 if every or (i == 0 or widest < 0.8 * self.side):
                     yield Label((along, -0.22), text, LETTERS, "middle", "muted")
+        for code, value in self.overlay.values.items() if every else ():
+            if code in self.place:
+                text = m.Row((m.Ident("V"), m.Sym("="), signed(value)))
+                yield Label((self.side + 0.6, (self.place[code] + 0.5) * self.cell), text, LETTERS, "start", "muted")
         yield Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
         yield Label((-0.35 - widest - self.strip, self.side / 2), m.Words("from"), LETTERS, "end")
 

@@ -53,7 +53,7 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     items.append(Circle(dots[0], 0.09, "ink", None))
     told = f"Arrows: where a step leads with {_word(task)}, drawn longer than it is. Dot: a first state."
     notes = (told, "Line: an episode of the expert.") if len(dots) > 1 else (told,)
-    return fitted(items, f"Phase portrait of {task.name}", notes)
+    return fitted(items, f"Phase portrait of {task.name}", notes, state=path[0])
 
 
 def _neutral(task: Task) -> dict[Any, np.ndarray[Any, Any]]:
@@ -112,7 +112,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     items.append(Label((WIDTH + GAP + 0.22, bottom + GAP), m.Ident("t"), LETTERS))
     for x, t in ((0.0, 0), (WIDTH, end)):
         items.append(Label((x, bottom + GAP + 0.25), m.Num(str(t)), TICKS, color="muted"))
-    return fitted(items, f"An episode of the expert in {task.name} over time, {end} steps")
+    return fitted(items, f"An episode of the expert in {task.name} over time, {end} steps", state=path[0])
 
 
 def _panel(symbol: m.Math, values: Sequence[float], top: float) -> Iterator[Item]:
@@ -162,4 +162,4 @@ def arm(task: Task, overlay: Overlay) -> Scene | None:
     items.append(Line(tuple(points), color="accent", width=1.45 * joint))
     items += [Circle(p, joint, "paper") for p in points[:-1]] + [Circle(points[-1], joint, "ink")]
     notes = () if overlay.here is not None else ("A first state. The circle is how far the arm reaches.",)
-    return fitted(items, f"{task.name} as an arm of {len(angles)} links", notes)
+    return fitted(items, f"{task.name} as an arm of {len(angles)} links", notes, state=state)

@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exact import Model
-from taskspec.exact.model.extract import extract
+from taskspec.exact.abstraction.abstraction import Abstraction, abstraction, extract
 from taskspec.exact.planning import plans, solve
-from taskspec.figures.overlay import Overlay
+from taskspec.figures.marks import decimal
+from taskspec.figures.overlay import PARTS, Overlay, State
+from taskspec.figures.values import reads_of
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
 OVERLAYS = ("values", "policy", "expert", "occupancy")
 """Names of what can be laid over a figure."""
+MOST_TOLD = 3
+"""Actions that are named."""
 
 
 def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
     """What to lay over a task's figure.
 
     Args:
-        task: one that has an exact model.
+        task: one that has an exact model, or an abstraction that has one: figures then say in words what it knows of the
+            state that they show.
         names: of `values` (optimal, with the whole horizon left), `policy` (all optimal actions) or
             `expert` (its actions), and `occupancy` (of the expert where there is one, else of an
             optimal policy; the most visited state is 1). Values and actions are those of states in which
@@ -41,32 +48,73 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
     if task.modifiers:
         message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
         raise SpecError((Diagnostic("E713", None, message),))
-    model = extract(task)
-    optimal = plans.optimal_plan(model)
-    acting = plans.expert_plan(model) or optimal
-    plan = optimal if "policy" in wanted else acting
-    return Overlay(
-        values=_values(model) if "values" in wanted else {},
-        policy=_policy(model, plan(0)) if wanted & {"policy", "expert"} else {},
-        occupancy=_visits(model, acting) if "occupancy" in wanted else {},
-        legend=tuple(_legend(task, wanted)),
-    )
+    known = _Known(extract(task), abstraction(task), wanted)
+    shown = {} if known.abstraction is not None else {part: getattr(known, part) for part in PARTS}
+    return Overlay(**shown, legend=dict(_legend(task, wanted)), told=known.told)
 
 
-def _legend(task: Task, wanted: set[str]) -> Iterator[str]:
-    """What is laid over the figure, a line for each."""
+def _legend(task: Task, wanted: set[str]) -> Iterator[tuple[str, tuple[str, str]]]:
+    """What is laid over the figure: how it is drawn, and what it is."""
     left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
     on_grid = task.figure is not None and task.figure.kind == "grid"
     number, arrow = ("numbers", "arrows") if on_grid else ("V", "thick arrows")
     whose = "the expert's" if task.expert is not None else "an optimal policy's"
     if "values" in wanted:
-        yield f"{number}: best return{left}"
+        yield "values", (number, f"best return{left}")
     if "policy" in wanted:
-        yield f"{arrow}: best actions{left}"
+        yield "policy", (arrow, f"best actions{left}")
     elif "expert" in wanted:
-        yield f"{arrow}: {whose} actions at first"
+        yield "policy", (arrow, f"{whose} actions at first")
     if "occupancy" in wanted:
-        yield f"shade: {whose} visits"
+        yield "occupancy", ("shade", f"{whose} visits")
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What an exact model knows of states, by code; the model may be that of an abstraction."""
+
+    model: Model
+    abstraction: Abstraction | None
+    wanted: set[str]
+
+    @cached_property
+    def values(self) -> Mapping[int, float]:
+        return _values(self.model) if "values" in self.wanted else {}
+
+    @cached_property
+    def policy(self) -> Mapping[int, tuple[int, ...]]:
+        if not self.wanted & {"policy", "expert"}:
+            return {}
+        return _policy(self.model, (self.optimal if "policy" in self.wanted else self.acting)(0))
+
+    @cached_property
+    def occupancy(self) -> Mapping[int, float]:
+        return _visits(self.model, self.acting) if "occupancy" in self.wanted else {}
+
+    @cached_property
+    def optimal(self) -> plans.Plan:
+        return plans.optimal_plan(self.model)
+
+    @cached_property
+    def acting(self) -> plans.Plan:
+        return plans.expert_plan(self.model) or self.optimal
+
+    def told(self, state: State) -> Mapping[str, str]:
+        """Of one state: its value, and the actions taken in it."""
+        task = self.model.task if self.abstraction is None else self.abstraction.task
+        arrays = {c.name: reads_of(task, state)[c.read] for c in task.state}
+        if self.abstraction is not None:
+            arrays = self.abstraction.map(arrays)
+        codes, outside = self.model.states.encode([arrays[c.name] for c in self.model.states.components], 1)
+        code, found = int(codes[0]), dict[str, str]()
+        if outside is not None and outside.any():
+            return found
+        if code in self.values:
+            found["values"] = decimal(self.values[code])
+        if code in self.policy:
+            some = [self.model.action_name(a) for a in self.policy[code]]
+            found["policy"] = "; ".join(some[:MOST_TOLD]) + ("; …" if len(some) > MOST_TOLD else "")
+        return found
 
 
 def _values(model: Model) -> dict[int, float]:

@@ -6,9 +6,9 @@ Colours are roles, so that a page can show the same scene on light and dark pape
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 from taskspec.printers import tree as m
 
@@ -70,13 +70,17 @@ Item = Circle | Box | Line | Label
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """Items from back to front, inside a frame; `alt` says in words what is to be seen."""
+    """Items from back to front, inside a frame; `alt` says in words what is to be seen.
+
+    `state` is the one state of the task that is shown, or the first one of several.
+    """
 
     width: float
     height: float
     items: tuple[Item, ...]
     alt: str
     notes: tuple[str, ...] = ()
+    state: Mapping[str, Any] | None = field(default=None, compare=False)
 
     @property
     def caption(self) -> str:
@@ -93,14 +97,20 @@ def text_width(tree: m.Math, size: float = 0.36) -> float:
     return m.width(tree) * size * 0.62
 
 
-def fitted(items: Iterable[Item], alt: str, notes: tuple[str, ...] = (), margin: float = 0.15) -> Scene:
+def fitted(
+    items: Iterable[Item],
+    alt: str,
+    notes: tuple[str, ...] = (),
+    margin: float = 0.15,
+    state: Mapping[str, Any] | None = None,
+) -> Scene:
     """A scene just large enough for its items."""
     items = tuple(items)
     boxes = [_extent(item) for item in items] or [(0.0, 0.0, 1.0, 1.0)]
     left, top = min(b[0] for b in boxes) - margin, min(b[1] for b in boxes) - margin
     right, bottom = max(b[2] for b in boxes) + margin, max(b[3] for b in boxes) + margin
     moved = tuple(shifted(item, -left, -top) for item in items)
-    return Scene(right - left, bottom - top, moved, alt, notes)
+    return Scene(right - left, bottom - top, moved, alt, notes, state)
 
 
 def with_legend(scene: Scene, lines: Sequence[str]) -> Scene:
