@@ -185,6 +185,61 @@ def test_reals_are_proved_by_bounds_or_sampled(dynamics: str, reward: str, codes
     assert found.method.exact is proved
 
 
+LONG_WAY = """
+taskspec: 1
+name: LongWay
+state: {x: {type: KIND, low: -100000000, high: 100000000}}
+action: {a: {type: int, low: 1, high: 3}}
+horizon: HORIZON
+initial: {x: 0}
+terminal: x' >= END
+dynamics: {x': x + a}
+observation: {seen: {value: x, low: -100000000, high: SEEN}}
+reward: -1
+"""
+
+
+WIDE = 10**8 - 10
+
+
+@pytest.mark.parametrize(("kind", "horizon", "end", "seen", "codes", "proved"), [
+    ("int", "100000", WIDE, WIDE // 2, ["W526"], False),  # a declared state fails, and no episode that was tried gets there
+    ("real", "100000", WIDE, WIDE // 2, ["W526"], False),
+    ("int", "200", WIDE, 600, [], True),  # by how far episodes get
+    ("real", "200", WIDE, 600, [], True),
+    ("real", "none", 10, 11, ["E405"], False),  # the last state of an episode is seen, too
+    ("int", "none", 10, 12, [], False),  # only steps that end episodes enter 10, 11 and 12, and none enters more
+])  # fmt: skip
+def test_without_a_model_only_what_fails_where_episodes_are_is_an_error(
+    kind: str, horizon: str, end: int, seen: int, codes: list[str], proved: bool
+) -> None:
+    text = (
+        LONG_WAY.replace("KIND", kind).replace("HORIZON", horizon).replace("END", f"{end}").replace("SEEN", f"{seen}")
+    )
+    found = examine(build(source.read_text(text, "long_way.yaml")))
+    assert [d.code for d in found.diagnostics] == codes
+    assert found.method.exact is proved
+
+
+@pytest.mark.parametrize(
+    ("kind", "high", "codes"), [("real", 13, []), ("real", 11, ["E403"]), ("int", 12, []), ("int", 11, ["E403"])]
+)
+def test_states_that_only_ended_episodes_reach_are_not_where_a_step_starts(
+    kind: str, high: int, codes: list[str]
+) -> None:
+    """From 10 and more, where no episode acts, the next state would lie outside."""
+    text = LONG_WAY.replace("KIND, low: -100000000, high: 100000000", f"{kind}, low: 0, high: {high}")
+    text = text.replace("HORIZON", "none").replace("END", "10").replace("observation", "# ")
+    if kind == "int":  # with a million other states, so that they are not all looked at
+        text = text.replace("action:", "  y: {type: int, low: 0, high: 10000000}\naction:").replace(
+            "{x: 0}", "{x: 0, y: 0}"
+        )
+        text = text.replace("state: {x", "state:\n  x").replace(f"{high}}}}}", f"{high}}}")
+    found = examine(build(source.read_text(text, "long_way.yaml")))
+    assert [d.code for d in found.diagnostics] == codes
+    assert not found.method.exact
+
+
 def test_parameters_are_tried_at_the_ends_of_their_ranges() -> None:
     task = written(REWARD="1 / (n - 2)", DYNAMICS="min(s + a, 4)")
     assert {"n": 1} in cases(task)

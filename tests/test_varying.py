@@ -191,3 +191,39 @@ def test_values_are_checked_where_they_are_known() -> None:
 def test_a_task_with_modifiers_is_refused() -> None:
     with pytest.raises(SpecError, match="E713"):
         Functional(load("Parabola", modifiers=["delay=2"]), varying=["dx"])
+
+
+TOGETHER = SLIPPERY.replace("pay >= scale - 100, message: it must pay", "slip + scale <= pay, message: it must pay")
+
+
+def test_conditions_on_several_parameters_are_checked_for_every_lane() -> None:
+    """Where a scalar environment is refused, so are these values; in a compiled program, the lane is paid nan."""
+    functions = Functional(build(read_text(TOGETHER)), varying=["slip", "scale", "pay"])
+    params, slips, pays = functions.default_params, jnp.array([0.25, 0.75, 1.0]), jnp.array([1, 1, 2])
+    scales = jnp.array([0.75, 0.5, 1.0])  # 1 <= 1, 1.25 > 1, 2 <= 2
+    with pytest.raises(SpecError) as alone:
+        build(read_text(TOGETHER), parameters={"slip": 0.75, "scale": 0.5, "pay": 1})
+    assert alone.value.diagnostics[0].code == "E704"
+    give = [
+        lambda: params.replace(slip=0.75, scale=0.5, pay=1),
+        lambda: params.replace(slip=slips, scale=scales, pay=pays),
+        lambda: jax.vmap(lambda x, y, n: params.replace(slip=x, scale=y, pay=n))(slips, scales, pays),
+        lambda: jax.vmap(lambda x: jax.vmap(lambda n: params.replace(slip=x, scale=0.5, pay=n))(pays))(slips),
+    ]
+    for each in give:
+        with pytest.raises(SpecError, match="it must pay") as found:
+            each()
+        assert found.value.diagnostics[0].code == "E704"
+    with pytest.raises(SpecError, match=r"slip=0\.75"):
+        give[1]()
+    with pytest.raises(SpecError, match="E703"):
+        jax.vmap(lambda x: params.replace(slip=x))(jnp.array([0.5, 1.5]))
+
+    @jax.jit
+    def paid(slip: Any, scale: Any, pay: Any) -> Any:
+        given = params.replace(slip=slip, scale=scale, pay=pay)
+        _, state = functions.lanes_reset(jnp.zeros((2, 3), jnp.uint32), given)
+        return functions.lanes_step(state, jnp.array([1, 1, 1]), given)[2].reward
+
+    assert np.isnan(paid(slips, scales, pays)).tolist() == [False, True, False]
+    assert np.isnan(paid(jnp.array([0.5, -0.5, 1.5]), scales, jnp.array([9, 9, 9]))).tolist() == [False, True, True]

@@ -247,4 +247,22 @@ symmetries:
 ```
 """,
     ),
+    Code(
+        "W526",
+        "unsound-elsewhere",
+        "equations that fail in a state in which no episode was seen",
+        """
+A next state, an observation, an expert's action or a parameter of a distribution is not allowed in a declared state, and where
+there is no exact model it is not known whether episodes get there: none that was tried did, and bounds do not exclude it. If none
+does, let the bounds of the state say so, or accept the warning with that reason; if some do, it is the error that the hint names.
+
+```yaml
+state: {x: {type: real, low: 0, high: 1000000}}
+horizon: 1000
+initial: {x: 0}
+dynamics: {x': x + a}                     # warned of: 1000000 may lie beyond what 1000 steps reach
+dynamics: {x': "min(x + a, 1000000)"}     # right
+```
+""",
+    ),
 )

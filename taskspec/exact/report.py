@@ -111,7 +111,7 @@ def check(
     said: tuple[Verdict, ...] = ()
     if with_sense and is_as_written(task) and not _SENSELESS & {d.code for d in sound.diagnostics}:
         found += _sense(task, results)
-    if claims and not sound.diagnostics:
+    if claims and not any(d.severity == "error" for d in sound.diagnostics):
         said = tuple(verdicts(task, results))
         found += [v.diagnostic for v in said if v.diagnostic is not None]
     left, accepted = set_aside(task, [*found, *(beside or ())])

@@ -198,6 +198,7 @@ class _Build:
             claims=claims, examples=examples, figure=drawn, builder=context.builder, reset_draws=tuple((first | seen).values()),
             step_draws=tuple((later | seen).values()), spec=self.spec, document=self.merged.document, content_hash=self._hash(),
             surface=context.surface(), fixed=self._fixed(), memory=memory, symmetries=mirrors,
+            required=tuple(context.required),
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:
@@ -253,6 +254,7 @@ class _Build:
         if expr is None or value is None:
             return
         if value.node.type == BOOL and reads([value.node]):
+            context.required.append((value.node, context.forms.value((*path, "message"))))
             return  # it hangs on parameters that are left open
         if not isinstance(value.node, Const) or value.node.type != BOOL:
             self.collector.add("E306", expr.place, "a requirement is a condition on parameters")

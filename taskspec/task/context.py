@@ -31,6 +31,7 @@ class Context:
         self.forms = Forms(merged, collector)
         self.declare = Declarations(merged, self.builder, self.checker, self.forms)
         self.parameters: list[Parameter] = []
+        self.required: list[tuple[Node, str]] = []
         self.constants: dict[str, Binding] = {}
         self.state: tuple[Component, ...] = ()
         self.action: tuple[Component, ...] = ()

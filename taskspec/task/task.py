@@ -89,6 +89,8 @@ class Task:
     """Whether the expert's memory is part of the state (`remembering`)."""
     symmetries: tuple[Symmetry, ...] = ()
     """Those that the spec declares, of the task as written."""
+    required: tuple[tuple[Node, str], ...] = field(default=(), repr=False)
+    """Conditions on parameters that are left open, each with what to say where it does not hold."""
     modifiers: tuple[Modifier, ...] = ()
     """What was changed since, in order (`taskspec.modify`); all else is as changed, except the spec and its surface."""
     written_as: Task | None = field(default=None, repr=False)

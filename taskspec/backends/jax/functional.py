@@ -16,7 +16,7 @@ import jax.numpy as jnp
 
 from taskspec.backends.jax.gymnax import Gymnax
 from taskspec.backends.jax.pack import acted, observed
-from taskspec.backends.jax.params import default_params, values
+from taskspec.backends.jax.params import OpenParameters
 from taskspec.backends.jax.program import JaxProgram, State, StepResult, compile_jax
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.registry import load
@@ -43,9 +43,11 @@ class Functional:
     def __init__(self, task: TaskLike, varying: Sequence[str] = ()) -> None:
         self.task: Task = load(task)
         names = tuple(sorted(set(varying)))
-        self.program: JaxProgram = compile_jax(build_varying(self.task, names) if names else self.task)
-        self._varying = tuple(p for name in names for p in self.task.parameters if p.name == name)
-        self.default_params: Any = default_params(self.task, self._varying)
+        built = build_varying(self.task, names) if names else self.task
+        self.program: JaxProgram = compile_jax(built)
+        opened = tuple(p for name in names for p in self.task.parameters if p.name == name)
+        self._open = OpenParameters.of(built, opened)
+        self.default_params: Any = self._open.default(self.task)
 
     @property
     def name(self) -> str:
@@ -80,7 +82,7 @@ class Functional:
         """A step without autoreset; info holds "terminated" and "truncated"."""
         program = self.program
         action = acted(program.action, jnp.asarray(action)[..., None])
-        after, result = program.step(_lane(state), action, values(self._varying, params))
+        after, result = self._stepped(_lane(state), action, self._open.values(params))
         seen = _single(observed(program.observation, result.observation))
         ends = {"terminated": result.terminated[0], "truncated": result.truncated[0]}
         return seen, _single(after), result.reward[0], ends["terminated"] | ends["truncated"], ends
@@ -95,7 +97,7 @@ class Functional:
         Raises:
             SpecError: E713, for observations or actions that are not finite.
         """
-        names = [p.name for p in self._varying]
+        names = [p.name for p in self._open.varying]
         functions = Functional(_one_hot(self.task), names) if one_hot else self
         return Gymnax(functions, flat_actions)
 
@@ -106,15 +108,19 @@ class Functional:
 
         Parameters are numbers, or arrays (N,).
         """
-        state, seen = self.program.reset(key, values(self._varying, params))
+        state, seen = self.program.reset(key, self._open.values(params))
         return observed(self.program.observation, seen), state
 
     def lanes_step(self, state: State, action: Array, params: Any = None) -> tuple[Any, State, StepResult]:
         """A step of every lane with autoreset; actions are (*shape, N). The result holds the observations before it."""
-        given = values(self._varying, params)
-        after, result = self.program.step(state, acted(self.program.action, action), given)
+        given = self._open.values(params)
+        after, result = self._stepped(state, acted(self.program.action, action), given)
         following, seen = self.program.again(after, result, given)
         return observed(self.program.observation, seen), following, result
+
+    def _stepped(self, state: State, action: Any, given: tuple[Array, ...]) -> tuple[State, StepResult]:
+        after, result = self.program.step(state, action, given)
+        return after, result._replace(reward=self._open.paid(result.reward, given))
 
 
 def _one_hot(task: Task) -> Task:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -11,27 +12,79 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from taskspec.backends.jax.program import compile_required
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.lang.types import INT_MAX
 from taskspec.task.task import Parameter, Task
 
 Array = Any
+_DTYPES = {"int": jnp.int32, "real": jnp.float32}
 
 
-def default_params(task: Task, varying: tuple[Parameter, ...]) -> Any:
-    """A named tuple of the horizon, `max_steps_in_episode`, and of the values of some parameters: a pytree for `vmap` and `jit`.
+@dataclass(frozen=True)
+class OpenParameters:
+    """What a task leaves open, and the conditions that the spec has for it, each with what to say where it does not hold."""
 
-    Its `replace(slip=0.3)` is the same with other values of these parameters. Values that are known are checked:
-    SpecError E703 for one that the spec does not allow, E713 for another horizon or parameter.
-    """
-    horizon = INT_MAX if task.horizon is None else task.horizon
-    return _params(varying)(horizon, *(p.value for p in varying))
+    varying: tuple[Parameter, ...]
+    key: str = ""
+    messages: tuple[str, ...] = ()
+    conditions: Callable[..., tuple[Array, ...]] = field(default=lambda *given: (), compare=False, repr=False)
+
+    @classmethod
+    def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
+        """Those of a task that is built with them open."""
+        messages = tuple(message for _, message in task.required)
+        return cls(varying, repr(task.required), messages, compile_required(task)) if messages else cls(varying)
+
+    def default(self, task: Task) -> Any:
+        """A named tuple of the horizon, `max_steps_in_episode`, and of the values: a pytree for `vmap` and `jit`.
+
+        Its `replace(slip=0.3)` is the same with other values of these parameters. Values that are known are checked: SpecError
+        E703 for one that the spec does not allow, E704 for some that it does not allow together, E713 for another horizon or
+        parameter. Within `vmap` they are known, within `jit` they are not.
+        """
+        return _params(self)(INT_MAX if task.horizon is None else task.horizon, *(p.value for p in self.varying))
+
+    def values(self, params: Any) -> tuple[Array, ...]:
+        """The parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with where none are given."""
+        given: Mapping[str, Any] = {p.name: p.value for p in self.varying} if params is None else params._asdict()
+        return tuple(jnp.atleast_1d(jnp.asarray(given[p.name], _DTYPES[p.kind])) for p in self.varying)
+
+    def paid(self, reward: Array, given: Sequence[Array]) -> Array:
+        """The reward (N,), nan where the spec does not allow the parameters: all that can be done once a program is compiled."""
+        for allowed in (*self._ranges(given), *self.conditions(*given)):
+            reward = jnp.where(allowed, reward, jnp.nan)
+        return reward
+
+    def _ranges(self, given: Sequence[Array]) -> Iterator[Array]:
+        for p, value in zip(self.varying, given, strict=True):
+            if p.low is not None:
+                yield value >= jnp.asarray(p.low, value.dtype)
+            if p.high is not None:
+                yield value <= jnp.asarray(p.high, value.dtype)
+
+    def check(self, params: Any) -> None:
+        """Refuse (E704) values that the spec does not allow together, as far as they are known."""
+        for message, holds in zip(self.messages, self.conditions(*self.values(params)), strict=True):
+            known = _known(holds)
+            if known is not None and not known.all():
+                raise SpecError([Diagnostic("E704", None, f"{message} ({self._told(params, known)})")])
+
+    def _told(self, params: Any, holds: Array) -> str:
+        """The first values of which something does not hold, where there is one for each of its own; else all of them."""
+        found = []
+        for p in self.varying:
+            value = _known(getattr(params, p.name))
+            if value is not None:
+                here = value.reshape(-1)[np.argmin(holds)] if value.size == holds.size else value
+                found.append(f"{p.name}={here}")
+        return ", ".join(found)
 
 
 @lru_cache(maxsize=256)
-def _params(varying: tuple[Parameter, ...]) -> Any:
+def _params(opened: OpenParameters) -> Any:
     """The class: the same for the same parameters, as JAX compares the classes of pytrees."""
-    known = {p.name: p for p in varying}
+    known = {p.name: p for p in opened.varying}
     base = namedtuple("Params", ("max_steps_in_episode", *known))  # type: ignore[misc]
 
     class Params(base):
@@ -47,16 +100,26 @@ def _params(varying: tuple[Parameter, ...]) -> Any:
                     hint = f"`Functional(load(task, L=5))` is another task; `Functional(task, varying=['{name}'])` leaves it open"
                     message = f"{name} is bound when the task is loaded"
                     raise SpecError([Diagnostic("E713", None, message, hint)])
-            return self._replace(**changes)
+            replaced = self._replace(**changes)
+            opened.check(replaced)
+            return replaced
 
     return Params
 
 
+def _known(value: Any) -> Array | None:
+    """A value as an array, with all lanes of what is mapped over by `vmap`; None where it is not known before a program runs."""
+    while hasattr(value, "batch_dim"):  # what `vmap` maps over
+        value = value.val
+    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
+
+
 def _check(parameter: Parameter, value: Any) -> None:
     """Refuse (E703) values that the spec does not allow, as far as they are known."""
-    if isinstance(value, jax.core.Tracer):
+    known = _known(value)
+    if known is None:
         return
-    given = np.asarray(value, np.float64)
+    given = known.astype(np.float64)
     low, high = parameter.low, parameter.high
     problem = ""
     if np.isnan(given).any() or (low is not None and (given < low).any()):
@@ -66,11 +129,4 @@ def _check(parameter: Parameter, value: Any) -> None:
     elif parameter.kind == "int" and (given != np.rint(given)).any():
         problem = "must be an int"
     if problem:
-        raise SpecError([Diagnostic("E703", None, f"parameter {parameter.name} {problem}, not {value!r}")])
-
-
-def values(varying: tuple[Parameter, ...], params: Any) -> tuple[Array, ...]:
-    """The parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with where none are given."""
-    given: Mapping[str, Any] = {p.name: p.value for p in varying} if params is None else params._asdict()
-    dtypes = {"int": jnp.int32, "real": jnp.float32}
-    return tuple(jnp.atleast_1d(jnp.asarray(given[p.name], dtypes[p.kind])) for p in varying)
+        raise SpecError([Diagnostic("E703", None, f"parameter {parameter.name} {problem}, not {known}")])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -158,6 +158,17 @@ def compile_jax(task: Task) -> JaxProgram:
         start_words.count,
         step_words.count,
     )
+
+
+def compile_required(task: Task) -> Callable[..., tuple[Array, ...]]:
+    """The conditions on the parameters that a task leaves open, (N,) or (1,), of these parameters in alphabetical order."""
+    constants: dict[str, Any] = {}
+    body, values = _emit(task, [node for node, _ in task.required], task.reset_words, constants)
+    lines = [f"def required({', '.join(open_names(task).values())}):", *_indent(body)]
+    source = "\n".join([*lines, *_indent([f"return {tuple_of(values)}"]), ""])
+    namespace = {**_NAMESPACE, **arrays(constants, _array)}
+    run(source, f"<taskspec {task.id} {task.content_hash[:12]} required, jax>", namespace)
+    return namespace["required"]  # type: ignore[no-any-return]
 
 
 def _check_ints(task: Task, roots: Sequence[Node]) -> None:

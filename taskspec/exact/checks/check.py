@@ -9,8 +9,11 @@ import numpy as np
 
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
+from taskspec.lang.interval import ranges
 from taskspec.lang.ir import Node
+from taskspec.lang.ranges import INF, Interval, Range
 from taskspec.lang.types import Kind
+from taskspec.task.reach import over
 from taskspec.task.task import Component
 
 Array = np.ndarray[Any, Any]
@@ -52,7 +55,10 @@ class Check:
         inside = (value >= low - slack) & (value <= high + slack) & np.isfinite(value)
         return np.asarray((~inside).any(axis=axes))
 
-    def is_proved(self, builder: Builder) -> bool:
-        """Whether bounds alone, by interval arithmetic, show that it holds everywhere."""
-        low, high = builder.bounds(self.node)
-        return low >= max(self.low, default=low) and high <= min(self.high, default=high) and builder.finite(self.node)
+    def is_proved(self, builder: Builder, reached: dict[str, Interval] | None = None) -> bool:
+        """Whether bounds alone, by interval arithmetic, show that it holds everywhere, or as far as the state gets."""
+        if reached is None:
+            found = Range(*builder.bounds(self.node), builder.finite(self.node))
+        else:
+            found = ranges(self.node, over([self.node], reached))
+        return found.finite and found.low >= max(self.low, default=-INF) and found.high <= min(self.high, default=INF)

@@ -9,17 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.diagnostics import SpecError
 from taskspec.exact.checks.check import Check
 from taskspec.exact.checks.phases import CheckPhase
 from taskspec.exact.model.codes import distinct, holds, union, without
 from taskspec.exact.model.cost import Cost
 from taskspec.exact.model.outcomes import Branch, branches, count, is_finite
 from taskspec.exact.model.reach import Visits, visits
-from taskspec.exact.model.space import Reads
+from taskspec.exact.model.space import Reads, Space
 from taskspec.exact.model.transitions import Steps
 from taskspec.exact.simulation.points import Batch, Grid, Method
+from taskspec.exact.simulation.rollout import visited
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Const, Draw, Node, draws
+from taskspec.lang.ir import Const, Draw, Node, Role, draws
 from taskspec.lang.variates.layout import WordLayout
 from taskspec.lang.variates.sample import batch_sampler
 
@@ -69,7 +71,7 @@ class Examination:
     def batches(self) -> Iterator[Batch]:
         if self.phase.name == "start":
             lanes = 1 if len(self.enumerated) == len(self.phase.draws) else STARTS
-            yield Batch({}, Cost(self.phase.roots).batch(lanes), None)
+            yield Batch({}, Cost(self.phase.roots).batch(lanes), None, True)
             return
         outcomes = max(1.0, count(self.enumerated, {}))
         most = min(BATCH, BATCH * 4 // outcomes, MOST_WORDS // max(1, self.layout.count))
@@ -121,11 +123,12 @@ class Examination:
 
     def _best(self, check: Check, states: Array) -> Violation | None:
         """The counterexample that says most: in a state where episodes act if there is one."""
-        if not self._searchable:
-            return self._at(check, int(states[0]), None)
+        if self.visits is None:
+            seen = states[holds(states, self._seen)]
+            return self._at(check, int((seen if len(seen) else states)[0]), True if len(seen) else None)
         if self.phase.name == "decision":
             entered = states[holds(states, self.visits.entered)]
-            return self._at(check, int((entered if len(entered) else states)[0]), None)
+            return self._at(check, int((entered if len(entered) else states)[0]), len(entered) > 0)
         acting = states[holds(states, self.visits.acting)]
         if len(acting):
             return self._at(check, int(acting[0]), True)
@@ -157,8 +160,18 @@ class Examination:
         return cost <= SEARCH and count(draws(steps.first), {}) <= SEARCH_STARTS
 
     @cached_property
-    def visits(self) -> Visits:
-        return visits(Steps(self.task))
+    def _seen(self) -> Array:
+        """States of a few episodes, where looking for all of them would cost too much."""
+        found, space = visited(self.task, self.phase.name == "decision"), Space(self.task.state, Role.STATE)
+        return distinct(space.encode([found[c.read] for c in self.task.state], found[Role.TIME, "t"].shape[-1])[0])
+
+    @cached_property
+    def visits(self) -> Visits | None:
+        """The states of all episodes; None where looking for them would take too long."""
+        try:
+            return visits(Steps(self.task)) if self._searchable else None
+        except SpecError:
+            return None
 
     @cached_property
     def _finished(self) -> Array:
@@ -205,4 +218,4 @@ def _violation(check: Check, batch: Batch, branch: Branch, flags: Array, value: 
     point = int(_points(branch, flags)[0])
     reads = {k: v if v.shape[-1] == 1 else v[..., point : point + 1] for k, v in batch.reads.items()}
     seen = value if value.shape[-1] == 1 else value[..., outcome : outcome + 1]
-    return Violation(check, reads, seen, None, None)
+    return Violation(check, reads, seen, None, batch.acting)

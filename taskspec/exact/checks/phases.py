@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -15,14 +15,15 @@ from taskspec.exact.checks.places import SectionScope, Written, distributions
 from taskspec.exact.model.cost import Cost
 from taskspec.exact.model.lump import lumped
 from taskspec.exact.model.outcomes import count
-from taskspec.exact.model.space import Space
-from taskspec.exact.simulation.points import Grid, Samples
-from taskspec.exact.simulation.rollout import visited
+from taskspec.exact.model.space import Reads, Space
+from taskspec.exact.simulation.points import Grid, Samples, anew, are_related, columns, drawn
+from taskspec.exact.simulation.rollout import entered, visited
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Const, Draw, Node, Role, draws, reads
+from taskspec.lang.ranges import Interval
 from taskspec.lang.types import Kind
-from taskspec.task.reach import reach
+from taskspec.task.reach import reached
 from taskspec.task.task import Component, Task
 
 Array = np.ndarray[Any, Any]
@@ -73,16 +74,14 @@ def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> CheckP
     read = reads(roots)
     if name == "start":
         exact = outcomes <= limit and not read
-        return CheckPhase(task, name, listed if exact else left, Samples((), None, None), exact)
+        return CheckPhase(task, name, listed if exact else left, Samples({}, {}), exact)
     times = _times(task, name) if (Role.TIME, "t") in read else None
     if task.is_finite and outcomes <= MOST_OUTCOMES:
         actions = Space(task.action, Role.ACTION) if name == "step" else None
         grid = Grid(Space(task.state, Role.STATE), actions, times)
         if grid.size * outcomes <= min(limit, Cost(roots).affordable()):
             return CheckPhase(task, name, listed, grid, True)
-    given = visited(task) if left else None
-    components = [(Role.STATE, c) for c in _reached(task)] + [(Role.ACTION, c) for c in task.action]
-    return CheckPhase(task, name, left, Samples(tuple(components), _times(task, name), given), not left)
+    return _sampled(task, name, left)
 
 
 def _lumped(checks: Sequence[Check], task: Task) -> tuple[Check, ...]:
@@ -91,10 +90,27 @@ def _lumped(checks: Sequence[Check], task: Task) -> tuple[Check, ...]:
     return tuple(replace(c, guards=tuple(next(nodes) for _ in c.guards), node=next(nodes)) for c in checks)
 
 
-def _reached(task: Task) -> Iterator[Component]:
-    """The components of the state, those without bounds limited to how far episodes get."""
-    reached = reach(task.state, task.initial, task.next, task.horizon)
-    for c in task.state:
+def _sampled(task: Task, name: str, checks: tuple[Check, ...]) -> CheckPhase:
+    """Checks that how far episodes get does not prove, at points that episodes visit and at others."""
+    far = reached(task.state, task.initial, task.next, task.horizon) if checks else {}
+    left = tuple(c for c in checks if not c.is_proved(task.builder, far))
+    if not left:
+        return CheckPhase(task, name, (), Samples({}, {}), True)
+    rng, ends = np.random.default_rng(1), name == "decision"
+    actions = [(Role.ACTION, c) for c in task.action]
+    known = visited(task, ends)
+    points = columns([known, anew(known, actions, rng)])
+    others: Reads = {}
+    if not are_related(task.state):
+        everywhere = [(Role.STATE, c) for c in _within(task.state, far)] + actions
+        others = anew(entered(task, drawn(everywhere, _times(task, "step"), rng), False, rng), actions, rng)
+        others = entered(task, others, True, rng) if ends and others else others
+    return CheckPhase(task, name, left, Samples(points, others), False)
+
+
+def _within(state: Sequence[Component], reached: Mapping[str, Interval]) -> Iterator[Component]:
+    """The components of a state, limited to how far episodes get."""
+    for c in state:
         low, high = reached[c.name]
         near = replace(c, low=tuple(max(v, low) for v in c.low), high=tuple(min(v, high) for v in c.high))
         yield near if all(a <= b for a, b in zip(near.low, near.high, strict=True)) else c  # it begins outside

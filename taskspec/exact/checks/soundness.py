@@ -4,7 +4,8 @@ A finite task is looked at in every declared state, for every action, at every t
 for every outcome of its draws, whether an episode gets there or not: dynamics are total. One
 exception: a state that can only be entered by a step which ends the episode needs no dynamics.
 Where the domain is not finite, or too large, bounds are tried first (interval arithmetic proves that
-a value cannot leave its domain), then samples of the declared domain and of episodes.
+a value cannot leave how far episodes get), then points of episodes, where it is an error when a check fails, and
+samples of the declared domain that a step which goes on may lead to, where it is a warning (W526).
 """
 
 from __future__ import annotations

@@ -24,11 +24,14 @@ _HINTS = {
 
 
 def report(violation: Violation, examination: Examination, collector: Collector) -> None:
-    """Add a violation to the diagnostics."""
+    """Add a violation to the diagnostics: an error where episodes may be, else a warning, as that may be nowhere."""
     check, task = violation.check, examination.task
-    where = _where(violation, task)
-    message = f"{where}{_what(violation)}"
-    collector.add(check.code, _place(violation, task), message, _HINTS.get(check.code), _notes(violation, task))
+    message, place = f"{_where(violation, task)}{_what(violation)}", _place(violation, task)
+    if violation.acting is None:
+        hint = f"if no episode gets there, say so: narrow the bounds of the state, or accept W526; otherwise it is {check.code}"
+        collector.add("W526", place, message, hint, _notes(violation, task))
+    else:
+        collector.add(check.code, place, message, _HINTS.get(check.code), _notes(violation, task))
 
 
 def _where(violation: Violation, task: Task) -> str:
@@ -108,6 +111,8 @@ def _notes(violation: Violation, task: Task) -> list[str]:
     notes = []
     if task.parameters:
         notes.append(parameters(task.values))
+    if violation.acting is None:
+        notes.append("no episode was seen in this state; there is no exact model to tell whether any gets there")
     if violation.acting is False:
         notes.append("no episode acts in this state, but it is a declared state all the same")
     return notes

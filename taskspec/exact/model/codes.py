@@ -21,6 +21,34 @@ def union(parts: Sequence[Array]) -> Array:
     return distinct(np.concatenate(parts)) if parts else np.zeros(0, np.int64)
 
 
+class Growing:
+    """A set of codes that grows: a few sorted arrays, each more than twice as long as the next one."""
+
+    def __init__(self) -> None:
+        self._parts: list[Array] = []
+        self.size = 0
+
+    def add(self, codes: Array) -> Array:
+        """Add sorted codes; gives those that are new."""
+        new = self.without(codes)
+        self.size += len(new)
+        if len(new):
+            self._parts.append(new)
+        while len(self._parts) > 1 and len(self._parts[-2]) <= 2 * len(self._parts[-1]):
+            self._parts[-2:] = [union(self._parts[-2:])]
+        return new
+
+    def without(self, codes: Array) -> Array:
+        """Those of some codes that are not in the set."""
+        for part in self._parts:
+            codes = without(codes, part)
+        return codes
+
+    def all(self) -> Array:
+        """The codes of the set, sorted."""
+        return union(self._parts)
+
+
 def holds(codes: Array, members: Array) -> Array:
     """Which of some codes (N,) are among sorted ones."""
     if not len(members):

@@ -59,13 +59,13 @@ class Budget:
     def __init__(self, what: str) -> None:
         self.what, self.spent, self.most = what, 0.0, limits().seconds
 
-    def spend(self, cost: Cost, points: float) -> None:
-        """Begin a batch of so many points.
+    def spend(self, cost: Cost, points: float, beside: float = 0.0) -> None:
+        """Begin a batch of so many points, with so many seconds for what is done beside them.
 
         Raises:
             SpecError: (E712) when the time is over.
         """
-        self.spent += cost.seconds(points)
+        self.spent += cost.seconds(points) + beside
         if self.spent > self.most:
             message = f"{self.what} take more than {self.most} seconds, the limit"
             refuse(message, how_to_raise("seconds", 10 * self.most))

@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.model.codes import distinct, union, without
+from taskspec.exact.model.codes import Growing, distinct, union
+from taskspec.exact.model.cost import Budget, Cost
 from taskspec.exact.model.failure import refuse
 from taskspec.exact.model.transitions import Steps
 from taskspec.progress import tell
 
 Array = np.ndarray[Any, Any]
 CHUNK = 65_536
+LEVEL = 2e-4
+"""Seconds that a level of the search takes, however few states there are."""
 OUTCOMES = 4_000_000
 """How many outcomes of steps are held at once."""
 
@@ -30,25 +33,28 @@ def visits(steps: Steps, limit: int | None = None, hint: str | None = None) -> V
     """The states of all episodes, whatever the actions and draws. Steps out of the state space are passed over.
 
     Raises:
-        SpecError: (E712) beyond `limit` states, with a hint at how to raise that.
+        SpecError: (E712) beyond `limit` states, with a hint at how to raise that, and where it takes too long.
     """
     horizon = steps.task.horizon
     level = distinct(steps.starts()[0])
-    acting, entered = level[:0], level
+    acting, entered = Growing(), Growing()
+    entered.add(level)
+    budget, cost = Budget("the steps until episodes find no new state"), Cost(steps.roots)
     t = 0
-    _check_few(entered, limit, hint)
+    _check_few(entered.size, limit, hint)
     while len(level) and (horizon is None or t < horizon):
-        acting = union([acting, level])
+        budget.spend(cost, len(level) * steps.actions.size, LEVEL)
+        acting.add(level)
         going, ended = _successors(steps, level, t)
-        entered = union([entered, going, ended])
-        _check_few(entered, limit, hint)
-        level = going if steps.uses_time else without(going, acting)
+        entered.add(union([going, ended]))
+        _check_few(entered.size, limit, hint)
+        level = going if steps.uses_time else acting.without(going)
         t += 1
-    return Visits(acting, entered)
+    return Visits(acting.all(), entered.all())
 
 
-def _check_few(entered: Array, limit: int | None, hint: str | None) -> None:
-    if limit is not None and len(entered) > limit:
+def _check_few(entered: int, limit: int | None, hint: str | None) -> None:
+    if limit is not None and entered > limit:
         refuse(f"more than {limit:,} states can be reached", f"choose smaller parameters, or: {hint}" if hint else None)
 
 

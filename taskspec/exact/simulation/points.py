@@ -47,11 +47,15 @@ class Method:
 
 @dataclass(frozen=True)
 class Batch:
-    """Some points: what is read at each (batch axis last), and the codes of the states where they have one."""
+    """Some points: what is read at each (batch axis last), and the codes of the states where they have one.
+
+    `acting` is whether episodes are there; None: not known.
+    """
 
     reads: Reads
     lanes: int
     states: Array | None
+    acting: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -83,48 +87,61 @@ class Grid:
 
 @dataclass(frozen=True)
 class Samples:
-    """Points that episodes visit, and samples of the declared domains with their ends more often than not.
+    """Points that episodes visit, and others of the declared domains of which it is not known whether any does.
 
     The domain of a real value says where it lies, but not what holds between several (a point on a
     circle, probabilities that sum to 1). States with one among others are therefore taken from
-    episodes alone, and their actions sampled anew.
+    episodes alone.
     """
 
-    components: tuple[tuple[Role, Component], ...]
-    times: range | None
-    given: Reads | None
-    seed: int = 0
+    visited: Reads
+    others: Reads
 
     @property
     def size(self) -> int:
-        return SAMPLES + self._given_count
-
-    @property
-    def _given_count(self) -> int:
-        return 0 if self.given is None else max(v.shape[-1] for v in self.given.values())
+        return _count(self.visited) + _count(self.others)
 
     def batches(self, most: int) -> Iterator[Batch]:
-        if self.given is None:
-            return
-        rng = np.random.default_rng(self.seed)
-        yield from _parts(self.given, self._given_count, most)
-        reads = {(role, c.name): sampled(c, SAMPLES, rng) for role, c in self.components}
-        reads[TIME] = rng.integers(*((0, 1) if self.times is None else (self.times.start, self.times.stop)), SAMPLES)
-        state = [c for role, c in self.components if role is Role.STATE]
-        if any(c.type.kind is Kind.REAL for c in state) and sum(c.type.size for c in state) > 1:
-            lanes = rng.integers(0, self._given_count, SAMPLES)
-            reads |= {k: v[..., lanes] for k, v in self.given.items() if k[0] is not Role.ACTION}
-        yield from _parts(reads, SAMPLES, most)
+        yield from _parts(self.visited, True, most)
+        yield from _parts(self.others, None, most)
 
 
-def _parts(reads: Reads, lanes: int, most: int) -> Iterator[Batch]:
+def _count(reads: Reads) -> int:
+    return max((v.shape[-1] for v in reads.values()), default=0)
+
+
+def _parts(reads: Reads, acting: bool | None, most: int) -> Iterator[Batch]:
+    lanes = _count(reads)
     for low in range(0, lanes, most):
         here = {k: v if v.shape[-1] == 1 else v[..., low : low + most] for k, v in reads.items()}
-        yield Batch(here, min(most, lanes - low), None)
+        yield Batch(here, min(most, lanes - low), None, acting)
+
+
+def drawn(
+    components: Iterable[tuple[Role, Component]], times: range, rng: np.random.Generator
+) -> dict[tuple[Role, str], Array]:
+    """Values of some components all over their domains, at some times."""
+    reads = {(role, c.name): sampled(c, SAMPLES, rng) for role, c in components}
+    return reads | {TIME: rng.integers(times.start, times.stop, SAMPLES)}
+
+
+def anew(reads: Reads, components: Iterable[tuple[Role, Component]], rng: np.random.Generator) -> Reads:
+    """What is read at some points, as often as there are samples, with other values of some components."""
+    if not _count(reads):
+        return {}
+    lanes = rng.integers(0, _count(reads), SAMPLES)
+    return {k: v[..., lanes] for k, v in reads.items()} | {
+        (role, c.name): sampled(c, SAMPLES, rng) for role, c in components
+    }
+
+
+def are_related(state: Sequence[Component]) -> bool:
+    """Whether more may hold of the components of a state than their domains say: there is a real among others."""
+    return any(c.type.kind is Kind.REAL for c in state) and sum(c.type.size for c in state) > 1
 
 
 def sampled(c: Component, lanes: int, rng: np.random.Generator) -> Array:
-    """Values (*shape, lanes) of a component; each element is at an end of its range every eighth time."""
+    """Values (*shape, lanes) of a component; each element is at an end of its range every eighth time, and near one as often."""
     rows = [_element(low, high, c.type.kind, lanes, rng) for low, high in zip(c.low, c.high, strict=True)]
     values = np.array(rows) if c.type.shape else rows[0]
     kind: Any = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}[c.type.kind]
@@ -138,8 +155,9 @@ def _element(low: float, high: float, kind: Kind, lanes: int, rng: np.random.Gen
         values = rng.uniform(bottom, top, lanes)
     else:
         values = np.floor(rng.uniform(bottom, top + 1, lanes)).clip(bottom, top)
-    place = rng.integers(0, 16, lanes)
-    return np.where(place == 0, bottom, np.where(place == 1, top, values))
+    place, near = rng.integers(0, 16, lanes), (top - bottom) * 10 ** -rng.uniform(0, 9, lanes)
+    near = near if kind is Kind.REAL else np.floor(near)
+    return np.choose(np.minimum(place, 4), [bottom, top, bottom + near, top - near, values])
 
 
 def columns(parts: Iterable[Reads]) -> Reads:

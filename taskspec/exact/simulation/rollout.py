@@ -5,14 +5,14 @@ Lane i of seed s walks the trajectory of the scalar environment with seed s + i.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taskspec import draws
-from taskspec.exact.model.cost import BYTES
+from taskspec.exact.model.cost import BYTES, Cost
 from taskspec.exact.simulation.points import columns, sampled
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, Role
@@ -114,29 +114,77 @@ def by_expert(task: Task) -> Choose:
     return choose
 
 
-LANES, STEPS = 64, 60
+LANES, STEPS, MANY_STEPS = 64, 60, 1000
+HELD = 0.25
+"""Nominal seconds for the longer ones of the episodes that are looked at."""
 
 
-def visited(task: Task) -> Mapping[Key, Array]:
-    """States, actions and times of a few episodes: at random, by holding on to an action, and by the expert."""
-    parts = []
+def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
+    """States in which some episodes act, with actions and times; with `ends`, the states in which they end as well.
+
+    Episodes act at random, by holding on to an action, and by the expert.
+    """
     rng = np.random.default_rng(0)
     acts = isinstance(task.expert, tuple) and task.memory is None
-    everyone = [sampled_actions(task), _held(task)] + ([by_expert(task)] if acts else [])
-    numbers = sum(c.type.size for c in (*task.state, *task.action))
-    lanes = max(1, min(LANES, int(limits().megabytes * 1e6 / (BYTES * numbers * STEPS * len(everyone)))))
-    for choose in everyone:
-        rollout = Rollout(task, lanes)
-        state = rollout.start()
-        for t in range(min(STEPS, STEPS if task.horizon is None else task.horizon)):
-            chosen = choose(state, t, rng)
-            action = {c.name: _within(c, chosen[c.name]) for c in task.action}
-            parts.append(reads_of(state, action, t) | {(Role.TIME, "t"): np.full(lanes, t)})
-            moved = rollout.step(state, action, t)
-            if moved.terminal.all() or not _are_numbers(moved.state):
-                break
-            state = {n: np.where(moved.terminal, state[n], moved.state[n]) for n in state}
-    return columns(parts)
+    everyone = [(sampled_actions(task), STEPS), (_held(task), _affordable(task))]
+    everyone += [(by_expert(task), STEPS)] if acts else []
+    numbers = sum(c.type.size for c in (*task.state, *task.action)) * sum(steps for _, steps in everyone)
+    lanes = max(1, min(LANES, int(limits().megabytes * 1e6 / (BYTES * numbers))))
+    return columns(part for choose, steps in everyone for part in _episodes(task, choose, lanes, steps, ends, rng))
+
+
+def _affordable(task: Task) -> int:
+    """How many steps are taken by holding on to an action, which leads far: more than others where they cost little."""
+    cost = Cost((*task.next, task.reward, task.terminal), simulated=True)
+    return max(STEPS, min(MANY_STEPS, int(HELD / cost.seconds(LANES))))
+
+
+def _episodes(
+    task: Task, choose: Choose, lanes: int, most: int, ends: bool, rng: np.random.Generator
+) -> Iterator[dict[Key, Array]]:
+    """What is read in episodes of so many steps together, step by step; new ones begin when the last of all lanes has ended."""
+    rollout = Rollout(task, lanes)
+    state, going, t, episode = rollout.start(), np.ones(lanes, np.bool_), 0, 0
+    for steps in range(most):
+        chosen = choose(state, t, rng)
+        action = {c.name: _within(c, chosen[c.name]) for c in task.action}
+        yield _picked(reads_of(state, action, t), going)
+        moved = rollout.step(state, action, t, steps)
+        ended = going & (moved.terminal | (t + 1 == task.horizon))
+        if ends:
+            yield _picked(reads_of(moved.state, action, t + 1), ended)
+        going = going & ~ended
+        state, t = {n: np.where(going, moved.state[n], state[n]) for n in state}, t + 1
+        if not going.any() or not _are_numbers(state):
+            episode += 1
+            state, going, t = rollout.start(episode), np.ones(lanes, np.bool_), 0
+
+
+def _picked(reads: Mapping[Key, Array], lanes: Array) -> dict[Key, Array]:
+    """Those lanes of what is read that a condition (N,) holds for."""
+    return {key: np.broadcast_to(value, (*value.shape[:-1], len(lanes)))[..., lanes] for key, value in reads.items()}
+
+
+def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.Generator) -> dict[Key, Array]:
+    """States, and their times, that one step leads to from what is read, where it stays in the state space.
+
+    A step that ends the episode counts with `ends` alone: a state that only such steps lead to is one that no episode acts in.
+    """
+    roots, lanes = (*task.raw_next, task.terminal), max(v.shape[-1] for v in reads.values())
+    layout = WordLayout.of(roots)
+    words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
+    *following, terminal = evaluate(roots, reads, batch_sampler(layout, words))
+    found = {c.read: v for c, v in zip(task.state, following, strict=True)}
+    found[Role.TIME, "t"] = reads[Role.TIME, "t"] + 1
+    going = np.broadcast_to(ends | ~terminal, (lanes,))
+    for c in task.state:
+        value = found[c.read]
+        low, high = (np.reshape(ends, (*c.type.shape, 1)) for ends in (c.low, c.high))
+        inside = (value >= low) & (value <= high)
+        going = going & inside.reshape(-1, inside.shape[-1]).all(axis=0)
+    if task.horizon is not None:
+        going = going & (found[Role.TIME, "t"] < task.horizon + ends)
+    return _picked(found, going)
 
 
 def _within(c: Component, values: Array) -> Array:
@@ -148,13 +196,13 @@ def _within(c: Component, values: Array) -> Array:
 
 
 def _held(task: Task) -> Choose:
-    """One action for each lane, the same at all times: it drives states to where they end up."""
+    """One action for each lane, the same in a whole episode: it drives states to where they end up."""
     actions = sampled_actions(task)
     chosen: list[Mapping[str, Array]] = []
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
-        if not chosen:
-            chosen.append(actions(state, t, rng))
+        if t == 0:
+            chosen[:] = [actions(state, t, rng)]
         return chosen[0]
 
     return choose
