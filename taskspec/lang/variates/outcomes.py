@@ -41,7 +41,7 @@ def clean(p: Array) -> Array:
     with np.errstate(over="ignore"):
         total = p.sum(axis=0)
     if (total != 1).any():
-        is_none = (total == 0) | np.isinf(total)
+        is_none = (total == 0) | (total == math.inf)  # of fractions as well
         p = np.where(is_none, 0, p) / np.where(is_none, 1, total)
         p[-1] = np.where(is_none, 1, p[-1])
     return p
