@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
 from taskspec.cli import film
 from taskspec.cli.app import app
+from taskspec.envs import window
+from taskspec.figures import Overlay, scene
+from taskspec.figures.scene import Box, Label
+from taskspec.figures.table import table
+from taskspec.figures.values import expert_path
+from taskspec.printers.plain import plain
+from taskspec.registry import load
 
 matplotlib = pytest.importorskip("matplotlib")
 DERAIL = Path(__file__).parent.parent / "tasks" / "derail"
@@ -38,6 +48,62 @@ def test_a_gif_has_a_frame_for_every_state(folder: Path) -> None:
     assert frames.shape[1:] == (480, 640, 3)
     assert images.immeta(folder / "deep" / "film.gif")["duration"] == 250
     assert 2 <= len(frames) <= 6 + 4  # the format joins frames that are alike; the last one stays
+
+
+def test_frames_tell_what_was_done_paid_and_earned(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("imageio")
+    told: list[str] = []
+    drawn = window.frame
+
+    def frame(*args: Any) -> window.Frame:
+        told.append(args[3])
+        return drawn(*args)
+
+    monkeypatch.setattr(window, "frame", frame)
+    assert cli("run", "EarlyTermPos", "--policy", "expert", "-o", "x.gif").exit_code == 0
+    assert told == ["start", *(f"action go_on, reward 1, return {n}" for n in range(1, 11))]
+
+
+def test_a_note_is_seen_and_cut_to_the_frame() -> None:
+    one = load("derail/RiskyPath-v0")
+    bare, short, long, longer = (
+        window.frame(one, {"s": 0}, 1, note) for note in (None, "a", "word " * 15, "word " * 500)
+    )
+    picture = 150  # pixels down to which words reach
+    assert not np.array_equal(short[:picture], long[:picture])
+    assert np.array_equal(short[picture:], long[picture:]) and np.array_equal(long[picture:], longer[picture:])
+    assert (longer[:picture, -5:] == 255).all() and not np.array_equal(bare, short)
+
+
+FILMED = [
+    ("derail/Branching-v0", {"L": 10}), ("derail/ProcGoal-v0", {"D": 4}), ("seals/CliffWorldLarge-v0", {}),
+    ("derail/Sort-v0", {"L": 12}), ("derail/Parabola-v0", {}), ("derail/NoisyObs-v0", {}), ("seals/RandomTransition-v0", {}),
+    ("derail/Branching-v0", {"L": 40, "B": 12}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "values"), FILMED)
+def test_films_leave_nothing_out_and_their_window_stays(name: str, values: dict[str, int]) -> None:
+    """What does not move is at one place in all frames, and there are no dots for what is left out."""
+    one = load(name, **values)
+    states = expert_path(one, 12) if name != "seals/RandomTransition-v0" else [{"s": s} for s in range(5)]
+    shown = [scene(one, Overlay(here=state)) or table(one, state) for state in states]
+    assert len({(x.width, x.height) for x in shown}) == 1
+    assert not any(plain(x.text) in ("…", "⋮") for found in shown for x in found.items if isinstance(x, Label))
+    assert all(a.items != b.items for a, b in itertools.pairwise(shown[:3])) or "Sort" in name
+    keys = [
+        {x for x in found.items if isinstance(x, Label) and plain(x.text) in ("good", "bad", "x", "y")}
+        for found in shown
+    ]
+    assert all(key == keys[0] for key in keys)
+
+
+def test_a_page_is_turned_where_the_agent_leaves_the_window() -> None:
+    one = load("derail/ProcGoal-v0", D=60)
+    near, far = ([g - k, 0] for g, k in ((0, 3), (0, 40)))
+    at = [scene(one, Overlay(here={"p": np.array(p), "g": np.array([0, 0])})) for p in (near, far)]
+    goals = [sum(isinstance(x, Box) and x.fill == "good" for x in found.items) for found in at if found is not None]
+    assert goals == [2, 0]  # one of them in the key
 
 
 def test_an_mp4_lasts_as_long_as_the_episode(folder: Path) -> None:

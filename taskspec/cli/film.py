@@ -79,8 +79,10 @@ class Film:
         return self
 
     def __call__(self, env: Environment, note: str, last: bool) -> None:
+        from taskspec.envs import window
+
         fps = env.metadata["render_fps"]
-        writer, picture = self._writer or self._open(fps), env.render()
+        writer, picture = self._writer or self._open(fps), window.frame(env.task, env.state, env.time, note or "start")
         for _ in range(1 + round(HOLD * fps) if last else 1):
             with refused(self._path):
                 writer.append_data(picture)

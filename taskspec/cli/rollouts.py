@@ -36,7 +36,7 @@ class Episode:
 
 
 Watch = Callable[["Environment", str, bool], None]
-"""Looks at the environment in every state: what was done and paid, in words, and whether the episode is over."""
+"""Looks at the environment in every state: what was done and paid so far, in words, and whether the episode is over."""
 
 
 def rollout(env: Environment, policy: Policy, seed: int | None, max_steps: int, watch: Watch | None) -> Episode:
@@ -54,7 +54,8 @@ def rollout(env: Environment, policy: Policy, seed: int | None, max_steps: int, 
         total, plain, length = total + weight * reward, plain + reward, length + 1
         weight *= env.task.discount
         if watch is not None:
-            watch(env, f"action {shown(env, action)}, reward {reward:.6g}", terminated or truncated)
+            note = f"action {shown(env, action)}, reward {reward:.6g}, return {total:.6g}"
+            watch(env, note, terminated or truncated)
         if terminated or truncated:
             return Episode(total, plain, length, "terminated" if terminated else "truncated")
     return Episode(total, plain, length, "cut")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from taskspec.envs import picture
 from taskspec.extras import need
 from taskspec.task.task import Task
 
+LETTERS, LINES = 46, 2
+"""Of a line of a note, and as many lines as there is room for, in every frame."""
 Frame = np.ndarray[Any, np.dtype[np.uint8]]
 
 
@@ -27,11 +30,15 @@ def require() -> None:
     need("matplotlib", "figures")
 
 
-def frame(task: Task, state: dict[str, Any], time: int) -> Frame:
-    """A state as pixels: (height, width, 3), uint8."""
+def frame(task: Task, state: dict[str, Any], time: int, note: str | None = None) -> Frame:
+    """A state as pixels: (height, width, 3), uint8; a note stands above it, cut to what has room."""
     from taskspec.figures import render_frame  # what draws is not imported until something is drawn
 
-    return render_frame(task, state, picture.heading(task, time))
+    title = picture.heading(task, time)
+    if note is not None:
+        lines = textwrap.wrap(note, LETTERS, max_lines=LINES, placeholder="…")
+        title = "\n".join([title, *lines, *[""] * (LINES - len(lines))])
+    return render_frame(task, state, title)
 
 
 class Window:

@@ -154,7 +154,7 @@ def render_frame(
     Args:
         task: the task.
         state: values by component; labels or their indices for choices.
-        title: a line of text above, such as the step.
+        title: lines of text above, such as the step.
         size: width and height in pixels; frames of an episode are all alike in it.
     """
     task = load(task)

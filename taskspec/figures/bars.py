@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import groupby
 from typing import Any
@@ -47,7 +48,7 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
             f"{alt} cells{moves}",
             state=state,
         )
-    items = [*_bars(rows[0], colors)]
+    items = [*_bars(rows[0], colors, None if here is None else _bound(node))]
     notes: tuple[str, ...] = ()
     if len(rows) > 1:
         items += [x for item in _bars(rows[-1], colors) for x in [shifted(item, 0.0, BELOW)]]
@@ -101,11 +102,19 @@ def _colors(task: Task, node: Node, count: int) -> list[Role]:
     return colors
 
 
-def _bars(values: Array, colors: list[Role]) -> Iterator[Item]:
-    """Bars of equal width above a line; of very many values means of neighbours."""
+def _bound(node: Node) -> float | None:
+    """The largest size of an element, where it is known beforehand."""
+    most = max(abs(node.low), abs(node.high)) if isinstance(node, Read) else math.inf
+    return most if 0 < most < math.inf else None
+
+
+def _bars(values: Array, colors: list[Role], most: float | None = None) -> Iterator[Item]:
+    """Bars of equal width above a line, in a frame that `most` fills; of very many values means of neighbours."""
     values, colors = _binned(values, colors)
     step = _step(len(values))
-    scale = 2.0 / (float(np.abs(values).max()) or 1.0)
+    scale = 2.0 / (most or float(np.abs(values).max()) or 1.0)
+    if most is not None:
+        yield Box((0.0, -2.0), len(values) * step, 2.0, None, "faint")
     for i, (value, color) in enumerate(zip(values.tolist(), colors, strict=True)):
         top = -scale * max(value, 0.0)
         yield Box((i * step, top), step * 0.8, max(0.01, scale * abs(value)), color, None)

@@ -50,6 +50,7 @@ class Board:
     shades: Mapping[Cell, float] = field(default_factory=dict)
     values: Mapping[Cell, float] = field(default_factory=dict)
     moves: Sequence[tuple[Cell, Way]] = ()
+    folds: bool = True  # whether columns and rows may be left out
     open: bool = False  # the world goes on beyond the frame
     cell: float = CELL
 
@@ -80,6 +81,8 @@ class Board:
     @cached_property
     def folded(self) -> tuple[list[Stretch], list[Stretch]] | None:
         """Columns and rows as they are drawn, alike ones as one; None where they are too many all the same."""
+        if not self.folds:
+            return None
         across, down = (self._stretches(axis) for axis in (0, 1))
         return (across, down) if max(len(across), len(down)) <= LARGEST else None
 

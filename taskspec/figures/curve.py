@@ -10,8 +10,8 @@ import numpy as np
 from taskspec.figures.axes import axes, plane
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.scene import Circle, Item, Line, Point, Scene, fitted
-from taskspec.figures.values import at_states, expert_path, reads_of
-from taskspec.lang.ir import Read, Role
+from taskspec.figures.values import State, at_states, expert_path, reads_of
+from taskspec.lang.ir import Node, Read, Role
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.task.task import Task
@@ -28,25 +28,32 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
     if not isinstance(place, Read) or height is None:
         return None
     here = overlay.here
-    path = [dict(here)] if here is not None else expert_path(task, min(task.horizon or 20, 100), SEED)
-    dots = [(float(at_states(task, place, reads_of(task, s), 1)[0]), float(at_states(task, level, reads_of(task, s), 1)[0]))
-            for s in path]  # fmt: skip
-    low, high = min(x for x, _ in dots), max(x for x, _ in dots)
+    path = expert_path(task, min(task.horizon or 20, 100), SEED)
+    state = path[0] if here is None else dict(here)
+    along = [_point(task, place, level, s) for s in path]
+    dots = along if here is None else [_point(task, place, level, state)]
+    low, high = (pick(x for x, _ in (*along, *dots)) for pick in (min, max))
     low, high = (low - 0.5, high + 0.5) if high - low < 1e-9 else (low - 0.1 * (high - low), high + 0.15 * (high - low))
     xs = np.linspace(low, high, SAMPLES)
-    reads = {k: np.repeat(v, SAMPLES, axis=-1) for k, v in reads_of(task, path[0]).items()}
+    reads = {k: np.repeat(v, SAMPLES, axis=-1) for k, v in reads_of(task, state).items()}
     ys = at_states(task, height, reads | {(Role.STATE, place.name): xs}, SAMPLES)
     names = of_task(task)
     symbols = [
         names.symbol(x.name) if isinstance(x, Read) else m.Ident(letter) for x, letter in ((place, "x"), (level, "y"))
     ]
-    found = _draw(task, list(zip(xs.tolist(), ys.tolist(), strict=True)), dots, symbols)
-    return replace(found, state=path[0])
+    found = _draw(task, list(zip(xs.tolist(), ys.tolist(), strict=True)), along, dots, symbols)
+    return replace(found, state=state)
 
 
-def _draw(task: Task, line: list[Point], dots: list[Point], symbols: Sequence[m.Math]) -> Scene:
-    xs = [x for x, _ in (*line, *dots)]
-    ys = [y for _, y in (*line, *dots)]
+def _point(task: Task, place: Node, level: Node, state: State) -> Point:
+    """Where a state lies."""
+    x, y = (float(at_states(task, node, reads_of(task, state), 1)[0]) for node in (place, level))
+    return x, y
+
+
+def _draw(task: Task, line: list[Point], along: list[Point], dots: list[Point], symbols: Sequence[m.Math]) -> Scene:
+    xs = [x for x, _ in (*line, *along, *dots)]
+    ys = [y for _, y in (*line, *along, *dots)]
     to = plane((min(xs), max(xs)), (min(ys), max(ys)))
     items: list[Item] = [*axes(min(xs), max(xs), min(ys), max(ys), to, symbols)]
     items.append(Line(tuple(map(to, line)), color="accent", width=0.07))

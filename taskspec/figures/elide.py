@@ -10,6 +10,8 @@ from taskspec.figures.machine import Machine, Transition
 Vertex = Hashable
 DOTS = "dots"
 LONG, WIDE, MANY = 5, 6, 16
+WHOLE, WHOLE_LONG, WHOLE_WIDE = 60, 16, 10
+"""As many states, layers, and states of a layer as a frame of an episode has room for, which leaves none out."""
 FIRSTS = 2
 """So many states of several in which episodes start are tried as the first column."""
 
@@ -57,6 +59,14 @@ def drawings(machine: Machine) -> Iterator[Drawing]:
     elided = None if _is_small(usual) else _elided(usual, arcs)
     if elided is not None:
         yield elided
+
+
+def whole(machine: Machine) -> Iterator[Drawing]:
+    """All states, where a frame has room for them."""
+    arcs = _arcs(machine)
+    layers = _layers(machine.start, arcs)
+    if len(machine.states) <= WHOLE and len(layers) <= WHOLE_LONG and max(map(len, layers)) <= WHOLE_WIDE:
+        yield Drawing(tuple(map(tuple, layers)), tuple(arcs))
 
 
 def _is_small(layers: list[list[Vertex]]) -> bool:

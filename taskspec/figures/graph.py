@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 from taskspec.figures.captions import Captions
-from taskspec.figures.elide import DOTS, Arc, Drawing, Vertex, drawings
+from taskspec.figures.elide import DOTS, Arc, Drawing, Vertex, drawings, whole
 from taskspec.figures.machine import Machine, explore
 from taskspec.figures.marks import RADIUS, marked, shape
 from taskspec.figures.order import DX, DY, ordered
@@ -60,8 +60,8 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     """The best plan without a fault; None when all have faults, cross too often or are too large."""
     says = Captions(machine)
     best: Plan | None = None
-    for found in drawings(machine):
-        if len(found.arcs) > MOST_ARROWS:
+    for found in drawings(machine) if overlay.here is None else whole(machine):
+        if len(found.arcs) > (MOST_ARROWS if overlay.here is None else 2 * MOST_ARROWS):
             continue
         vertices = [v for v in found.vertices if isinstance(v, int)]
         request = _Request(
@@ -246,20 +246,18 @@ class _Graph:
 
     @cached_property
     def present(self) -> Vertex | None:
-        """Where the present state of a frame is shown: at its vertex, or at the dots that stand for it."""
+        """The vertex of the present state of a frame."""
         if self.overlay.here is None:
             return None
         space = self.says.space
         arrays = [reads_of(self.task, self.overlay.here)[c.read] for c in self.task.state]
-        code = int(space.encode(arrays, 1)[0][0])
-        dots = [v for v in self.plan.spots if isinstance(v, tuple) and v[0] == DOTS]
-        return code if code in self.plan.spots else next(reversed(dots), None)
+        return int(space.encode(arrays, 1)[0][0])
 
     def vertex(self, v: Vertex) -> Iterator[Item]:
         spot = self.plan.spots[v]
         x, y = spot.at
-        if v == self.present:
-            yield Circle((x, y), spot.half + 0.16, "accent", None)
+        if self.overlay.here is not None:  # room for it around each of them, so that all frames have one size
+            yield Circle((x, y), spot.half + 0.16, "accent" if v == self.present else None, None)
         if isinstance(v, int):
             yield from self._body(v, spot)
             yield Label((x, y), self.says.labels[v], STATE)

@@ -14,7 +14,7 @@ from taskspec.figures.scene import Role, Scene, fitted, shifted
 from taskspec.figures.seen import is_noisy, seen
 from taskspec.figures.values import Reads, all_states, at_states, first_state, reads_of
 from taskspec.figures.ways import Cell, chosen_ways
-from taskspec.lang.ir import Node
+from taskspec.lang.ir import Node, Read, reads
 from taskspec.task.task import Task
 
 FARTHEST = 5_000
@@ -86,7 +86,7 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     shades, values = ({by_code[c]: v for c, v in by.items()} for by in (overlay.occupancy, overlay.values))
     moves = list(chosen_ways(task, overlay.policy, by_code))
     letters = _letters(task, len(columns), len(rows))
-    board = Board(columns, rows, colors, letters, agents, shades, values, moves)
+    board = Board(columns, rows, colors, letters, agents, shades, values, moves, folds=overlay.here is None)
     return fitted(board.items(), f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows", board.notes())
 
 
@@ -109,6 +109,13 @@ def _letters(task: Task, columns: int, rows: int) -> dict[Cell, str]:
     return {(x, y): char for y, line in enumerate(lines) for x, char in enumerate(line) if char != " "}
 
 
+def _stay(task: Task) -> bool:
+    """Whether no step changes what is marked."""
+    marks = () if task.figure is None else task.figure.highlight.values()
+    after = {c.read: node for c, node in zip(task.state, task.next, strict=True)}
+    return all(isinstance(after.get(key), Read) and reads([after[key]]) == {key} for key in reads(marks))
+
+
 def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
     """The part of a vast grid around one first state."""
     state = overlay.here or first_state(task)
@@ -118,7 +125,11 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
     marks = [(role, point) for role, point in known if np.abs(point - (ax, ay)).max() < FARTHEST]
     points = np.array([(ax, ay), *(p for _, p in marks)])
     middle = np.round(points.mean(axis=0)).astype(int)
-    half = LARGEST // 2 if overlay.here is not None else max(4, int(np.abs(points - middle).max()) + 1)
+    half = max(4, int(np.abs(points - middle).max()) + 1)
+    if overlay.here is not None:  # a window that stays as the agent moves in it
+        half = (LARGEST - 1) // 2
+        anchor = marks[0][1] if marks and _stay(task) else np.zeros(2, dtype=int)
+        middle = anchor + (np.array([ax, ay]) - anchor + half) // (2 * half + 1) * (2 * half + 1)
     columns, rows = (range(int(v) - half, int(v) + half + 1) for v in middle)
     colors: dict[Cell, Role] = {(int(p[0]), int(p[1])): role for role, p in marks}
     board = Board(columns, rows, colors, {}, {(int(ax), int(ay)): 1.0}, open=True, cell=SMALL)

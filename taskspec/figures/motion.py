@@ -99,7 +99,9 @@ def _flow(
 
 
 def series(task: Task, overlay: Overlay) -> Scene | None:
-    """Components of the state (or the elements of `values`) over an episode of the expert."""
+    """Components of the state (or the elements of `values`) over an episode of the expert; no frame of another."""
+    if overlay.here is not None:
+        return None
     path = expert_path(task, min(task.horizon or STEPS, STEPS))
     if len(path) < 2:
         return None

@@ -21,7 +21,7 @@ from taskspec.printers.plain import plain
 INCH = 2.54
 FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks
 DPI = 200
-TITLE = 0.6  # room for a line above a frame, in centimetres
+TITLE, LINE = 0.2, 0.4  # room for words above a frame and for each line of them, in centimetres
 LARGEST_SCALE = 1.6
 
 
@@ -39,7 +39,7 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
     """The picture as an array (height, width, 3) of uint8, as large as fits in the middle of `size` = (width, height)."""
     agg = need("matplotlib.backends.backend_agg", "figures")
     width, height = (n * INCH / DPI for n in size)
-    room = height - (TITLE if title else 0.0)
+    room = height - (TITLE + LINE * len(title.split("\n")) if title else 0.0)
     scale = min(width / scene.width, room / scene.height, LARGEST_SCALE)
     figure, axes = _canvas(width, height)
     left, top = (width / scale - scene.width) / 2, (height - room) / scale + (room / scale - scene.height) / 2

@@ -7,18 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.figures.scene import Item, Label, Scene, fitted
+from taskspec.figures.scene import Box, Item, Label, Scene, fitted
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.task.task import Component, Task
 
 _SHOWN = 6
+WIDTH = 9.0
 
 
 def table(task: Task, state: Mapping[str, Any]) -> Scene:
     """Names and values of the components."""
     notation = of_task(task)
-    items: list[Item] = []
+    items: list[Item] = [Box((0.0, 0.0), WIDTH, 0.1, None, None)]  # room, so that the frames of an episode are alike
     for i, c in enumerate(task.state):
         text = m.Row((notation.symbol(c.name), m.Sym("="), m.Words(_words(c, state[c.name]))))
         items.append(Label((0.0, 0.55 * i), text, anchor="start"))
