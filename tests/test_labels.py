@@ -172,3 +172,18 @@ def test_labels_of_another_choice_inside_vectors_are_errors(reward: str, code: s
     with pytest.raises(SpecError) as caught:
         build(read_text(PAIRS.replace("REWARD", f'"{reward}"')))
     assert caught.value.diagnostics[0].code == code
+
+
+def test_labels_of_one_name_in_two_choices_are_not_compared_by_position() -> None:
+    text = TURTLE.replace("action:", "  side: {type: choice, values: [left, right]}\naction:", 1)
+    text = text.replace("initial: {", "initial: {side: left, ")
+    with pytest.raises(SpecError) as found:
+        build(read_text(text.replace("level' * tide", "a == side")))
+    assert (
+        found.value.diagnostics[0].hint
+        == "where labels of one name are meant, say which: `x == left and y == left or ...`"
+    )
+    chosen = build(read_text(text.replace("level' * tide", "a == (left if side == left else right)")))
+    env = ReferenceEnv(chosen)
+    env.reset(seed=0)
+    assert [env.step(a)[1] for a in (0, 1, 2)] == [1, 0, 0]

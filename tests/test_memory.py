@@ -243,3 +243,44 @@ def test_a_variant_changes_a_key_of_it() -> None:
     assert deaf.expert is not None and deaf.expert.value == -5
     heard = scores(taskspec.load("tiger.yaml"))
     assert heard.expert is not None and heard.expert.value == pytest.approx(float(expected()))
+
+
+MONTY = """
+taskspec: 1
+name: Doors
+state:
+  prize: {type: int, low: 0, high: 2}
+  chosen: {type: int, low: 0, high: 2}
+  opened: {type: int, low: 0, high: 3}
+action: {door: {type: int, low: 0, high: 2}}
+observation: {opened: opened}
+horizon: 2
+initial: {prize: "UniformInt(0, 2)", chosen: 0, opened: 3}
+noise: {coin: Bernoulli(1/2)}
+dynamics:
+  chosen': door
+  opened':
+    - {if: opened < 3, then: opened}
+    - {if: door != prize, then: 3 - door - prize}
+    - {else: (prize + 1 + coin) % 3}
+reward: opened < 3 and door == prize
+memory: {first: {type: int, low: 0, high: 2, initial: 0, next: "door if t == 0 else first"}}
+expert: {door: DOOR}
+"""
+
+
+def test_an_expert_with_a_memory_is_measured_by_what_can_be_seen() -> None:
+    """Changing the door wins two times in three, which is the best without knowing the prize; keeping it, one time in three.
+
+    After the last step `chosen` may be the door that was opened: nobody asks the expert there, though it then names no door.
+    """
+    changes = check(build(read_text(MONTY.replace("DOOR", "0 if opened == 3 else 3 - first - opened"))))
+    assert not {"W507", "E409"} & {d.code for d in changes.diagnostics}
+    keeps = check(build(read_text(MONTY.replace("DOOR", "first"))))
+    assert [d.message for d in keeps.warnings if d.code == "W507"] == [
+        "the expert returns 0.3333333333, which is 0.333333 below the optimum of 0.6666666667 of those who remember what they see"
+    ]
+    without = MONTY.replace("memory: ", "definitions: {} # ").replace(
+        "DOOR", "0 if opened == 3 else 3 - chosen - opened"
+    )
+    assert "E409" not in {d.code for d in check(build(read_text(without))).diagnostics}

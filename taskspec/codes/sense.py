@@ -66,9 +66,10 @@ it. Remove it, or find the expression that forgot it.
         "expert-not-optimal",
         "an expert below the optimum",
         """
-The expert's expected return is below the best possible one. If that is intended, say so with a
-claim, such as `expert_return < optimal_return`. Where there is no exact model, the warning is given
-when random actions return as much as the expert does, or more, in simulated episodes.
+The expert's expected return is below the best possible one; that of an expert with a `memory` is compared with the best one of
+those who see observations alone, where that is known. If it is intended, say so with a claim, such as
+`expert_return < optimal_return`. Where there is no exact model, the warning is given when random actions return as much as the
+expert does, or more, in simulated episodes.
 """,
     ),
     Code(

@@ -62,4 +62,8 @@ def check_comparable(one: Domain | None, other: Domain | None) -> None:
     """Refuse (E306) to compare labels of two choices by where they stand in them."""
     if one is not None and other is not None and (one.values is None or other.values is None):
         message = f"labels of one choice ({listed(one)}) are no labels of another ({listed(other)})"
-        raise Refused(message, hint="where their positions are meant, say so with arithmetic: `x + 0 == y + 0`")
+        shared = [label for label in one.labels if label in other.labels]
+        hint = "where their positions are meant, say so with arithmetic: `x + 0 == y + 0`"
+        if shared:  # positions would be something else
+            hint = f"where labels of one name are meant, say which: `x == {shared[0]} and y == {shared[0]} or ...`"
+        raise Refused(message, hint=hint)

@@ -126,12 +126,14 @@ class Examination:
         if self.visits is None:
             seen = states[holds(states, self._seen)]
             return self._at(check, int((seen if len(seen) else states)[0]), True if len(seen) else None)
-        if self.phase.name == "decision":
+        if self.phase.name == "decision" and check.section != "expert":
             entered = states[holds(states, self.visits.entered)]
             return self._at(check, int((entered if len(entered) else states)[0]), len(entered) > 0)
         acting = states[holds(states, self.visits.acting)]
         if len(acting):
             return self._at(check, int(acting[0]), True)
+        if check.section == "expert":  # nobody asks it there
+            return None
         unfinished = without(states, self._finished)
         return self._at(check, int(unfinished[0]), False) if len(unfinished) else None
 
