@@ -16,7 +16,7 @@ from taskspec.envs import picture
 from taskspec.extras import need
 from taskspec.task.task import Task
 
-LETTERS, LINES = 46, 2
+LETTERS, LINES = 42, 2
 """Of a line of a note, and as many lines as there is room for, in every frame."""
 Frame = np.ndarray[Any, np.dtype[np.uint8]]
 
