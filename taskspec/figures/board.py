@@ -11,7 +11,7 @@ from itertools import groupby
 import numpy as np
 
 from taskspec.figures.marks import SIGNS, marked, sign
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Role, text_width
+from taskspec.figures.scene import BROAD, Box, Circle, Item, Label, Line, Role, text_width
 from taskspec.figures.ways import Cell, Way
 from taskspec.printers import tree as m
 
@@ -22,6 +22,9 @@ KEPT = 2
 """Columns that are drawn on either side of those that are left out, as they are alike."""
 WIDEST, SIGN = 12.0, 0.26
 """In centimetres: the cells of boards that are larger still are as small as that needs, and their signs stay as large."""
+CORNERS = ((-0.3, 0.3), (0.3, 0.3), (-0.3, -0.3), (0.3, -0.3))
+"""Where in a cell objects are that share it, from its middle."""
+WALL = "#"
 COORDINATE, LETTER, VALUE = 0.26, 0.3, 0.24
 """Heights of letters."""
 
@@ -38,6 +41,15 @@ class Stretch:
         return self.first == self.last
 
 
+@dataclass(frozen=True, slots=True)
+class Thing:
+    """An object in a cell, as a letter or two, and the way that it faces; without a word, the way of the agent there."""
+
+    word: str
+    cell: Cell
+    way: Way | None = None
+
+
 @dataclass
 class Board:
     """Cells by column and row, of `columns` and `rows`, to be drawn."""
@@ -50,6 +62,7 @@ class Board:
     shades: Mapping[Cell, float] = field(default_factory=dict)
     values: Mapping[Cell, float] = field(default_factory=dict)
     moves: Sequence[tuple[Cell, Way]] = ()
+    things: Sequence[Thing] = ()
     folds: bool = True  # whether columns and rows may be left out
     open: bool = False  # the world goes on beyond the frame
     cell: float = CELL
@@ -70,8 +83,7 @@ class Board:
             laid = self.values or self.moves or self.shades
             told = "; what is laid over them is not shown" if laid else ""
             return (f"Dots stand for columns and rows like those beside them{told}.",)
-        told = " Letters are too small to show." if self.letters else ""
-        return (f"{len(self.columns)} columns and {len(self.rows)} rows.{told}",)
+        return ("Letters are too small to show.",) if set(self.letters.values()) - {WALL} else ()
 
     @property
     def is_whole(self) -> bool:
@@ -92,6 +104,8 @@ class Board:
         for found in (self.colors, self.letters, self.agents):
             for cell, mark in found.items():
                 marked.setdefault(cell[axis], set()).add((cell[1 - axis], mark))
+        for thing in self.things:
+            marked.setdefault(thing.cell[axis], set()).add((thing.cell[1 - axis], thing.word))
         return marked
 
     def _stretches(self, axis: int) -> list[Stretch]:
@@ -121,7 +135,8 @@ class Board:
         yield from self._marks(at)
 
     def _cell(self, x: int, y: int, cell: Cell, alone: bool) -> Iterator[Item]:
-        box = Box((x * self.cell, y * self.cell), self.cell, self.cell, self.colors.get(cell, "paper"), "faint")
+        plain: Role = "muted" if self.letters.get(cell) == WALL else "paper"
+        box = Box((x * self.cell, y * self.cell), self.cell, self.cell, self.colors.get(cell, plain), "faint")
         yield box
         if alone and cell in self.shades:
             yield replace(box, fill="accent", shade=self.shades[cell])
@@ -132,7 +147,7 @@ class Board:
         """What is in the cells that are drawn, which lie at these places; a value takes the room of all else."""
         middle = {cell: ((x + 0.5) * self.cell, (y + 0.5) * self.cell) for cell, (x, y) in at.items()}
         for cell, text in self.letters.items():
-            if cell in middle and cell not in self.values:
+            if cell in middle and cell not in self.values and text != WALL:
                 yield Label(middle[cell], m.Words(text), LETTER, color="muted")
         yield from (self._move(at[cell], way) for cell, way in self.moves if cell in at)
         for cell, value in self.values.items():
@@ -141,6 +156,25 @@ class Board:
         for cell, weight in self.agents.items():
             if cell in middle and cell not in self.values:
                 yield from agent(*middle[cell], weight, self.cell)
+        for i, thing in enumerate(self.things):
+            if thing.cell in middle:
+                taken = sum(x.cell == thing.cell for x in self.things[:i] if x.word) + (thing.cell in self.agents)
+                yield from self._thing(thing, middle[thing.cell], taken)
+
+    def _thing(self, thing: Thing, at: tuple[float, float], taken: int) -> Iterator[Item]:
+        """A badge with a word, in a corner where others are in the middle; an arrow says which way it faces."""
+        if thing.way is not None:
+            (near, far) = (
+                (at[0] + r * self.cell * thing.way[0], at[1] + r * self.cell * thing.way[1]) for r in (0.2, 0.49)
+            )
+            yield Line((near, far), arrow=True, width=0.05)
+        if not thing.word:
+            return
+        side, word = (0.62 if not taken else 0.36) * self.cell, m.Words(thing.word)
+        dx, dy = CORNERS[(taken - 1) % len(CORNERS)] if taken else (0.0, 0.0)
+        x, y = at[0] + dx * self.cell, at[1] + dy * self.cell
+        yield Box((x - side / 2, y - side / 2), side, side, "second", "ink", round=0.15 * side)
+        yield Label((x, y), word, min(0.7 * side, 0.9 * side / (BROAD * text_width(word, 1.0))))
 
     def _map(self) -> Iterator[Item]:
         """Cells too small for a grid: those with a colour or a letter, and the agents."""
@@ -158,6 +192,10 @@ class Board:
                 yield from sign(role, (float(x) + size / 2, float(y) + size / 2), SIGN)
         if not self.open:
             yield Box((0, 0), len(self.columns) * size, len(self.rows) * size, None, "ink")
+        for thing in self.things:
+            if thing.word and thing.cell[0] in self.columns and thing.cell[1] in self.rows:
+                x, y = corner(thing.cell)
+                yield Label((x + size / 2, y + size / 2), m.Words(thing.word), LETTER, halo=True)
         for cell, weight in self.agents.items():
             x, y = corner(cell)
             yield Circle((x + size / 2, y + size / 2), max(size / 2, 0.1), "ink", None, 1.0 if weight > 0.99 else 0.35)

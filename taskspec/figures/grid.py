@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from taskspec.exact.model.space import Space
 from taskspec.exact.model.transitions import Steps
-from taskspec.figures.board import LARGEST, Board
+from taskspec.figures.board import LARGEST, Board, Thing
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.scene import Role, Scene, fitted, shifted
 from taskspec.figures.seen import is_noisy, seen
 from taskspec.figures.values import Reads, all_states, at_states, first_state, reads_of
 from taskspec.figures.ways import Cell, chosen_ways
 from taskspec.lang.ir import Node, Read, reads
+from taskspec.lang.ir import Role as Reading
 from taskspec.task.task import Task
 
 FARTHEST = 5_000
@@ -53,8 +56,40 @@ def _place(task: Task) -> tuple[Node, ...] | None:
 
 def _cells(task: Task, place: tuple[Node, ...], reads: Reads, count: int) -> np.ndarray[Any, Any]:
     """Column and row (count, 2) of states."""
+    return _whole_numbers(_numbers(task, place, reads, count)[:, :2])
+
+
+def _numbers(task: Task, place: tuple[Node, ...], reads: Reads, count: int) -> np.ndarray[Any, Any]:
+    """Column and row of states, and maybe a way, (count, 2) or (count, 4)."""
     found = [at_states(task, node, reads, count) for node in place]
-    return _whole_numbers(found[0] if len(found) == 1 else np.stack(found, axis=1))
+    return found[0] if len(found) == 1 else np.stack(found, axis=1)
+
+
+def _things(task: Task, place: tuple[Node, ...], reads: Reads) -> tuple[Thing, ...]:
+    """The objects of the figure section, and the nose of an agent that faces some way, in one state."""
+    places = {"": place} | ({} if task.figure is None else dict(task.figure.objects))
+    found = []
+    for word, at in places.items():
+        (numbers,) = _numbers(task, at, reads, 1).astype(float)
+        (cell,) = _whole_numbers(numbers[None, :2]).tolist()
+        length = float(np.abs(numbers[2:]).max(initial=0.0))
+        way = tuple((numbers[2:] / length).tolist()) if 0 < length < math.inf else None
+        if word or way is not None:
+            found.append(Thing(_letters_of(word, places), (cell[0], cell[1]), way))
+    return tuple(found)
+
+
+def _letters_of(word: str, others: Iterable[str]) -> str:
+    """As few letters as tell an object apart from others."""
+    count = next((n for n in range(1, len(word)) if sum(x[:n] == word[:n] for x in others) == 1), len(word))
+    return word[:1].upper() + word[1:count]
+
+
+def _key(task: Task) -> tuple[str, ...]:
+    """What the letters of objects stand for, as a note."""
+    words = () if task.figure is None else tuple(task.figure.objects)
+    told = [f"{_letters_of(word, words)}: {word}" for word in words if len(word) > 1]
+    return (f"{', '.join(told)}.",) if told else ()
 
 
 def _whole_numbers(places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
@@ -75,19 +110,35 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     if np.ptp(np.vstack([cells, [(0, 0)]]), axis=0).max() >= FARTHEST:
         return None
     columns, rows = (
-        range(min(0, int(low)), int(high) + 1) for low, high in zip(cells.min(0), cells.max(0), strict=True)
+        range(min(0, int(low)), max(int(high) + 1, size))
+        for low, high, size in zip(cells.min(0), cells.max(0), _size(task), strict=True)
     )
     colors: dict[Cell, Role] = {}
+    state = overlay.here or first_state(task)
+    one = reads_of(task, state)
     for role, found in _marks(task, reads, count):
-        points = cells[found.astype(bool)] if found.ndim == 1 else _whole_numbers(found[:1])
-        colors |= {(int(x), int(y)): role for x, y in points}
+        if found.ndim == 1:
+            colors |= {(int(x), int(y)): role for x, y in cells[found.astype(bool)]}
+    for role, found in _marks(task, one, 1):
+        if found.ndim == 2:
+            colors |= {(int(x), int(y)): role for x, y in _whole_numbers(found)}
     by_code = {code: (int(x), int(y)) for code, (x, y) in enumerate(cells)}
     agents = _agents(task, place, by_code, overlay)
     shades, values = ({by_code[c]: v for c, v in by.items()} for by in (overlay.occupancy, overlay.values))
     moves = list(chosen_ways(task, overlay.policy, by_code))
-    letters = _letters(task, len(columns), len(rows))
-    board = Board(columns, rows, colors, letters, agents, shades, values, moves, folds=overlay.here is None)
-    return fitted(board.items(), f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows", board.notes())
+    things = _things(task, place, one)
+    if things and overlay.here is None:  # which belong to one state
+        agents = {by_code[_code(task, one)]: 1.0}
+    letters = _letters(task)
+    board = Board(columns, rows, colors, letters, agents, shades, values, moves, things, overlay.here is None)
+    alt, notes = f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows", (*_key(task), *board.notes())
+    first = ("One start of many.",) if things and len(agents) > 1 and overlay.here is None else ()
+    return fitted(board.items(), alt, (*first, *notes), state=state if things else None)
+
+
+def _code(task: Task, reads: Reads) -> int:
+    """The code of a state."""
+    return int(Space(task.state, Reading.STATE).encode([reads[c.read] for c in task.state], 1)[0][0])
 
 
 def _agents(task: Task, place: tuple[Node, ...], by_code: Mapping[int, Cell], overlay: Overlay) -> dict[Cell, float]:
@@ -101,11 +152,28 @@ def _agents(task: Task, place: tuple[Node, ...], by_code: Mapping[int, Cell], ov
     return found
 
 
-def _letters(task: Task, columns: int, rows: int) -> dict[Cell, str]:
-    """The characters of the map that `figure: map:` names, where it has a character for every cell."""
+def _size(task: Task) -> Cell:
+    """Columns and rows of the map that `figure: map:` names; none without one."""
     lines = () if task.figure is None else task.figure.map
-    if len(lines) != rows or len(lines[0]) != columns:
-        return {}
+    return (len(lines[0]), len(lines)) if lines else (0, 0)
+
+
+def _bounds(task: Task, place: tuple[Node, ...]) -> tuple[range, range] | None:
+    """Columns and rows where a map or the bounds of the agent's place say them, and they are few."""
+    ends = [(node.low, node.high) for node in place[:2] if isinstance(node, Read)]
+    if all(_size(task)):
+        ends = [(0, size - 1) for size in _size(task)]
+    elif len(place) == 1:
+        ends = ends * 2  # one vector of both
+    if len(ends) != 2 or not all(-LARGEST < low <= high < LARGEST for low, high in ends):
+        return None
+    columns, rows = (range(min(0, int(low)), int(high) + 1) for low, high in ends)
+    return columns, rows
+
+
+def _letters(task: Task) -> dict[Cell, str]:
+    """The characters of the map, but for spaces."""
+    lines = () if task.figure is None else task.figure.map
     return {(x, y): char for y, line in enumerate(lines) for x, char in enumerate(line) if char != " "}
 
 
@@ -123,16 +191,22 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
     ((ax, ay),) = _cells(task, place, reads, 1)
     known = [(role, _whole_numbers(found[0])) for role, found in _marks(task, reads, 1) if found.shape == (1, 2)]
     marks = [(role, point) for role, point in known if np.abs(point - (ax, ay)).max() < FARTHEST]
-    points = np.array([(ax, ay), *(p for _, p in marks)])
+    things = [x for x in _things(task, place, reads) if np.abs(np.array(x.cell) - (ax, ay)).max() < FARTHEST]
+    points = np.array([(ax, ay), *(p for _, p in marks), *(x.cell for x in things)])
     middle = np.round(points.mean(axis=0)).astype(int)
     half = max(4, int(np.abs(points - middle).max()) + 1)
     if overlay.here is not None:  # a window that stays as the agent moves in it
         half = (LARGEST - 1) // 2
         anchor = marks[0][1] if marks and _stay(task) else np.zeros(2, dtype=int)
         middle = anchor + (np.array([ax, ay]) - anchor + half) // (2 * half + 1) * (2 * half + 1)
-    columns, rows = (range(int(v) - half, int(v) + half + 1) for v in middle)
     colors: dict[Cell, Role] = {(int(p[0]), int(p[1])): role for role, p in marks}
-    board = Board(columns, rows, colors, {}, {(int(ax), int(ay)): 1.0}, open=True, cell=SMALL)
+    bounds = _bounds(task, place)
+    if bounds is not None:
+        board = Board(*bounds, colors, _letters(task), {(int(ax), int(ay)): 1.0}, things=things, folds=False)
+        alt = f"Grid of {task.name}: {len(bounds[0])} columns and {len(bounds[1])} rows"
+        return fitted(board.items(), alt, ("One start of many.", *_key(task)), state=state)
+    columns, rows = (range(int(v) - half, int(v) + half + 1) for v in middle)
+    board = Board(columns, rows, colors, {}, {(int(ax), int(ay)): 1.0}, things=things, open=True, cell=SMALL)
     alt = f"Part of the grid of {task.name} around the agent"
     far = ("What is marked is too far away to be shown.",) if len(marks) < len(known) else ()
-    return fitted(board.items(), alt, ("One start of many.", *far, *board.notes()), state=state)
+    return fitted(board.items(), alt, ("One start of many.", *_key(task), *far, *board.notes()), state=state)

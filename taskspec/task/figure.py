@@ -34,27 +34,33 @@ def figure(context: Context, scope: Scope) -> Figure | None:
             context.collector.add("E203", span, f"a figure of kind `{written['kind']}` needs `{key}`")
     parts = {key: _node(context, ("figure", key), scope) for key in ("curve", "values") if written.get(key) is not None}
     marks = {name: _node(context, ("figure", "highlight", name), scope) for name in written.get("highlight") or {}}
+    sizes = (2, 4) if written["kind"] == "grid" else (2,)
+    objects = {
+        name: _place(context, ("figure", "objects", name), at, scope, (2, 4))
+        for name, at in (written.get("objects") or {}).items()
+    }
     return Figure(
-        kind=written["kind"], at=_place(context, written.get("at"), scope), curve=parts.get("curve"),
+        kind=written["kind"], at=_place(context, ("figure", "at"), written.get("at"), scope, sizes), curve=parts.get("curve"),
         values=parts.get("values"), highlight={name: node for name, node in marks.items() if node is not None},
-        map=_map(context, written.get("map")),
+        map=_map(context, written.get("map")), objects={name: at for name, at in objects.items() if at},
     )  # fmt: skip
 
 
-def _place(context: Context, at: Any, scope: Scope) -> tuple[Node, ...]:
-    """A column and a row, or one vector of both; nothing where there is none, or it is broken."""
+def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int, ...]) -> tuple[Node, ...]:
+    """A column and a row, and maybe a way, or one vector of all; nothing where there is none, or it is broken."""
     if at is None:
         return ()
-    paths: list[Path] = [("figure", "at", i) for i in range(len(at))] if isinstance(at, list) else [("figure", "at")]
-    nodes = [_node(context, path, scope) for path in paths]
+    paths: list[Path] = [(*path, i) for i in range(len(at))] if isinstance(at, list) else [path]
+    nodes = [_node(context, each, scope) for each in paths]
     found = tuple(node for node in nodes if node is not None)
     if len(found) < len(nodes):
         return ()
     inner = next((node.type.shape for node in found if node.type.shape), ())
     shape = (len(found), *inner) if isinstance(at, list) else inner
-    if shape != (2,):
-        message = f"a place is two numbers, but this has shape {list(shape)}"
-        context.collector.add("E307", context.merged.span(("figure", "at")), message)
+    if shape not in [(n,) for n in sizes]:
+        more = ", or four with the way that it faces" if 4 in sizes else ""
+        message = f"a place is two numbers{more}, but this has shape {list(shape)}"
+        context.collector.add("E307", context.merged.span(path), message)
     return found
 
 

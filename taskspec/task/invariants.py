@@ -94,7 +94,8 @@ def drawn(task: Task) -> tuple[Node, ...]:
     if task.figure is None:
         return ()
     single = (task.figure.curve, task.figure.values)
-    return (*task.figure.at, *(n for n in single if n is not None), *task.figure.highlight.values())
+    places = (task.figure.at, *task.figure.objects.values())
+    return (*(n for at in places for n in at), *(n for n in single if n is not None), *task.figure.highlight.values())
 
 
 def components(task: Task) -> tuple[Component, ...]:

@@ -209,7 +209,8 @@ def _argument(value: Any) -> str:
 class Figure:
     """How the task is drawn: the kind, and what it shows as nodes over STATE.
 
-    `at` is a place, two numbers or one vector of two; `curve` a function of its first number; `values` the vector that bars show.
+    `at` is a place, two numbers or one vector of two, on a grid maybe with two more for the way that the agent faces, as those of
+    `objects` are, which are drawn as words; `curve` a function of its first number; `values` the vector that bars show.
     `highlight` has conditions, places or indices by the name of their colour, `map` the rows of a grid of letters.
     """
 
@@ -219,6 +220,7 @@ class Figure:
     values: Node | None = None
     highlight: Mapping[str, Node] = field(default_factory=dict)
     map: tuple[str, ...] = ()
+    objects: Mapping[str, tuple[Node, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -150,6 +150,9 @@ class FigureEntry(Strict):
         None, description="Column and row on a grid, a point beside a curve, or the two numbers of a portrait."
     )
     map: str | None = Field(None, description="The constant that is a grid's map.")
+    objects: dict[str, Expression] | None = Field(
+        None, description="What else is on a grid, as `word: place`; what lies outside is not drawn."
+    )
     curve: Expression | None = Field(None, description="A function of the first of `at`.")
     values: Expression | None = Field(
         None, description="The vector that bars show, the angles of an arm, or what a series shows."

@@ -1,0 +1,99 @@
+"""Grids with several agents and objects, headings, and walls that are drawn per instance."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from taskspec import registry
+from taskspec.diagnostics import SpecError
+from taskspec.figures import Overlay, scene, undrawn
+from taskspec.figures.board import CELL
+from taskspec.figures.scene import Box, Circle, Label, Line, Scene
+from taskspec.printers.plain import plain
+from taskspec.source import read_text
+from taskspec.task.build import build
+from tests.test_contact_sheet import outside, overlapping
+
+SPECS = Path(__file__).parent / "specs" / "figures"
+
+
+def drawn(name: str, here: dict[str, object] | None = None, **values: object) -> Scene:
+    one = registry.load(SPECS / f"{name}.yaml", **values)
+    found = scene(one, Overlay(here=here))
+    assert found is not None
+    assert undrawn(one) == ()
+    assert overlapping(found) == outside(found) == []
+    return found
+
+
+def cell(found: Scene, at: tuple[float, float]) -> tuple[int, int]:
+    """Column and row of a point."""
+    corners = [x.corner for x in found.items if isinstance(x, Box) and x.line == "faint"]
+    return tuple(int((v - min(c[i] for c in corners)) / CELL) for i, v in enumerate(at))  # type: ignore[return-value]
+
+
+def words(found: Scene) -> dict[str, tuple[int, int]]:
+    return {plain(x.text): cell(found, x.at) for x in found.items if isinstance(x, Label)}
+
+
+def agent(found: Scene) -> tuple[int, int]:
+    return next(cell(found, x.centre) for x in found.items if isinstance(x, Circle) and x.fill == "ink")
+
+
+def ways(found: Scene) -> dict[tuple[int, int], tuple[int, int]]:
+    """Which way what is in a cell faces."""
+    lines = [x.points for x in found.items if isinstance(x, Line) and x.arrow]
+    return {cell(found, a): (round((b[0] - a[0]) * 4), round((b[1] - a[1]) * 4)) for a, b in lines}
+
+
+@pytest.mark.parametrize("size", [8, 12, 20])
+def test_two_agents_are_on_one_grid(size: int) -> None:
+    """Also where there are more states than are looked at one by one."""
+    found = drawn("chase", L=size)
+    assert agent(found) == (0, 0)
+    assert {"P": (size - 1, size - 2), "N": (size // 2, size // 2)}.items() <= words(found).items()
+    assert ways(found) == {(size - 1, size - 2): (1, 0)}
+    assert "P: prey, N: nest." in found.notes
+    later = drawn("chase", {"x": 3, "y": 3, "px": 1, "py": 6}, L=size)
+    assert (agent(later), words(later)["P"], ways(later)) == ((3, 3), (1, 6), {(1, 6): (-1, 0)})
+    assert (later.width, later.height) == (found.width, found.height)
+
+
+def test_keys_and_doors_are_there_until_they_are_used() -> None:
+    found = drawn("keys")
+    assert (agent(found), ways(found)) == ((1, 1), {(1, 1): (1, 0)})
+    assert {"K": (2, 3), "D": (3, 2)}.items() <= words(found).items()
+    walls = {
+        cell(found, (x.corner[0] + 0.1, x.corner[1] + 0.1))
+        for x in found.items
+        if isinstance(x, Box) and x.fill == "muted"
+    }
+    rows = "#######", "#  #  #", "#     #", "#  #  #", "#######"
+    assert len(walls) == sum(row.count("#") for row in rows)
+    opened = drawn("keys", {"x": 2, "y": 3, "dir": "south", "has": False, "open": True})
+    assert "D" not in words(opened)
+    assert words(opened)["K"] == agent(opened) == (2, 3)
+    assert ways(opened) == {(2, 3): (0, 1)}
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("size", [9, 30])
+def test_walls_are_those_of_the_instance(size: int, seed: int) -> None:
+    found = drawn("walls", L=size, instance_seed=seed)
+    walls = registry.load(SPECS / "walls.yaml", L=size, instance_seed=seed).constants["walls"]
+    assert sum(isinstance(x, Box) and x.fill == "muted" for x in found.items) == walls.sum()
+
+
+@pytest.mark.parametrize(("figure", "code"), [
+    ("{kind: grid, at: [x, y, 1]}", "E307"), ("{kind: grid, at: [x, y], objects: {key: 3}}", "E307"),
+    ("{kind: grid, at: [x, y], objects: {key: [x, z]}}", "E302"), ("{kind: grid, at: [x, y], objects: [x, y]}", "E2"),
+])  # fmt: skip
+def test_what_is_no_place_is_told(figure: str, code: str) -> None:
+    text = (SPECS / "chase.yaml").read_text(encoding="utf-8").partition("figure:")[0]
+    with pytest.raises(SpecError) as found:
+        build(read_text(f"{text}figure: {figure}\n"))
+    (first, *_) = found.value.diagnostics
+    assert first.code.startswith(code)
+    assert first.span is not None
