@@ -135,6 +135,13 @@ def test_a_table_a_function_and_returns_are_scored() -> None:
             exact.score(task, wrong)
     with pytest.raises(SpecError, match="E706"):
         exact.score(task, lambda state, t: {"a": state["s"]})
+    for function, message in (
+        (lambda observation: 1, "takes the states and the time"),
+        (lambda state, t: 1, "gives the action by component, a, not a value of type int"),
+        (lambda state, t: {"b": 1}, "gives the action by component, a, not b"),
+    ):
+        with pytest.raises(SpecError, match=f"E713 .*{message}"):
+            exact.score(task, function)
 
 
 class Predicts:

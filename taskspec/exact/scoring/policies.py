@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -18,8 +19,10 @@ from taskspec.exact.scoring.experts import Expert
 from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exact.simulation.rollout import State
 from taskspec.lang.ir import Role
+from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]
+Function = Callable[[State, int], Mapping[str, Any]]
 Asking = Literal["probabilities", "actions", "samples"]
 """What the value of a policy rests on: its probabilities of actions, its actions where they are always the same, or episodes."""
 
@@ -46,12 +49,45 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None) -> V
         return _predicted(Asked(task, policy, deterministic), results)
     if not callable(policy):
         misused(f"{type(policy).__name__} is no policy", "a table, a function, or an object with `predict`")
+    function = _of_states(task, policy)
     if model is not None and model.task is task:
         try:
-            return Valued(Return(solve.policy_return(model, plan_of_function(model, policy))), "actions")
+            return Valued(Return(solve.policy_return(model, plan_of_function(model, function))), "actions")
         except _Varies:
             pass
-    return Valued(results.simulated(lambda state, t, rng: policy(state, t)), "samples")
+    return Valued(results.simulated(lambda state, t, rng: function(state, t)), "samples")
+
+
+def _of_states(task: Task, policy: Callable[..., Any]) -> Function:
+    """A function from states and the time to actions by component, whose arguments and answers are looked at.
+
+    Raises:
+        SpecError: (E713) when it takes something else; once it is asked, when it gives something else.
+    """
+    names = [c.name for c in task.action]
+    hint = f"`lambda state, t: {{{', '.join(f'{name!r}: ...' for name in names)}}}`; of observations, an object with `predict`"
+    try:
+        inspect.signature(policy).bind({}, 0)
+    except ValueError:  # nothing is known of it
+        pass
+    except TypeError:
+        misused("a function that is a policy takes the states and the time", hint)
+
+    def chosen(state: State, t: int) -> Mapping[str, Any]:
+        answer = policy(state, t)
+        if not isinstance(answer, Mapping) or any(name not in answer for name in names):
+            given = (
+                ", ".join(map(str, answer))
+                if isinstance(answer, Mapping)
+                else f"a value of type {type(answer).__name__}"
+            )
+            misused(
+                f"a function that is a policy gives the action by component, {', '.join(names)}, not {given or 'nothing'}",
+                hint,
+            )
+        return answer
+
+    return chosen
 
 
 def _tabulated(table: Any, results: Results) -> Valued:
@@ -97,7 +133,7 @@ class _Varies(Exception):
     """A policy does not give the same actions each time it is asked about the same states."""
 
 
-def plan_of_function(model: Model, policy: Callable[[State, int], Mapping[str, Any]]) -> Plan:
+def plan_of_function(model: Model, policy: Function) -> Plan:
     """A function from states by component, (*shape, S), and the time to actions by component.
 
     Raises:
