@@ -1,0 +1,60 @@
+"""What `docs/layouts.py` measures of layouts, on pictures whose measures are plain."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.shared.scripts import script
+
+LAYOUTS = script("layouts")
+SQUARES = [(0.0, 0.0, 1.0, 1.0), (4.0, 0.0, 5.0, 1.0), (0.0, 4.0, 1.0, 5.0), (4.0, 4.0, 5.0, 5.0)]
+
+
+def line(*points: tuple[float, float]) -> np.ndarray:
+    return np.array(points)
+
+
+def test_faults_are_counted() -> None:
+    arrows = [
+        (0, 3, line((1, 1), (4, 4))), (1, 2, line((4, 1), (1, 4))),  # which cross
+        (2, 3, line((1, 4.5), (2, 4.5), (2, 0.5), (4.5, 0.5), (4.5, 4))),  # over a vertex, and over both of them
+    ]  # fmt: skip
+    labels = [(0, (2.2, 2.2, 2.8, 2.8)), (2, (3.8, 0.2, 4.2, 0.4))]
+    found = LAYOUTS.Layout(SQUARES, arrows, labels).measured()
+    assert found == {
+        "crossings": 3, "arrows over vertices": 1, "vertices over vertices": 0, "labels over labels or vertices": 1,
+        "arrows through labels of others": 1, "length of an arrow (cm)": pytest.approx((2 * 18**0.5 + 11) / 3),
+        "area (cm²)": 25.0,
+    }  # fmt: skip
+
+
+def test_graphs_are_the_same_every_time_and_ours_have_no_arrow_over_a_vertex() -> None:
+    first, again = (list(islice(LAYOUTS.plans(), 12)) for _ in range(2))
+    assert first == again
+    shown = [LAYOUTS.ours(plan).measured() for plan in first if plan is not None]
+    assert len(shown) > 8
+    assert all(x["arrows over vertices"] == x["vertices over vertices"] == 0 for x in shown)
+
+
+def test_what_graphviz_writes_is_read(tmp_path: Path) -> None:
+    """A picture in its format `plain`, in inches: three vertices in a row, and the arrows between them."""
+    plan = next(plan for plan in LAYOUTS.plans() if plan is not None and len(plan.spots) == 3)
+    text = ["graph 1 9 1"] + [f'node {i} {3 * i} 0 1 1 "" solid box black lightgrey' for i in range(3)]
+    rank = {v: i for i, v in enumerate(plan.spots)}
+    for arc, told in zip(plan.arcs, plan.told, strict=True):
+        a, b = 3 * rank[arc.source], 3 * rank[arc.target]
+        label = "" if told is None else f' "" {(a + b) / 2} 5'
+        text.append(f"edge {a // 3} {b // 3} 4 {a} 0 {a} 9 {b} 9 {b} 0{label} solid black")
+    (tmp_path / "plain").write_text("\n".join([*text, "stop"]), encoding="utf-8")
+    command = shlex.join([sys.executable, "-c", f"print(open({str(tmp_path / 'plain')!r}).read())"])
+    found = LAYOUTS.graphviz(plan, command)
+    frames = np.array(found.vertices) / 2.54
+    assert frames == pytest.approx(np.array([(3 * i - 0.5, -0.5, 3 * i + 0.5, 0.5) for i in range(3)]))
+    assert [(a, b) for a, b, _ in found.arrows] == [(rank[x.source], rank[x.target]) for x in plan.arcs]
+    assert len(found.labels) == sum(told is not None for told in plan.told)
