@@ -65,6 +65,18 @@ def test_pages_go_into_other_documents(opening: str, brief: bool, tmp_path: Path
 
 @pytest.mark.slow
 @TEX
+@pytest.mark.parametrize(("width", "is_stacked"), [("19cm", False), ("8cm", True)])
+def test_tables_that_would_shrink_too_far_are_stacked(width: str, is_stacked: bool, tmp_path: Path) -> None:
+    """A row of a table has its words beside one another; of a stacked one, all rows have the titles."""
+    write(["derail/Sort-v0"], ["latex"], tmp_path)
+    page = rf"\textwidth={width}\input{{preamble}}"
+    compiled(tmp_path, rf"\documentclass{{article}}{page}\begin{{document}}\input{{sort}}\end{{document}}")
+    text = subprocess.run(["pdftotext", tmp_path / "paper.pdf", "-"], capture_output=True, text=True, check=True).stdout
+    assert (text.count("what follows") > 1) == is_stacked
+
+
+@pytest.mark.slow
+@TEX
 def test_the_document_has_numbered_captions_and_metadata(tmp_path: Path) -> None:
     path = write(FAMILY, ["pdf"], tmp_path, title="Three tasks")[-1]
     said = subprocess.run(["pdfinfo", path], capture_output=True, text=True, check=True).stdout

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import assert_never
 from urllib.parse import quote
@@ -126,14 +126,15 @@ class LatexWriter:
         return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}
 
     def table(self, section: Section) -> str:
-        """A tabular, as wide as the line at the most."""
+        """A tabular, as wide as the line at the most, and its rows as paragraphs for lines that are too short for it."""
         found = section.table
         if found is None:
             return ""
-        rows = [" & ".join(map(self.cell, row)) for row in found.rows]
-        head = " & ".join(rf"\taskspechead{{{escape(title)}}}" for title in found.header)
-        body = r" \\ ".join([head, *rows])
-        return rf"\taskspectable{{{'l' * len(found.header)}}}{{{body}}}"
+        rows = [[self.cell(cell) for cell in row] for row in found.rows]
+        heads = [rf"\taskspechead{{{escape(title)}}}" for title in found.header]
+        body = r" \\ ".join(" & ".join(row) for row in [heads, *rows])
+        stacked = "".join(rf"\taskspecrow{{{_stacked(found.header, heads, row)}}}" for row in rows)
+        return rf"\taskspectable{{{'l' * len(heads)}}}{{{body}}}{{{stacked}}}"
 
     def cell(self, content: Inlines) -> str:
         """Prose in a line of its own, in which formulas are not broken."""
@@ -209,3 +210,9 @@ def _is_rigid(math: m.Math) -> bool:
 def _address(address: str) -> str:
     """An address with whatever TeX could take as its own written in per cent."""
     return quote(address, safe=":/?=&.,+-@!*();~'").replace("%", r"\%").replace("&", r"\&").replace("~", r"\~{}")
+
+
+def _stacked(titles: Sequence[str], heads: Sequence[str], row: Sequence[str]) -> str:
+    """What a row of a table says, one cell after the other."""
+    cells = zip(titles, heads, row, strict=True)
+    return r"\quad ".join(f"{head} {cell}" if title else cell for title, head, cell in cells if cell)
