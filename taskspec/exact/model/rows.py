@@ -15,6 +15,8 @@ from taskspec.exact.model.transitions import Outcomes, Steps
 
 Array = np.ndarray[Any, Any]
 CHUNK = 16_384
+MOVED = 1_000_000
+"""How many entries are moved together at once."""
 TIDY = 2_000_000
 """Up to this many non-zeros, equal columns of a row are merged and sorted."""
 
@@ -43,7 +45,7 @@ class RowCollector:
 
     def __init__(self, rows: int, entries: int) -> None:
         self.columns, self.weights = np.empty(entries, np.int32), np.empty(entries)
-        self.counts, self.reward = np.empty(rows, np.int64), np.empty(rows)
+        self.counts, self.reward = np.empty(rows, np.int32), np.empty(rows)
         self.marked: dict[str, Array] = {}  # `ends` and `escaping`, once they occur
         self.spread: Array | None = None
         self.slots: list[Array | None] = []
@@ -75,20 +77,32 @@ class RowCollector:
     def step(self, states: int) -> Step:
         """The matrices of everything gathered."""
         sparse = scipy_sparse()
+        spread, escaping, self.spread = self._own_spread(), self.marked.get("escaping"), None
         columns, weights = self.columns[: self.entry], self.weights[: self.entry]
         indptr = np.concatenate(([0], np.cumsum(self.counts, dtype=np.int32 if self.entry < 2**31 else np.int64)))
-        parts = [(weights, columns, indptr)]
+        self.counts = self.counts[:0]  # as there may be no memory for these as well
+        parts: list[tuple[Array, Array, Array]] = [(weights, columns, indptr)]
         if "ends" in self.marked:
             ends = self.marked["ends"][: self.entry]
-            parts = [_only(flags, *parts[0]) for flags in (~ends, ends)]
+            ended = _only(ends, weights, columns, indptr)
+            parts = [_without(ends, weights, columns, indptr), ended]
         shape, kind = (self.row, states), columns.dtype if self.entry < 2**31 else np.int64
-        built = [sparse.csr_array((data, where, first.astype(kind)), shape=shape) for data, where, first in parts]
+        built = [
+            sparse.csr_array((data, where, first.astype(kind, copy=False)), shape=shape) for data, where, first in parts
+        ]
         if self.entry <= TIDY:
             built = [_tidy(matrix.copy()) for matrix in built]
         slots = None if self.entry <= TIDY or len(built) > 1 else self._shared(self.row // states)
         ending = built[1] if len(built) > 1 else None
-        escaping = self.marked.get("escaping")
-        return Step(built[0], ending, self.reward, escaping, slots, self.terms, self.scale, self.spread)
+        return Step(built[0], ending, self.reward, escaping, slots, self.terms, self.scale, spread)
+
+    def _own_spread(self) -> Array | None:
+        """The spread, unless it says no more than the rewards."""
+        if self.spread is None:
+            return None
+        starts = range(0, len(self.reward), MOVED)
+        pairs = ((self.spread[low : low + MOVED], np.abs(self.reward[low : low + MOVED])) for low in starts)
+        return None if all(np.array_equal(spread, size, equal_nan=True) for spread, size in pairs) else self.spread
 
     def _shared(self, actions: int) -> Array | None:
         """The probabilities (A, K) that all rows of an action share, if they do; pieces are as many for each action."""
@@ -104,6 +118,18 @@ def _only(flags: Array, weights: Array, columns: Array, indptr: Array) -> tuple[
     before = np.zeros(len(flags) + 1, indptr.dtype)
     np.cumsum(flags, out=before[1:])
     return weights[flags], columns[flags], before[indptr]
+
+
+def _without(flags: Array, weights: Array, columns: Array, indptr: Array) -> tuple[Array, Array, Array]:
+    """The entries of rows that are not marked, moved together in place: there may be no memory for a copy."""
+    before = np.zeros(len(flags) + 1, indptr.dtype)
+    np.cumsum(~flags, out=before[1:])
+    last = 0
+    for low in range(0, len(flags), MOVED):
+        kept = np.flatnonzero(~flags[low : low + MOVED]) + low
+        weights[last : last + len(kept)], columns[last : last + len(kept)] = weights[kept], columns[kept]
+        last += len(kept)
+    return weights[:last], columns[:last], before[indptr]
 
 
 def _tidy(matrix: Any) -> Any:

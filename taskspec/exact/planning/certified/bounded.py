@@ -11,7 +11,7 @@ Deterministic tasks that pay whole numbers are free of rounding, and their error
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -30,6 +30,8 @@ Array = np.ndarray[Any, Any]
 UNKNOWN = 2
 FLOOR = 1e-300
 """More than what products that are too small for a float can lose."""
+PIECE = 2_000_000
+"""How many entries, or numbers of a table, are gone through at once."""
 DEEPEST = 1e4
 """Exponents from here on make weights of 0, which are less than `FLOOR` off."""
 FAINT = 1e-20
@@ -136,11 +138,16 @@ class Bounded:
         if self.model.discount != 1:
             q, error = q * self.model.discount, error * self.model.discount
         rounding = 4 * UNIT if more else self.rounding
-        error += part.reward_error + rounding * (np.abs(q) + np.abs(part.reward) + abs(more))
+        for low in range(0, len(q), PIECE):
+            here = slice(low, low + PIECE)
+            error[here] += part.reward_error[here] + rounding * (
+                np.abs(q[here]) + np.abs(part.reward[here]) + abs(more)
+            )
         q += part.reward
         if more:
             q += more
-        return self._table(q, error * part.inflate)
+        error *= part.inflate
+        return self._table(q, error)
 
     def reached(self, t: int, value: Bound, states: Array) -> Bound:
         """Probabilities (A, S) of being in `states` in the next step, or later by `value`, which is 1 there."""
@@ -160,9 +167,12 @@ class Bounded:
         """Expected values (A*S,) after a step, and bounds of their errors."""
         size = np.abs(value.value)
         both = np.stack([value.value, value.error + part.c * size + self.floor * (size > 0)], axis=1)
-        found = matrix @ both
-        error = found[:, 1] + self.floor * (found[:, 1] > 0) + self.lost(part, value.value, value.error)
-        return found[:, 0].copy(), error
+        q, error, lost = np.empty(matrix.shape[0]), np.empty(matrix.shape[0]), self.lost(part, value.value, value.error)
+        for rows, some in _pieces(matrix):
+            found = some @ both
+            q[rows] = found[:, 0]
+            error[rows] = found[:, 1] + self.floor * (found[:, 1] > 0) + lost
+        return q, error
 
     def lost(self, part: _Part, value: Array, error: Array) -> float:
         """What is not relative to the size of a row: outcomes left out, and products of which nothing is left."""
@@ -273,11 +283,25 @@ class Bounded:
 
 def _weighed(shares: Array, x: Array) -> Array:
     """Sums over actions (S,) of shares (A, S) of values; of an action that is not taken, infinities count for nothing."""
-    with np.errstate(invalid="ignore"):
-        parts = shares * x
-    if np.isnan(parts).any():
-        parts[shares == 0] = 0.0
-    return np.asarray(parts.sum(axis=0))
+    total = np.zeros(shares.shape[1:])
+    for share, value in zip(shares, x, strict=True):  # one by one, as there may be no memory for all at once
+        with np.errstate(invalid="ignore"):
+            part = share * value
+        total += np.where(share == 0, 0.0, part) if np.isnan(part).any() else part
+    return total
+
+
+def _pieces(matrix: Any) -> Iterator[tuple[slice, Any]]:
+    """Some rows of a matrix at a time, which share its entries: products with all of them might need as much memory again."""
+    n, (rows, columns) = max(1, PIECE * matrix.shape[0] // max(1, matrix.nnz)), matrix.shape
+    if rows <= n:
+        yield slice(0, rows), matrix
+        return
+    for low in range(0, rows, n):
+        first = matrix.indptr[low : low + n + 1]
+        here = slice(int(first[0]), int(first[-1]))
+        entries = (matrix.data[here], matrix.indices[here], first - first[0])
+        yield slice(low, low + len(first) - 1), type(matrix)(entries, shape=(len(first) - 1, columns))
 
 
 def _ones(step: Step) -> bool:
