@@ -23,7 +23,7 @@ class Overlay:
     policy: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     occupancy: Mapping[int, float] = field(default_factory=dict)
     legend: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    told: Callable[[State], Mapping[str, str]] | None = None
+    told: Callable[[State], Mapping[str, str]] | None = field(default=None, compare=False)
     here: State | None = None  # the present state, for a frame of an episode
 
     def chosen(self, code: int, action: int) -> bool:
