@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
 from pathlib import Path
@@ -148,11 +149,14 @@ def test_a_learner_that_no_finding_is_about_is_refused() -> None:
     assert "no finding is about a learner 'gail'" in str(error.value)
 
 
-def test_the_command_reads_folders_and_writes_the_page(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_compressed", [False, True])
+def test_the_command_reads_folders_and_writes_the_page(tmp_path: Path, is_compressed: bool) -> None:
     for name, each in results({k: v for k, v in learners().items() if k in ("gail_im", "gail_sb")}).items():
         folder = tmp_path / "paper" / name
         folder.mkdir(parents=True)
-        (folder / "exam.json").write_text(json.dumps({"transitions": 10_000, **each}), encoding="utf-8")
+        content = json.dumps({"transitions": 10_000, **each}).encode()
+        path = folder / ("exam.json.gz" if is_compressed else "exam.json")
+        path.write_bytes(gzip.compress(content) if is_compressed else content)
     done = Done("report", *sorted((tmp_path / "paper").iterdir()), "--findings", "derail", "-o", tmp_path / "out")
     assert done.status == 0
     assert any(
@@ -162,6 +166,14 @@ def test_the_command_reads_folders_and_writes_the_page(tmp_path: Path) -> None:
     assert told["F01"]["outcomes"]["paper"]["outcome"] == "confirmed"
     assert told["F16"]["outcomes"]["paper"]["outcome"] == "not run"
     assert "2 exams, of 15 seeds" in (tmp_path / "out" / "findings.md").read_text(encoding="utf-8")
+    assert Done("report", tmp_path / "paper" / "gail_im", "-o", tmp_path / "one").status == 0
+
+
+@pytest.mark.parametrize("content", [b"", b"{}", gzip.compress(b"{}"), gzip.compress(b"{")[:-9], b"\x1f\x8b\x08"])
+def test_a_compressed_exam_that_is_none_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "exam.json.gz").write_bytes(content)
+    done = Done("report", tmp_path)
+    assert done.status == 1 and ("E721" in done.err or "E711" in done.err)
 
 
 # -- the file ---------------------------------------------------------------------------------------------------------

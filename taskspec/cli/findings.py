@@ -51,10 +51,12 @@ def results_of(folders: Sequence[Path]) -> list[Result]:
 
 def exams_in(folder: Path) -> list[Path]:
     """The folders with an exam, where there are some below this one; else this one."""
+    from taskspec.exam.results import NAMES
+
     if not folder.is_dir():
         return [folder.parent]
-    below = sorted(path.parent for path in folder.rglob("exam.json"))
-    return below or [folder]
+    below = {path.parent for name in NAMES for path in folder.rglob(name)}
+    return sorted(below) or [folder]
 
 
 def merged(results: Sequence[Result]) -> dict[str, dict[str, dict[str, Any]]]:
@@ -74,6 +76,7 @@ def setups(exams: Sequence[Exam]) -> list[str]:
     """How results were obtained, in lines: one for each that differs."""
     from taskspec.exam.report.told import duration
 
+    commands = dict.fromkeys(exam["command"] for exam in exams if exam["command"])
     versions = dict.fromkeys(", ".join(f"{k} {v}" for k, v in exam["versions"].items()) for exam in exams)
     machines = dict.fromkeys(", ".join(f"{k} {v}" for k, v in exam["machine"].items()) for exam in exams)
     seeds = sorted({len(exam["seeds"]) for exam in exams})
@@ -84,6 +87,7 @@ def setups(exams: Sequence[Exam]) -> list[str]:
     )
     return [
         f"{runs}; {spent} of training",
+        *(f"by `{each}`" for each in commands),
         *(f"with {each}" for each in versions),
         *(f"on {each}" for each in machines),
     ]

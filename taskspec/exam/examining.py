@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 import shlex
 import sys
 import tempfile
@@ -11,16 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-import taskspec
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.envs.measure import machine
 from taskspec.exam import yardsticks
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.diagnoses import evaluate
 from taskspec.exam.flags import check_comparable, flags
 from taskspec.exam.learners import Examinee, learner_of
-from taskspec.exam.results import FORMAT, Exam, Examined, Score, machine, read, write
+from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
 from taskspec.exam.suites import exam_id, tasks_of
 from taskspec.exam.trial import LearnerFailed, Row, Trial, run_trial
 from taskspec.exam.twins import Modifiers, twins_of
@@ -207,10 +204,10 @@ def _exam(who: Examinee, suite: str, plan: Sequence[Planned], rows: Rows, tasks:
     cost = {
         name: float(sum(s[name] or 0 for s in scores)) for name in ("steps", "demonstrations", "comparisons", "seconds")
     }
-    versions = {"taskspec": taskspec.__version__, "python": platform.python_version(), "numpy": np.__version__}
+    where = machine()
     return Exam(
         exam=FORMAT, learner=who.name, learns_from=list(who.learns_from), suite=suite, steps=terms.steps,
-        transitions=terms.transitions, seeds=seeds, versions=versions, machine=machine(),
+        transitions=terms.transitions, seeds=seeds, versions=where.pop("versions"), machine=where,
         command=shlex.join(["taskspec", *sys.argv[1:]]) if Path(sys.argv[0]).name == "taskspec" else "",
         tasks=tasks, scores=scores, verdicts={}, flags=[],
         diagnoses=[], cost=cost,

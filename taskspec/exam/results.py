@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import json
-import platform
+import zlib
 from pathlib import Path
 from typing import Any, Literal, TypedDict
 
@@ -12,6 +13,8 @@ from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.files import write_text
 
 FORMAT, NAME = 1, "exam.json"
+NAMES = (NAME, f"{NAME}.gz")
+"""What an exam in a folder may be called: it may be compressed."""
 BASELINES = "baselines"
 """The folder of a suite with exams that others can be compared with."""
 Grade = Literal["masters", "unsure", "fails"]
@@ -92,13 +95,6 @@ class Exam(TypedDict):
     cost: dict[str, float]
 
 
-def machine() -> dict[str, Any]:
-    """The machine that an exam ran on."""
-    import os
-
-    return {"system": platform.system(), "processor": platform.machine(), "cores": os.cpu_count()}
-
-
 def write(exam: Exam, folder: Path) -> Path:
     """Keep what was found as `exam.json` in a folder.
 
@@ -118,7 +114,8 @@ def read(folder: Path | str) -> Exam:
     """
     path = _place(Path(folder))
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        content = path.read_bytes()
+        found = json.loads(gzip.decompress(content) if path.suffix == ".gz" else content)
     except FileNotFoundError:
         shipped = [f"{p.parents[1].name}/{p.stem}" for p in sorted(registry.tasks_root().glob(f"*/{BASELINES}/*.json"))]
         hint = (
@@ -128,7 +125,7 @@ def read(folder: Path | str) -> Exam:
         raise SpecError([Diagnostic("E710", None, f"there is no exam in '{folder}'", hint)]) from None
     except OSError as error:
         raise SpecError([Diagnostic("E711", None, f"cannot read '{path}': {error.strerror or error}")]) from None
-    except ValueError:
+    except (ValueError, EOFError, zlib.error):
         found = None
     if not isinstance(found, dict) or found.get("exam") != FORMAT or not Exam.__required_keys__ <= found.keys():
         raise SpecError([Diagnostic("E721", None, f"'{path}' holds no exam of this version", "hold it again")])
@@ -141,4 +138,6 @@ def _place(given: Path) -> Path:
     shipped = registry.tasks_root() / suite / BASELINES / f"{name}.json"
     if not given.exists() and shipped.is_file():
         return shipped
-    return given / NAME if given.is_dir() else given
+    if not given.is_dir():
+        return given
+    return next((given / name for name in NAMES if (given / name).exists()), given / NAME)

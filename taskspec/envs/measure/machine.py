@@ -12,7 +12,18 @@ from typing import Any
 
 import taskspec
 
-PACKAGES = ("numpy", "numba", "jax", "gymnasium", "seals", "gymnax", "envpool")
+PACKAGES = (
+    "numpy",
+    "numba",
+    "jax",
+    "optax",
+    "gymnasium",
+    "seals",
+    "gymnax",
+    "envpool",
+    "stable-baselines3",
+    "imitation",
+)
 CPU_INFO = Path("/proc/cpuinfo")
 
 
