@@ -20,13 +20,9 @@ from taskspec.exact.planning.certified.bounded import Bounded
 from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exact.simulation.rollout import at_random
 from taskspec.task.build import build
-from taskspec.task.task import Task
+from tests.shared.tasks import shipped
 
 ROOT = Path(__file__).parents[1]
-
-
-def shipped(name: str, variant: str | None = None, **parameters: Any) -> Task:
-    return build(source.read(ROOT / "tasks" / "derail" / f"{name}.yaml"), variant, parameters, "derail")
 
 
 # -- scores ---------------------------------------------------------------------------------------

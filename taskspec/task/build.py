@@ -197,8 +197,7 @@ class _Build:
             raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
             claims=claims, examples=examples, figure=drawn, builder=context.builder, reset_draws=tuple((first | seen).values()),
             step_draws=tuple((later | seen).values()), spec=self.spec, document=self.merged.document, content_hash=self._hash(),
-            surface=context.surface(), fixed=self._fixed(), memory=memory, symmetries=mirrors,
-            required=tuple(context.required),
+            surface=context.surface(), fixed=self._fixed(), memory=memory, symmetries=mirrors, required=tuple(context.required),
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:
