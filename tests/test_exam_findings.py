@@ -20,7 +20,7 @@ from taskspec.task.schema import findings_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, exam
 
-SUITE = registry.tasks_root() / "derail"
+SUITE, DOCS = registry.tasks_root() / "derail", Path(__file__).parents[1] / "docs"
 LUCK = [0.0, 1.0] * 7
 TABULAR = ("RiskyPath", "Branching", "InitShiftLearner")
 
@@ -174,6 +174,14 @@ def test_a_compressed_exam_that_is_none_is_refused(tmp_path: Path, content: byte
     (tmp_path / "exam.json.gz").write_bytes(content)
     done = Done("report", tmp_path)
     assert done.status == 1 and ("E721" in done.err or "E711" in done.err)
+
+
+def test_the_page_in_the_docs_is_that_of_the_results_beside_it(tmp_path: Path, update_golden: bool) -> None:
+    assert Done("report", DOCS / "results", "--findings", "derail", "-o", tmp_path).status == 0
+    page = (tmp_path / "findings.md").read_text(encoding="utf-8")
+    if update_golden:
+        (DOCS / "findings.md").write_text(page, encoding="utf-8")
+    assert (DOCS / "findings.md").read_text(encoding="utf-8") == page
 
 
 # -- the file ---------------------------------------------------------------------------------------------------------

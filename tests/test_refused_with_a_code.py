@@ -12,6 +12,7 @@ from taskspec import SpecError
 from taskspec.cli.app import app
 from taskspec.source import read_text
 from taskspec.task.build import build
+from tests.shared.commands import Done, spec
 from tests.shared.sections import text
 
 CHAIN = ", ".join(f"x{i}: {{base: x{i - 1}, horizon: {i + 1}}}" if i else "x0: {}" for i in range(400))
@@ -68,6 +69,7 @@ def test_each_gets_its_code(case: str, tmp_path: Path) -> None:
         ("(1, 2, 3)[N - K + M]", "E315", ("with N = 99, K = 0, M = 0",)),
         ("norm1((1, 2) - [i / 2 for i in range(K + 1)])", "E307", ("with K = 0",)),
         ("s in {norm1(p) for p in box(0, N, 9)}", "E314", ("with N = 99",)),
+        ("s in {norm1(p) for p in box(1, M, 2)}", "E407", ("with M = 0",)),
         ("sum((1, 2) + (1, 2, 3))", "E307", ()),
     ],
 )
@@ -86,3 +88,11 @@ reward: "{expression}"
     with pytest.raises(SpecError) as failure:
         build(read_text(text))
     assert [(d.code, d.notes) for d in failure.value.diagnostics] == [(code, note)]
+
+
+def test_bounds_that_hang_on_parameters_name_their_values(tmp_path: Path) -> None:
+    path = spec(
+        tmp_path, text(parameters="{K: {type: int, default: 0}}", state="{s: {type: int, low: 2 * K, high: K - 1}}")
+    )
+    assert "no value lies between low = 0 and high = -1" in (done := Done("check", path)).err + done.out
+    assert "note: with K = 0" in done.err + done.out

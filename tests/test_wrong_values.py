@@ -131,7 +131,7 @@ FEATURES: dict[str, dict[str, Any]] = {
     "figure": {
         "constants": {"map": {"grid": ["ab"], "legend": {"a": 0, "b": 1}}},
         "figure": {
-            "kind": "grid", "at": ["s", 0], "map": "map", "curve": "s", "values": "[s]",
+            "kind": "grid", "at": ["s", 0], "map": "map", "curve": "s", "values": "[s]", "objects": {"prey": ["s", 0]},
             "highlight": {"good": "s == 3", "bad": "s == 2", "end": "s == 3", "first": "s == 3", "second": "s == 3"},
         },
     },

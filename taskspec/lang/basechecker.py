@@ -23,7 +23,7 @@ class Poisoned(Exception):
     """A part is broken and has been reported; what depends on it is given up."""
 
 
-_OF_VALUES = ("E307", "E314", "E315", "E408")
+_OF_VALUES = ("E307", "E314", "E315", "E407", "E408")
 """Mistakes that may hang on the values of parameters: shapes, sizes, ranges."""
 _WITHOUT_VALUE = ("E307", "E315", "E401", "E402", "E407", "E408")
 """Those of expressions that have no value for some parameters."""
@@ -153,12 +153,13 @@ class BaseChecker(ABC):
     def fail(self, code: str, expr: s.Expr | s.Slice, message: str, hint: str | None = None) -> NoReturn:
         if self._lenient and code in _WITHOUT_VALUE:
             raise Poisoned
-        self.collector.add(code, expr.place, message, hint, self._values(expr) if code in _OF_VALUES else ())
+        self.collector.add(code, expr.place, message, hint, self.values_of(expr) if code in _OF_VALUES else ())
         raise Poisoned
 
-    def _values(self, expr: s.Expr | s.Slice) -> list[str]:
-        """The values of the parameters that an expression names, as a note: at others it may be right."""
-        named = dict.fromkeys(x.id for x in s.names(expr) if isinstance(x, s.Name) and x.id in self.parameters)
+    def values_of(self, *exprs: s.Expr | s.Slice | None) -> list[str]:
+        """The values of the parameters that expressions name, as a note: at others they may be right."""
+        names = (x for expr in exprs if expr is not None for x in s.names(expr))
+        named = dict.fromkeys(x.id for x in names if isinstance(x, s.Name) and x.id in self.parameters)
         return [f"with {', '.join(f'{name} = {self.parameters[name]}' for name in named)}"] if named else []
 
     def expand(self, expr: s.Expr, count: int = 1) -> None:

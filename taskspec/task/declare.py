@@ -259,7 +259,10 @@ class Declarations:
         """Refuse (E407) bounds between which no value lies."""
         for a, b in zip(low, high, strict=True):
             if not a <= b or a == math.inf or b == -math.inf:
-                self._stop("E407", path, f"no value lies between low = {_shown(a)} and high = {_shown(b)}")
+                message = f"no value lies between low = {_shown(a)} and high = {_shown(b)}"
+                ends = (self.forms.expr((*path, key)) for key in ("low", "high"))
+                self.collector.add("E407", self.merged.span(path), message, notes=self.checker.values_of(*ends))
+                raise Poisoned
 
     def edge(self, entry: Mapping[str, Any], key: str, path: Path, type_: Type, scope: Scope) -> tuple[float, ...]:
         if entry.get(key) is None:
