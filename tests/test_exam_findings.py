@@ -15,6 +15,7 @@ import yaml
 from taskspec import registry
 from taskspec.diagnostics import SpecError
 from taskspec.exam.findings import evaluate, html, markdown
+from taskspec.exam.results import LIMIT
 from taskspec.exam.rules import read_findings
 from taskspec.task.schema import findings_schema
 from tests.shared.commands import Done
@@ -169,11 +170,23 @@ def test_the_command_reads_folders_and_writes_the_page(tmp_path: Path, is_compre
     assert Done("report", tmp_path / "paper" / "gail_im", "-o", tmp_path / "one").status == 0
 
 
-@pytest.mark.parametrize("content", [b"", b"{}", gzip.compress(b"{}"), gzip.compress(b"{")[:-9], b"\x1f\x8b\x08"])
-def test_a_compressed_exam_that_is_none_is_refused(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / "exam.json.gz").write_bytes(content)
+@pytest.mark.parametrize(
+    "content",
+    {
+        "nothing": b"",
+        "not compressed": b"{}",
+        "another object": gzip.compress(b"{}"),
+        "cut off": gzip.compress(b"{")[:-9],
+        "only its first bytes": b"\x1f\x8b\x08",
+        "deep": gzip.compress(b"[" * 100_000),
+        "too large": gzip.compress(b" " * (LIMIT + 1)),
+    }.items(),
+    ids=lambda item: item[0].replace(" ", "-"),
+)
+def test_a_compressed_exam_that_is_none_is_refused(tmp_path: Path, content: tuple[str, bytes]) -> None:
+    (tmp_path / "exam.json.gz").write_bytes(content[1])
     done = Done("report", tmp_path)
-    assert done.status == 1 and ("E721" in done.err or "E711" in done.err)
+    assert done.status == 1 and "E721" in done.err
 
 
 def test_the_page_in_the_docs_is_that_of_the_results_beside_it(tmp_path: Path, update_golden: bool) -> None:

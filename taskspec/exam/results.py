@@ -17,6 +17,8 @@ NAMES = (NAME, f"{NAME}.gz")
 """What an exam in a folder may be called: it may be compressed."""
 BASELINES = "baselines"
 """The folder of a suite with exams that others can be compared with."""
+LIMIT = 256 * 2**20
+"""Bytes of an exam, unpacked; the benchmark of the paper leaves some 100 kB for a learner."""
 Grade = Literal["masters", "unsure", "fails"]
 Score = TypedDict(
     "Score",
@@ -114,8 +116,9 @@ def read(folder: Path | str) -> Exam:
     """
     path = _place(Path(folder))
     try:
-        content = path.read_bytes()
-        found = json.loads(gzip.decompress(content) if path.suffix == ".gz" else content)
+        with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
+            content = file.read(LIMIT + 1)
+        found = json.loads(content) if len(content) <= LIMIT else None
     except FileNotFoundError:
         shipped = [f"{p.parents[1].name}/{p.stem}" for p in sorted(registry.tasks_root().glob(f"*/{BASELINES}/*.json"))]
         hint = (
@@ -123,9 +126,11 @@ def read(folder: Path | str) -> Exam:
             or f"`taskspec exam LEARNER --out FOLDER` leaves one; there are {', '.join(shipped)}"
         )
         raise SpecError([Diagnostic("E710", None, f"there is no exam in '{folder}'", hint)]) from None
+    except gzip.BadGzipFile:
+        found = None
     except OSError as error:
         raise SpecError([Diagnostic("E711", None, f"cannot read '{path}': {error.strerror or error}")]) from None
-    except (ValueError, EOFError, zlib.error):
+    except (ValueError, EOFError, RecursionError, zlib.error):
         found = None
     if not isinstance(found, dict) or found.get("exam") != FORMAT or not Exam.__required_keys__ <= found.keys():
         raise SpecError([Diagnostic("E721", None, f"'{path}' holds no exam of this version", "hold it again")])
