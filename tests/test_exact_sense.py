@@ -96,6 +96,33 @@ def test_noise_tells_nothing_and_a_named_goal_tells_all() -> None:
     assert "W509" not in {d.code for d in sense(task(**two, observation="{s: s, z: 'Normal(mean=side, std=1)'}"))}
 
 
+@pytest.mark.parametrize(
+    ("good", "pair"),
+    [
+        ([[1, 1, 0], [0, 1, 0], [1, 0, 0]], "begin in k = 1 and in k = 2;"),
+        ([[0, 1, 1], [0, 0, 1], [1, 0, 0]], "begin in k = 0 and in k = 2;"),
+        ([[1, 1, 0], [0, 1, 1], [1, 0, 1]], "begin in k = 0 and in k = 1;"),
+        ([[1, 1, 0], [0, 1, 1], [0, 1, 0]], None),
+    ],
+    ids=["the second and the third", "the first and the third", "every two have one", "all have one"],
+)
+def test_two_first_states_are_named_that_have_no_best_action_in_common(good: list[list[int]], pair: str | None) -> None:
+    parts = {
+        "parameters": "{}",
+        "constants": f"{{good: {good}}}",
+        "state": "{k: {type: int, low: 0, high: 2}}",
+        "action": "{a: {type: int, low: 0, high: 2}}",
+        "initial": "{k: 'UniformInt(0, 2)'}",
+        "dynamics": "{k': k}",
+        "observation": "{nothing: 0}",
+        "reward": "good[k, a]",
+        "horizon": "1",
+        "expert": "optimal",
+    }
+    found = [d.message for d in sense(task(**parts)) if d.code == "W509"]
+    assert len(found) == (pair is not None) and all(pair in message for message in found if pair)
+
+
 @pytest.mark.parametrize("made", tasks(SHIPPED), ids=lambda t: t.id)
 def test_shipped_tasks_make_sense(made: Task) -> None:
     accepted = made.spec.accept
