@@ -20,7 +20,9 @@ def visible(text: str, keep: str = "\n") -> str:
     """A text that shows all that it holds; characters in `keep` stay as they are."""
     if text.isprintable():
         return text
-    return "".join(c if c in keep or not _is_hidden(c) else c.encode("unicode_escape").decode() for c in text)
+    for char in filter(_is_hidden, set(text) - set(keep)):
+        text = text.replace(char, char.encode("unicode_escape").decode())
+    return text
 
 
 def visible_json(data: Any) -> str:

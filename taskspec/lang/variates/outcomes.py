@@ -22,7 +22,7 @@ def product(draw: Draw, rows: Sequence[Array], dtype: Any) -> tuple[Array, Array
     digits = np.array(list(itertools.product(*(range(len(r)) for r in rows))), dtype=np.int64)
     p: Any = 1
     for e, row in enumerate(rows):
-        p = p * row[digits[:, e]]
+        p = p * row[digits[:, e]] if e else row[digits[:, e]]
     return digits.reshape(-1, *shape).astype(dtype), p
 
 

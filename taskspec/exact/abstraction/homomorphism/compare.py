@@ -91,7 +91,8 @@ class _Comparison:
         for t, acting in self._acting(times):
             mine = _Laws.of(self.whole, t, self.chances, self.mapped)
             others = _Laws.of(self.other, t, self.chances, np.arange(self.other.n_states))
-            row = self._differing_row(mine, others, acting)
+            rows = np.flatnonzero(np.tile(acting, self.whole.n_actions))
+            row = mine.differs(others, rows, self._row(rows))
             if row is not None:
                 action, state = divmod(row, self.whole.n_states)
                 where = f"in {self.whole.state_name(state)} with {self.whole.action_name(action)}"
@@ -108,27 +109,14 @@ class _Comparison:
         action, state = np.divmod(row, self.whole.n_states)
         return action * self.other.n_states + self.mapped[state]
 
-    def _differing_row(self, mine: _Laws, others: _Laws, acting: Array) -> int | None:
-        """The first row a*S + s whose law is another one, among states (S,) in which episodes act."""
-        rows = np.flatnonzero(np.tile(acting, self.whole.n_actions))
-        theirs = self._row(rows)
-        counts = np.diff(mine.first)[rows]
-        apart = counts != np.diff(others.first)[theirs]
-        if not apart.any():
-            own, other = _ranges(mine.first[rows], counts), _ranges(others.first[theirs], counts)
-            wrong = np.zeros(len(own), np.bool_)
-            for name in ("to", "ends", "reward", "weight"):
-                wrong |= (getattr(mine, name)[own] != getattr(others, name)[other]).astype(np.bool_)
-            apart = np.bincount(np.repeat(np.arange(len(rows)), counts), wrong, len(rows)) > 0
-        return int(rows[np.flatnonzero(apart)[0]]) if apart.any() else None
-
     def _experts(self) -> str | None:
         nodes = [node for m in (self.whole, self.other) for node in _expert(m)]
         for t, acting in self._acting(_times(self.whole, TIME in reads(nodes))):
-            mine, others = (_table(m, t, self.chances) for m in (self.whole, self.other))
-            for state in np.flatnonzero(acting).tolist():
-                if self._differing(mine.get(state, {}), others.get(int(self.mapped[state]), {})) is not None:
-                    return f"in {self.whole.state_name(state)} the experts act in different ways"
+            mine, others = (_Laws.of_expert(m, t, self.chances) for m in (self.whole, self.other))
+            rows = np.flatnonzero(acting)
+            state = mine.differs(others, rows, self.mapped[rows])
+            if state is not None:
+                return f"in {self.whole.state_name(state)} the experts act in different ways"
         return None
 
     def _differing(self, mine: Law, others: Law) -> str | None:
@@ -164,7 +152,7 @@ def _first(model: Model, chances: Chances) -> Law:
 class _Laws:
     """What can follow each row a*S + s: (mapped) next states, ends, rewards, in order, and their probabilities.
 
-    Those of row r are entries `first[r]` to `first[r + 1]`.
+    Those of row r are entries `first[r]` to `first[r + 1]`. Of experts, rows are states, and what follows are actions.
     """
 
     first: Array
@@ -182,15 +170,41 @@ class _Laws:
                 to = mapped[np.minimum(np.searchsorted(model.codes, found.code), n - 1)]
                 values = (a * n + at, to, found.terminal, found.reward, found.weight)
                 parts.append(tuple(np.broadcast_to(v, (len(at),)) for v in values))
+        return cls._ordered(parts, n * model.n_actions)
+
+    @classmethod
+    def of_expert(cls, model: Model, t: int, chances: Chances) -> _Laws:
+        nodes, given, parts = _expert(model), model.reads(t), []
+        if count(draws(nodes), {}) > MOST:
+            raise Uncompared("the expert draws from too many outcomes")
+        for branch in branches(draws(nodes), given, model.n_states, chances):
+            action, at = acted(model.actions, nodes, given, branch, model.n_states)
+            parts.append(tuple(np.broadcast_to(v, (len(at),)) for v in (at, action, False, 0.0, branch.weight)))
+        return cls._ordered(parts, model.n_states)
+
+    @classmethod
+    def _ordered(cls, parts: Sequence[tuple[Array, ...]], rows: int) -> _Laws:
         row, to, ends, reward, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
         order = np.lexsort((reward, ends, to, row))
         row, to, ends, reward, weight = (x[order] for x in (row, to, ends, reward, weight))
         fresh = np.ones(len(row), np.bool_)
         fresh[1:] = (np.diff(row) != 0) | (np.diff(to) != 0) | (ends[1:] != ends[:-1]) | (reward[1:] != reward[:-1])
         start = np.flatnonzero(fresh)
-        first = np.searchsorted(row[start], np.arange(n * model.n_actions + 1))
+        first = np.searchsorted(row[start], np.arange(rows + 1))
         total = weight if len(start) == len(row) else np.add.reduceat(weight, start)
         return cls(first, to[start], ends[start], reward[start], total)
+
+    def differs(self, others: _Laws, rows: Array, theirs: Array) -> int | None:
+        """The first of some rows whose law is not that of a row of others."""
+        counts = np.diff(self.first)[rows]
+        apart = counts != np.diff(others.first)[theirs]
+        if not apart.any():
+            own, other = _ranges(self.first[rows], counts), _ranges(others.first[theirs], counts)
+            wrong = np.zeros(len(own), np.bool_)
+            for name in ("to", "ends", "reward", "weight"):
+                wrong |= (getattr(self, name)[own] != getattr(others, name)[other]).astype(np.bool_)
+            apart = np.bincount(np.repeat(np.arange(len(rows)), counts), wrong, len(rows)) > 0
+        return int(rows[np.flatnonzero(apart)[0]]) if apart.any() else None
 
     def law(self, row: int) -> Law:
         here = range(int(self.first[row]), int(self.first[row + 1]))
@@ -205,19 +219,3 @@ def _ranges(first: Array, counts: Array) -> Array:
 def _expert(model: Model) -> tuple[Node, ...]:
     assert isinstance(model.task.expert, tuple)
     return model.task.expert
-
-
-def _table(model: Model, t: int, chances: Chances) -> dict[int, Law]:
-    """For each state the probability of every action of the expert."""
-    nodes, given = _expert(model), model.reads(t)
-    if count(draws(nodes), {}) > MOST:
-        raise Uncompared("the expert draws from too many outcomes")
-    found: dict[int, Law] = {}
-    for branch in branches(draws(nodes), given, model.n_states, chances):
-        action, at = acted(model.actions, nodes, given, branch, model.n_states)
-        for s, a, p in zip(
-            at.tolist(), action.tolist(), np.broadcast_to(branch.weight, (len(at),)).tolist(), strict=True
-        ):
-            law = found.setdefault(s, {})
-            law[a] = law.get(a, Fraction(0)) + p
-    return found

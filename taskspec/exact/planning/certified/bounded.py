@@ -137,16 +137,17 @@ class Bounded:
         q, error = self._through(part, part.step.going, value)
         if self.model.discount != 1:
             q, error = q * self.model.discount, error * self.model.discount
-        rounding = 4 * UNIT if more else self.rounding
-        for low in range(0, len(q), PIECE):
-            here = slice(low, low + PIECE)
-            error[here] += part.reward_error[here] + rounding * (
-                np.abs(q[here]) + np.abs(part.reward[here]) + abs(more)
-            )
+        if more or not self.is_whole:
+            rounding = 4 * UNIT if more else self.rounding
+            for low in range(0, len(q), PIECE):
+                here = slice(low, low + PIECE)
+                error[here] += part.reward_error[here] + rounding * (
+                    np.abs(q[here]) + np.abs(part.reward[here]) + abs(more)
+                )
+            error *= part.inflate
         q += part.reward
         if more:
             q += more
-        error *= part.inflate
         return self._table(q, error)
 
     def reached(self, t: int, value: Bound, states: Array) -> Bound:
@@ -166,12 +167,15 @@ class Bounded:
     def _through(self, part: _Part, matrix: Any, value: Bound) -> tuple[Array, Array]:
         """Expected values (A*S,) after a step, and bounds of their errors."""
         size = np.abs(value.value)
-        both = np.stack([value.value, value.error + part.c * size + self.floor * (size > 0)], axis=1)
-        q, error, lost = np.empty(matrix.shape[0]), np.empty(matrix.shape[0]), self.lost(part, value.value, value.error)
+        off = value.error + part.c * size + self.floor * (size > 0)
+        q, error, lost = np.empty(matrix.shape[0]), np.zeros(matrix.shape[0]), self.lost(part, value.value, value.error)
         for rows, some in _pieces(matrix):
-            found = some @ both
-            q[rows] = found[:, 0]
-            error[rows] = found[:, 1] + self.floor * (found[:, 1] > 0) + lost
+            q[rows] = some @ value.value
+        if not (off.any() or lost):
+            return q, error
+        for rows, some in _pieces(matrix):
+            found = some @ off
+            error[rows] = found + self.floor * (found > 0) + lost
         return q, error
 
     def lost(self, part: _Part, value: Array, error: Array) -> float:
@@ -196,9 +200,11 @@ class Bounded:
     def follow(self, policy: Policy, q: Bound) -> Bound:
         """The value of acting by a policy."""
         p = policy.table
-        value, size = _weighed(p, q.value), _weighed(p, np.abs(q.value))
+        value = _weighed(p, q.value)
         rounding = np.where(p.max(axis=0) == 1, 0.0, (len(p) + 4) * UNIT)
-        error = _weighed(p, q.error) * (1 + (len(p) + 4) * 4 * UNIT) + rounding * size
+        error = _weighed(p, q.error) * (1 + (len(p) + 4) * 4 * UNIT)
+        if rounding.any():
+            error += rounding * _weighed(p, np.abs(q.value))
         if policy.error is not None:
             error += _weighed(policy.error, np.abs(q.value) + q.error) * (1 + 1e-12)
         if policy.open is not None:

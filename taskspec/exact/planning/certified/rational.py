@@ -59,11 +59,12 @@ class Chances:
 
     def ratio(self, part: Array, whole: Array) -> Array:
         shape = np.broadcast_shapes(part.shape, whole.shape)
-        pairs = zip(np.broadcast_to(part, shape).flat, np.broadcast_to(whole, shape).flat, strict=True)
-        return _objects([Fraction(int(p), int(w)) for p, w in pairs]).reshape(shape)
+        pairs = [*zip(np.broadcast_to(part, shape).flat, np.broadcast_to(whole, shape).flat, strict=True)]
+        known = {(p, w): Fraction(int(p), int(w)) for p, w in set(pairs)}  # there are few, of many outcomes
+        return _objects([known[pair] for pair in pairs]).reshape(shape)
 
     def times(self, a: Array, b: Array) -> Array:
-        return np.asarray(a * b)
+        return b if a.shape == (1,) and a[0] == 1 else np.asarray(a * b)
 
 
 def _objects(values: list[Any]) -> Array:
@@ -82,7 +83,7 @@ class Scaled:
     @classmethod
     def of(cls, values: Array) -> Scaled:
         """From an array of rationals, or of ints."""
-        flat = [Fraction(v) for v in values.reshape(-1)]
+        flat = [v if type(v) is Fraction else Fraction(v) for v in values.reshape(-1).tolist()]
         over = math.lcm(*{v.denominator for v in flat}) if flat else 1
         return cls(_objects([v.numerator * (over // v.denominator) for v in flat]).reshape(values.shape), over)
 
@@ -153,7 +154,8 @@ class Rational:
         rows, columns, weights, rewards, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
         order = np.argsort(rows, kind="stable")
         acting = model.acting[rows % model.n_states]  # what is paid elsewhere need not even be a number
-        paid = weights * _objects([self.reader(v) for v in np.where(acting, rewards, 0.0).tolist()])
+        distinct, which = np.unique(np.where(acting, rewards, 0.0), return_inverse=True)
+        paid = weights * _objects([self.reader(v) for v in distinct.tolist()])[which.reshape(-1)]
         expected = total(rows, paid, model.n_actions * model.n_states)
         first = np.searchsorted(rows[order], np.arange(model.n_actions * model.n_states))
         return _Step(first, columns[order], Scaled.of(weights[order]), ends[order], Scaled.of(expected))
