@@ -14,7 +14,7 @@ from typer.testing import CliRunner, Result
 from taskspec.cli import film
 from taskspec.cli.app import app
 from taskspec.envs import window
-from taskspec.figures import Overlay, scene
+from taskspec.figures import Overlay, raster, scene
 from taskspec.figures.scene import Box, Label
 from taskspec.figures.table import table
 from taskspec.figures.values import expert_path
@@ -96,6 +96,17 @@ def test_films_leave_nothing_out_and_their_window_stays(name: str, values: dict[
         for found in shown
     ]
     assert all(key == keys[0] for key in keys)
+
+
+def test_a_graph_without_room_at_a_legible_size_is_shown_in_pages() -> None:
+    one = load("derail/Branching-v0", L=10)
+    whole = scene(one, Overlay(here={"s": 20}))
+    assert whole is not None and whole.focus is not None
+    assert raster.LEAST_SCALE * whole.width > 640 * raster.INCH / raster.DPI  # there is no room for all
+    frames = [window.frame(one, {"s": 2 * k}, k)[100:] for k in range(11)]
+    changed = [int((a != b).any(axis=(0, 2)).sum()) for a, b in itertools.pairwise(frames)]
+    assert sum(columns > 300 for columns in changed) == 1  # but for one turn, two vertices change
+    assert sum(columns < 150 for columns in changed) == 9
 
 
 def test_a_page_is_turned_where_the_agent_leaves_the_window() -> None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taskspec.diagnostics import SpecError
+from taskspec.envs.window import Frames
 from taskspec.figures import Overlay, render_frame, scene, undrawn
-from taskspec.figures.scene import Circle, Label, Line, Scene
+from taskspec.figures.scene import Box, Circle, Label, Line, Scene
+from taskspec.figures.series import followed
 from taskspec.printers.plain import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -87,6 +91,60 @@ def test_a_series_follows_the_components() -> None:
     assert len(lines) == 2
     assert {"t", "x", "v", "0", "30"} <= set(words(found))
     assert drawn(task(SPRING, "{kind: series, values: x + v}")).alt.endswith("30 steps")
+
+
+def curves(found: Scene) -> list[list[tuple[float, float]]]:
+    """Lines over time; points one by one where there are no lines yet."""
+    lines = [list(x.points) for x in found.items if isinstance(x, Line) and x.color == "accent"]
+    return lines or [[x.centre] for x in found.items if isinstance(x, Circle)]
+
+
+@pytest.mark.parametrize("figure", ["{kind: series}", "{kind: series, values: '[x, v]'}"])
+def test_a_film_of_a_series_grows_on_axes_that_stay(figure: str) -> None:
+    one = task(SPRING, figure)
+    episode = {t: {"x": math.cos(t), "v": math.sin(t)} for t in range(31)}
+    frames = []
+    for now in range(31):
+        found = scene(one, Overlay(here=episode[now], seen={t: s for t, s in episode.items() if t <= now}))
+        assert found is not None and overlapping(found) == outside(found) == []
+        frames.append(found)
+    assert len({(x.width, x.height) for x in frames}) == 1
+    still = [{x for x in found.items if isinstance(x, Box) or x in frames[0].items} for found in frames]
+    assert all(len(x) == len(still[0]) - 4 for x in still[1:])  # two points, and what their numbers are
+    for panel, name in enumerate("xv"):
+        whole = curves(frames[-1])[panel]
+        assert [y for _, y in whole] == pytest.approx(
+            [whole[0][1] + 0.5 * (episode[0][name] - s[name]) for s in episode.values()]
+        )
+        assert [b[0] - a[0] for a, b in itertools.pairwise(whole)] == pytest.approx([5 / 30] * 30)
+        assert all(curves(found)[panel] == whole[: now + 1] for now, found in enumerate(frames))
+
+
+def test_time_turns_a_page_in_a_film_without_a_horizon() -> None:
+    one = task(SPRING.replace("horizon: 30", "horizon: none"), "{kind: series}")
+    for now, ends in ((200, {"0", "200"}), (201, {"200", "400"})):
+        seen = {t: {"x": 0.5, "v": 0.25} for t in range(now - 100, now + 1)}
+        found = scene(one, Overlay(here=seen[now], seen=seen))
+        assert found is not None and ends <= set(words(found))
+
+
+def test_frames_of_numbers_without_a_figure_and_without_bounds() -> None:
+    text = SPRING.replace(", low: -1, high: 1}", "}").replace(", -1, 1)", ", -inf, inf)")
+    one, size = build(read_text(text)), (320, 240)
+    frames = Frames()
+    first, second = (frames.draw(one, {"x": x, "v": -0.03}, t) for t, x in enumerate((130.0, 140.0)))
+    assert np.array_equal(
+        first, render_frame(one, {"x": 130.0, "v": -0.03}, "Spring, step 0 of 30", seen={0: {"x": 130.0, "v": -0.03}})
+    )
+    found = followed(
+        one, Overlay(here={"x": 140.0, "v": -0.03}, seen={0: {"x": 130.0, "v": -0.03}, 1: {"x": 140.0, "v": -0.03}})
+    )
+    assert found is not None
+    assert {"−200", "200", "−0.05", "0.05", "x = 140", "v = −0.03"} <= set(words(found))
+    again = frames.draw(one, {"x": 130.0, "v": -0.03}, 0)
+    assert np.array_equal(again, first) and not np.array_equal(second, first)  # another episode begins
+    lost = {"x": math.nan, "v": 0.0}
+    assert np.array_equal(render_frame(one, lost, size=size, seen={0: lost}), render_frame(one, lost, size=size))
 
 
 @pytest.mark.parametrize("angles", [(0.0, 0.0), (math.pi / 2, math.pi / 2), (math.pi, 0.0)])

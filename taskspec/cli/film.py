@@ -65,10 +65,12 @@ class Film:
     """
 
     def __init__(self, path: Path, kind: str) -> None:
+        from taskspec.envs import window
         from taskspec.extras import need
 
         self._path, self._kind, self.frames = path, kind, 0
         self._writer: Any = None
+        self._drawing = window.Frames()
         self._target: BytesIO | Unfinished = BytesIO()  # a GIF is kept in memory; ffmpeg writes to a file
         self._imageio = need("imageio.v2", "figures")
         if kind == "mp4":
@@ -79,10 +81,9 @@ class Film:
         return self
 
     def __call__(self, env: Environment, note: str, last: bool) -> None:
-        from taskspec.envs import window
-
         fps = env.metadata["render_fps"]
-        writer, picture = self._writer or self._open(fps), window.frame(env.task, env.state, env.time, note or "start")
+        writer = self._writer or self._open(fps)
+        picture = self._drawing.draw(env.task, env.state, env.time, note or "start")
         for _ in range(1 + round(HOLD * fps) if last else 1):
             with refused(self._path):
                 writer.append_data(picture)

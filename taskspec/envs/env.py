@@ -72,6 +72,7 @@ class Environment(gymnasium.Env[Any, Any]):
         self.render_mode: str | None = render_mode
         self._window: window.Window | None = None
         self._frames: list[window.Frame] = []
+        self._drawing = window.Frames()
         self._program: ScalarProgram = compile_scalar(self.task)
         self.observation_space: gymnasium.Space[Any] = space(self._program.observation)
         self.action_space: gymnasium.Space[Any] = space(self._program.action)
@@ -122,7 +123,7 @@ class Environment(gymnasium.Env[Any, Any]):
             case "ansi":
                 return picture.text(self.task, self.state, self.time)
             case "rgb_array":
-                return window.frame(self.task, self.state, self.time)
+                return self._drawing.draw(self.task, self.state, self.time)
             case "rgb_array_list":
                 return self._taken()
             case "human":
@@ -144,11 +145,11 @@ class Environment(gymnasium.Env[Any, Any]):
     def _show(self) -> None:
         if self.render_mode == "rgb_array_list":
             kept = [] if self.time == 0 else self._frames
-            self._frames = [*kept, window.frame(self.task, self.state, self.time)]
+            self._frames = [*kept, self._drawing.draw(self.task, self.state, self.time)]
             return
         if self._window is None:
             self._window = window.Window(self.task.id, self.metadata["render_fps"])
-        self._window.show(window.frame(self.task, self.state, self.time))
+        self._window.show(self._drawing.draw(self.task, self.state, self.time))
 
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
         """Keys, by the numbers of their characters, to actions, as `gymnasium.utils.play` wants them.

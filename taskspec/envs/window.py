@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import textwrap
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from taskspec.task.task import Task
 
 LETTERS, LINES = 42, 2
 """Of a line of a note, and as many lines as there is room for, in every frame."""
+KEPT = 200
+"""Steps of an episode that are kept, to be drawn over time: `figures.values.STEPS`."""
 Frame = np.ndarray[Any, np.dtype[np.uint8]]
 
 
@@ -30,15 +33,37 @@ def require() -> None:
     need("matplotlib", "figures")
 
 
-def frame(task: Task, state: dict[str, Any], time: int, note: str | None = None) -> Frame:
-    """A state as pixels: (height, width, 3), uint8; a note stands above it, cut to what has room."""
+class Frames:
+    """Draws the states of episodes one after the other, and keeps those that it drew of the present one: `KEPT` steps back."""
+
+    def __init__(self) -> None:
+        self._seen: dict[int, dict[str, Any]] = {}
+
+    def draw(self, task: Task, state: dict[str, Any], time: int, note: str | None = None) -> Frame:
+        """The present state; an earlier time than before begins another episode."""
+        kept = {t: s for t, s in self._seen.items() if time - KEPT <= t < time}
+        self._seen = kept | {time: state}
+        return frame(task, state, time, note, self._seen)
+
+
+def frame(
+    task: Task,
+    state: dict[str, Any],
+    time: int,
+    note: str | None = None,
+    seen: Mapping[int, dict[str, Any]] | None = None,
+) -> Frame:
+    """A state as pixels: (height, width, 3), uint8; a note stands above it, cut to what has room.
+
+    `seen` are the states of the episode by time, the present one included.
+    """
     from taskspec.figures import render_frame  # what draws is not imported until something is drawn
 
     title = picture.heading(task, time)
     if note is not None:
         lines = textwrap.wrap(note, LETTERS, max_lines=LINES, placeholder="…")
         title = "\n".join([title, *lines, *[""] * (LINES - len(lines))])
-    return render_frame(task, state, title)
+    return render_frame(task, state, title, seen=seen or {time: state})
 
 
 class Window:

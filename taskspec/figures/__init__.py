@@ -17,12 +17,13 @@ from taskspec.figures.graph import graph
 from taskspec.figures.grid import grid
 from taskspec.figures.marks import keyed
 from taskspec.figures.matrix import matrix
-from taskspec.figures.motion import MOST_LINKS, arm, portrait, series
+from taskspec.figures.motion import MOST_LINKS, arm, portrait
 from taskspec.figures.overlay import Overlay as Overlay
 from taskspec.figures.results import OVERLAYS as OVERLAYS
 from taskspec.figures.results import overlay as overlay
 from taskspec.figures.scene import Scene as Scene
 from taskspec.figures.scene import with_legend
+from taskspec.figures.series import followed, series
 from taskspec.figures.stated import stated
 from taskspec.figures.svg import svg as svg
 from taskspec.figures.table import table
@@ -147,7 +148,11 @@ def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Pa
 
 
 def render_frame(
-    task: TaskLike, state: Mapping[str, Any], title: str = "", size: tuple[int, int] = (640, 480)
+    task: TaskLike,
+    state: Mapping[str, Any],
+    title: str = "",
+    size: tuple[int, int] = (640, 480),
+    seen: Mapping[int, Mapping[str, Any]] | None = None,
 ) -> np.ndarray[Any, np.dtype[np.uint8]]:
     """One state as a picture (height, width, 3) of uint8; every task has one.
 
@@ -156,7 +161,8 @@ def render_frame(
         state: values by component; labels or their indices for choices.
         title: lines of text above, such as the step.
         size: width and height in pixels; frames of an episode are all alike in it.
+        seen: states of the episode by time, this one the last: what is drawn over time needs them.
     """
-    task = load(task)
-    found = scene(task, Overlay(here=state)) or table(task, state)
+    task, over = load(task), Overlay(here=state, seen=seen or {})
+    found = scene(task, over) or followed(task.unmodified, over) or table(task, state)
     return raster.pixels(found, size, title)

@@ -227,7 +227,8 @@ class _Graph:
         laid = self.overlay.values or self.overlay.policy or self.overlay.occupancy
         if laid and self.plan.drawing.elided:
             notes += ("Results of the states left out are not shown.",)
-        return fitted([*self.arrows(), *self.plan.starts, *nodes], self.alt, notes)
+        focus = None if self.present is None else self.plan.spots[self.present].at
+        return fitted([*self.arrows(), *self.plan.starts, *nodes], self.alt, notes, focus=focus)
 
     @property
     def alt(self) -> str:

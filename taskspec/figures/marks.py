@@ -1,4 +1,4 @@
-"""Small parts of graphs: shapes of states, numbers on labels, where arrows touch and labels go."""
+"""Small parts of figures: shapes of states, signs and their key, numbers on labels, where arrows touch and labels go."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from fractions import Fraction
 
-from taskspec.figures.scene import Box, Circle, Label, Line, Point, Role, Scene, bezier, fitted, text_width
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Role, Scene, bezier, extended, text_width
 from taskspec.printers import tree as m
 
 RADIUS, ROUND = 0.31, 0.2
@@ -88,14 +88,14 @@ def sign(role: Role, at: Point, size: float) -> Iterator[Line]:
 def keyed(scene: Scene) -> Scene:
     """The scene with a key of its roles below it, on its left; as it is without any."""
     shown = {item.fill for item in scene.items if isinstance(item, Circle | Box)}
-    items, x, y = list(scene.items), 0.0, scene.height + KEY
+    key, x, y = list[Item](), 0.0, scene.height + KEY
     for role in SIGNS:
         if role in shown:
             swatch = Box((x, y - KEY / 2), KEY, KEY, role, "muted")
             word = Label((x + KEY + 0.1, y), m.Words(role), WORD, "start", "muted")
-            items += [swatch, *marked(swatch), word]
+            key += [swatch, *marked(swatch), word]
             x += KEY + 0.1 + text_width(word.text, WORD) + 0.3
-    return scene if not x else fitted(items, scene.alt, scene.notes)
+    return extended(scene, key) if key else scene
 
 
 def number(value: object) -> m.Math:

@@ -1,4 +1,4 @@
-"""States that move: the plane of two numbers with its flow, components over an episode, and the links of an arm."""
+"""States that move: the plane of two numbers with its flow, and the links of an arm."""
 
 from __future__ import annotations
 
@@ -9,24 +9,18 @@ from typing import Any
 import numpy as np
 
 from taskspec.exact.model.space import Space
-from taskspec.figures.axes import GAP, HEIGHT, LETTERS, TICKS, WIDTH, axes, plane
-from taskspec.figures.marks import signed
+from taskspec.figures.axes import HEIGHT, WIDTH, axes, plane
 from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, fitted
-from taskspec.figures.values import at_states, expert_path, first_state, reads_of
+from taskspec.figures.scene import Circle, Item, Line, Point, Scene, fitted
+from taskspec.figures.values import STEPS, at_states, expert_path, first_state, reads_of
 from taskspec.lang import batch
 from taskspec.lang.ir import Node, Read, draws
 from taskspec.lang.ir import Role as Reading
-from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.task.task import Task
 
-STEPS = 200
-"""Steps of an episode that are followed."""
 ACROSS, DOWN = 11, 7
 """Arrows of a flow."""
-MOST, PANEL, APART = 6, 1.0, 1.35
-"""Numbers that are followed over time, how high the picture of one is, and how far these lie apart, in centimetres."""
 LINK, REACH = 1.2, 6.0
 """Length of a link, and how far an arm may reach at most, in centimetres."""
 MOST_LINKS = 30
@@ -96,50 +90,6 @@ def _flow(
             yield Line(
                 ((x, y), (x + 0.9 * dx / longest, y + 0.9 * dy / longest)), arrow=True, color="muted", width=0.02
             )
-
-
-def series(task: Task, overlay: Overlay) -> Scene | None:
-    """Components of the state (or the elements of `values`) over an episode of the expert; no frame of another."""
-    if overlay.here is not None:
-        return None
-    path = expert_path(task, min(task.horizon or STEPS, STEPS))
-    if len(path) < 2:
-        return None
-    found = _measured(task, path)
-    if not found or not all(math.isfinite(max(values) - min(values)) for _, values in found):
-        return None
-    end, bottom = len(path) - 1, PANEL + (len(found) - 1) * APART
-    items: list[Item] = [x for i, (symbol, values) in enumerate(found) for x in _panel(symbol, values, i * APART)]
-    items.append(Line(((0.0, bottom + GAP), (WIDTH + GAP, bottom + GAP)), arrow=True, color="muted", width=0.02))
-    items.append(Label((WIDTH + GAP + 0.22, bottom + GAP), m.Ident("t"), LETTERS))
-    for x, t in ((0.0, 0), (WIDTH, end)):
-        items.append(Label((x, bottom + GAP + 0.25), m.Num(str(t)), TICKS, color="muted"))
-    return fitted(items, f"An episode of the expert in {task.name} over time, {end} steps", state=path[0])
-
-
-def _panel(symbol: m.Math, values: Sequence[float], top: float) -> Iterator[Item]:
-    """One number over time, on a scale of its own."""
-    low, high = min(values), max(values)
-    low, high = (low - 0.5, high + 0.5) if low == high else (low, high)
-    heights = [top + PANEL * (high - v) / (high - low) for v in values]
-    yield Box((0.0, top), WIDTH, PANEL, None, "faint")
-    yield Line(tuple((WIDTH * t / (len(values) - 1), y) for t, y in enumerate(heights)), color="accent", width=0.05)
-    yield Label((WIDTH + 0.2, top + PANEL / 2), symbol, LETTERS, "start")
-    for value, y in ((high, top), (low, top + PANEL)):
-        yield Label((-0.1, y), signed(value), TICKS, "end", color="muted")
-
-
-def _measured(task: Task, path: Sequence[dict[str, Any]]) -> list[tuple[m.Math, list[float]]]:
-    """Symbols, and values along the path, of the first numbers."""
-    names, node = of_task(task), None if task.figure is None else task.figure.values
-    if node is not None:
-        rows = np.array([at_states(task, node, reads_of(task, state), 1)[0].reshape(-1) for state in path], dtype=float)
-        base = names.symbol(node.name) if isinstance(node, Read) else m.Ident("v")
-        scalar = not node.type.shape
-        symbols = [base if scalar else m.Script(base, sub=m.Num(str(i))) for i in range(rows.shape[1])]
-        return [(symbol, rows[:, i].tolist()) for i, symbol in enumerate(symbols)][:MOST]
-    shown = [c for c in task.state if not c.type.shape and c.domain is None][:MOST]
-    return [(names.symbol(c.name), [float(state[c.name]) for state in path]) for c in shown]
 
 
 def arm(task: Task, overlay: Overlay) -> Scene | None:

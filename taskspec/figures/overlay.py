@@ -25,10 +25,11 @@ class Overlay:
     legend: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     told: Callable[[State], Mapping[str, str]] | None = field(default=None, compare=False)
     here: State | None = None  # the present state, for a frame of an episode
+    seen: Mapping[int, State] = field(default_factory=dict)  # states of that episode by time, the present one included
 
     def chosen(self, code: int, action: int) -> bool:
         return action in self.policy.get(code, ())
 
     def only(self, part: str | None) -> Overlay:
         """One of the three alone, or nothing but the present state."""
-        return Overlay(here=self.here, **({} if part is None else {part: getattr(self, part)}))
+        return Overlay(here=self.here, seen=self.seen, **({} if part is None else {part: getattr(self, part)}))

@@ -22,7 +22,9 @@ INCH = 2.54
 FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks
 DPI = 200
 TITLE, LINE = 0.2, 0.4  # room for words above a frame and for each line of them, in centimetres
-LARGEST_SCALE = 1.6
+LEAST_SCALE, LARGEST_SCALE = 0.6, 1.6
+OVERLAP = 2.5
+"""Centimetres that are seen on two pages, where a frame has no room for all."""
 
 
 def save(scene: Scene, path: Path, kind: str) -> None:
@@ -36,15 +38,20 @@ def save(scene: Scene, path: Path, kind: str) -> None:
 
 
 def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """The picture as an array (height, width, 3) of uint8, as large as fits in the middle of `size` = (width, height)."""
+    """The picture as an array (height, width, 3) of uint8, as large as fits in the middle of `size` = (width, height).
+
+    Where its words would be too small to read, the part of it is shown that holds its focus.
+    """
     agg = need("matplotlib.backends.backend_agg", "figures")
     width, height = (n * INCH / DPI for n in size)
     room = height - (TITLE + LINE * len(title.split("\n")) if title else 0.0)
     scale = min(width / scene.width, room / scene.height, LARGEST_SCALE)
+    scale = scale if scene.focus is None else max(scale, LEAST_SCALE)
     figure, axes = _canvas(width, height)
-    left, top = (width / scale - scene.width) / 2, (height - room) / scale + (room / scale - scene.height) / 2
-    axes.set_xlim(-left, width / scale - left)
-    axes.set_ylim(height / scale - top, -top)
+    x, y = scene.focus or (0.0, 0.0)
+    left, top = _first(width / scale, scene.width, x), _first(room / scale, scene.height, y) - (height - room) / scale
+    axes.set_xlim(left, left + width / scale)
+    axes.set_ylim(top + height / scale, top)
     _draw_all(axes, scene, scale)
     if title:
         axes.text(
@@ -54,6 +61,15 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
     with _quiet():
         canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+
+def _first(room: float, size: float, focus: float) -> float:
+    """Where what is seen of a length begins: all of it in the middle, or else the page with the focus."""
+    if size <= room + 1e-9:
+        return (size - room) / 2
+    step = room - OVERLAP
+    page = max(0.0, (focus - OVERLAP / 2) // step)
+    return min(page * step, size - room)
 
 
 @contextmanager

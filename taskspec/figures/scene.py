@@ -72,7 +72,8 @@ Item = Circle | Box | Line | Label
 class Scene:
     """Items from back to front, inside a frame; `alt` says in words what is to be seen.
 
-    `state` is the one state of the task that is shown, or the first one of several.
+    `state` is the one state of the task that is shown, or the first one of several; `focus` is where the present state of a
+    frame is, which stays in sight where there is no room for all.
     """
 
     width: float
@@ -81,6 +82,7 @@ class Scene:
     alt: str
     notes: tuple[str, ...] = ()
     state: Mapping[str, Any] | None = field(default=None, compare=False)
+    focus: Point | None = None
 
     @property
     def caption(self) -> str:
@@ -103,6 +105,7 @@ def fitted(
     notes: tuple[str, ...] = (),
     margin: float = 0.15,
     state: Mapping[str, Any] | None = None,
+    focus: Point | None = None,
 ) -> Scene:
     """A scene just large enough for its items."""
     items = tuple(items)
@@ -110,7 +113,13 @@ def fitted(
     left, top = min(b[0] for b in boxes) - margin, min(b[1] for b in boxes) - margin
     right, bottom = max(b[2] for b in boxes) + margin, max(b[3] for b in boxes) + margin
     moved = tuple(shifted(item, -left, -top) for item in items)
-    return Scene(right - left, bottom - top, moved, alt, notes, state)
+    seen = None if focus is None else (focus[0] - left, focus[1] - top)
+    return Scene(right - left, bottom - top, moved, alt, notes, state, seen)
+
+
+def extended(scene: Scene, more: Iterable[Item], alt: str | None = None) -> Scene:
+    """The scene with more items."""
+    return fitted((*scene.items, *more), alt or scene.alt, scene.notes, state=scene.state, focus=scene.focus)
 
 
 def with_legend(scene: Scene, lines: Sequence[str]) -> Scene:
@@ -121,7 +130,7 @@ def with_legend(scene: Scene, lines: Sequence[str]) -> Scene:
         Label((0.0, scene.height + 0.25 + 0.45 * i), m.Words(line), 0.26, "start", "muted")
         for i, line in enumerate(lines)
     ]
-    return fitted([*scene.items, *words], f"{scene.alt}; {'; '.join(lines)}", scene.notes)
+    return extended(scene, words, f"{scene.alt}; {'; '.join(lines)}")
 
 
 def _extent(item: Item) -> tuple[float, float, float, float]:

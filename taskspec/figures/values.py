@@ -19,6 +19,8 @@ from taskspec.task.task import Task
 Array = np.ndarray[Any, Any]
 State = Mapping[str, Any]
 Reads = dict[tuple[Role, str], Array]
+STEPS = 200
+"""Steps of an episode that are followed."""
 
 
 def at_states(task: Task, node: Node, reads: Reads, count: int) -> Array:

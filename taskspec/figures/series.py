@@ -1,0 +1,159 @@
+"""Numbers over time: an episode of the expert, or one that is being watched as far as it has come."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.figures.axes import GAP, LETTERS, TICKS, WIDTH
+from taskspec.figures.marks import decimal, signed
+from taskspec.figures.overlay import Overlay, State
+from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
+from taskspec.figures.values import STEPS, at_states, expert_path, reads_of
+from taskspec.lang import interval
+from taskspec.lang.ir import Node, Read
+from taskspec.printers import tree as m
+from taskspec.printers.names import of_task
+from taskspec.task.task import Task
+
+MOST, PANEL, APART = 6, 1.0, 1.35
+"""Numbers that are followed, how high the picture of one is, and how far these lie apart, in centimetres."""
+BEFORE, AFTER = 1.2, 2.8
+"""Room for numbers on the left, and for what is equal to one on the right, so that all frames of an episode are alike."""
+
+
+@dataclass(frozen=True)
+class _Number:
+    """A number to follow: its symbol, its values, and the bounds that the spec has for it."""
+
+    symbol: m.Math
+    values: Sequence[float]
+    ends: tuple[float, float]
+
+
+def series(task: Task, overlay: Overlay) -> Scene | None:
+    """Components of the state (or the elements of `values`) over an episode of the expert; in a frame, over what was seen."""
+    if overlay.here is not None:
+        return _so_far(task, overlay.seen)
+    path = expert_path(task, min(task.horizon or STEPS, STEPS))
+    found = _measured(task, path) if len(path) > 1 else []
+    if not _is_finite(found):
+        return None
+    panels = [
+        _panel(number.symbol, number.values, _wide(min(number.values), max(number.values)), len(path) - 1, i * APART)
+        for i, number in enumerate(found)
+    ]
+    items = [*(item for panel in panels for item in panel), *_time(0, len(path) - 1, len(found))]
+    return fitted(items, f"An episode of the expert in {task.name} over time, {len(path) - 1} steps", state=path[0])
+
+
+def followed(task: Task, overlay: Overlay) -> Scene | None:
+    """What a frame shows of a task without a picture of its states: all its numbers over time; None where they are others."""
+    shown = len(task.state) <= MOST and all(not c.type.shape and c.domain is None for c in task.state)
+    return _so_far(task, overlay.seen) if shown and task.figure is None else None
+
+
+def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
+    """Numbers up to the present, on axes that stay: time turns a page when it comes to the end."""
+    if not seen:
+        return None
+    now, span = max(seen), min(task.horizon or STEPS, STEPS)
+    first = max(0, now - 1) // span * span
+    times = [t for t in sorted(seen) if t >= first]
+    found = _measured(task, [seen[t] for t in times])
+    if not _is_finite(found):
+        return None
+    items: list[Item] = [*_time(first, first + span, len(found))]
+    for i, number in enumerate(found):
+        top, value = i * APART, number.values[-1]
+        label = m.Row((number.symbol, m.Sym("="), m.Num(decimal(value))))
+        points = [t - first for t in times]
+        items += _panel(label, number.values, _scale(number), span, top, points)
+    items.append(Box((-BEFORE, 0.0), BEFORE + WIDTH + AFTER, PANEL, None, None))
+    return fitted(items, f"{task.name} over time, {now} steps", state=seen[now])
+
+
+def _is_finite(found: Sequence[_Number]) -> bool:
+    """Whether there are numbers, all of which, and the distances between them, are finite."""
+    return bool(found) and all(math.isfinite(max(x.values) - min(x.values)) for x in found)
+
+
+def _scale(number: _Number) -> tuple[float, float]:
+    """The bounds of a number; where it has none, round numbers, alike on both sides of 0, that hold what was seen of it."""
+    low, high = number.ends
+    if not math.isfinite(high - low):
+        size = _round(max(map(abs, number.values))) or 1.0
+        low, high = (-size if low < 0 else 0.0), (size if high > 0 else 0.0)
+    return _wide(low, high)
+
+
+def _round(size: float) -> float:
+    """The smallest of 1, 2, 5, 10, ... times a power of ten that is not below a positive number."""
+    if not 1e-300 < size < 1e300:
+        return size
+    unit = 10.0 ** math.floor(math.log10(size))
+    return next((n * unit for n in (1, 2, 5) if n * unit >= size), 10 * unit)
+
+
+def _wide(low: float, high: float) -> tuple[float, float]:
+    """A range that is not empty."""
+    return (low - 0.5, high + 0.5) if low == high else (low, high)
+
+
+def _panel(
+    label: m.Math,
+    values: Sequence[float],
+    ends: tuple[float, float],
+    span: int,
+    top: float,
+    times: Sequence[int] | None = None,
+) -> Iterator[Item]:
+    """One number over time, on a scale of its own; times are those of steps unless they are given."""
+    low, high = ends
+    points = tuple(
+        (WIDTH * t / span, top + PANEL * (high - v) / (high - low))
+        for t, v in zip(times or range(len(values)), values, strict=True)
+    )
+    yield Box((0.0, top), WIDTH, PANEL, None, "faint")
+    if len(points) > 1:
+        yield Line(points, color="accent", width=0.05)
+    if times is not None:
+        yield Circle(points[-1], 0.08, "ink", None)
+    yield Label((WIDTH + 0.2, top + PANEL / 2), label, LETTERS, "start")
+    for value, y in ((high, top), (low, top + PANEL)):
+        yield Label((-0.15, y), signed(value), TICKS, "end", color="muted")
+
+
+def _time(first: int, last: int, panels: int) -> Iterator[Item]:
+    """The axis of time, below the panels."""
+    y = PANEL + (panels - 1) * APART + GAP
+    yield Line(((0.0, y), (WIDTH + GAP, y)), arrow=True, color="muted", width=0.02)
+    yield Label((WIDTH + GAP + 0.22, y), m.Ident("t"), LETTERS)
+    for x, t in ((0.0, first), (WIDTH, last)):
+        yield Label((x, y + 0.25), m.Num(str(t)), TICKS, color="muted")
+
+
+def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
+    """The first numbers to follow, along the path."""
+    names, node = of_task(task), None if task.figure is None else task.figure.values
+    if node is None:
+        shown = [c for c in task.state if not c.type.shape and c.domain is None][:MOST]
+        return [
+            _Number(
+                names.symbol(c.name), [float(state[c.name]) for state in path], (float(min(c.low)), float(max(c.high)))
+            )
+            for c in shown
+        ]
+    rows: Any = np.array([at_states(task, node, reads_of(task, s), 1)[0].reshape(-1) for s in path], dtype=float)
+    ends = interval.bounds(node, {})
+    return [_Number(symbol, rows[:, i].tolist(), ends) for i, symbol in enumerate(_symbols(task, node)[:MOST])]
+
+
+def _symbols(task: Task, node: Node) -> list[m.Math]:
+    """Of each element of a node."""
+    base = of_task(task).symbol(node.name) if isinstance(node, Read) else m.Ident("v")
+    return [m.Script(base, sub=m.Num(str(i))) for i in range(node.type.size)] if node.type.shape else [base]
