@@ -87,7 +87,7 @@ class Bounded:
 
     @cached_property
     def is_whole(self) -> bool:
-        """Whether nothing is ever rounded: one outcome for each action, whole rewards, and sums that floats hold."""
+        """Whether values of deterministic policies are never rounded: one outcome for each action, whole rewards, small sums."""
         steps = self.model.steps
         return (
             self.model.discount == 1
@@ -102,7 +102,7 @@ class Bounded:
 
     @property
     def rounding(self) -> float:
-        """The relative error of discounting, and adding a reward."""
+        """The relative error of discounting, and of adding a reward to a value that is known without an error."""
         return 0.0 if self.is_whole else 4 * UNIT
 
     def _acting(self, rows: Array) -> Array:
@@ -119,7 +119,7 @@ class Bounded:
     def _prepared(self, step: Step) -> _Part:
         reward, slack, n = self._acting(step.reward), self.slack, step.terms
         if self.is_whole:
-            return _Part(step, reward, np.zeros_like(reward), 0.0, 1.0, 0.0, False)
+            return _Part(step, reward, np.zeros_like(reward), 0.0, 1 + 128 * UNIT, 0.0, False)
         c = (n + 2) * UNIT + slack.relative
         size = np.abs(reward if step.spread is None else self._acting(step.spread))
         error = (c + 8 * UNIT) * size + (slack.absolute * n * step.scale + slack.missing * slack.beyond)
@@ -137,13 +137,11 @@ class Bounded:
         q, error = self._through(part, part.step.going, value)
         if self.model.discount != 1:
             q, error = q * self.model.discount, error * self.model.discount
-        if more or not self.is_whole:
-            rounding = 4 * UNIT if more else self.rounding
+        if more or not self.is_whole or value.error.any():  # values with an error need not be whole
             for low in range(0, len(q), PIECE):
                 here = slice(low, low + PIECE)
-                error[here] += part.reward_error[here] + rounding * (
-                    np.abs(q[here]) + np.abs(part.reward[here]) + abs(more)
-                )
+                size = np.abs(q[here]) + np.abs(part.reward[here]) + abs(more)
+                error[here] += part.reward_error[here] + 4 * UNIT * size
             error *= part.inflate
         q += part.reward
         if more:
@@ -157,7 +155,7 @@ class Bounded:
         if part.step.ending is not None:
             ends = Bound(states.astype(np.float64), np.zeros(len(states)))
             p, more = self._through(part, part.step.ending, ends)
-            q, error = q + p, error + more + self.rounding * (q + p)
+            q, error = q + p, error + more + self.rounding * (q + p)  # with one outcome, one of them is 0
         return self._table(q, error * part.inflate)
 
     def marked(self, value: Bound, states: Array) -> Bound:
