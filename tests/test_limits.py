@@ -216,7 +216,7 @@ def test_a_claim_that_needs_a_model_says_how_to_have_it(set_limits: Any) -> None
 def test_long_analyses_tell_what_they_are_at() -> None:
     told: list[str] = []
     task = written(claims="[optimal_return > 0, 'probability(s == 9, under=soft(1)) > 0']")
-    with told_to(told.append):
+    with told_to(lambda what, share: told.append(what)):
         check(task)
         extract(task, reachable=True)
     assert told[0] == "soundness"
@@ -241,7 +241,7 @@ def test_a_terminal_shows_what_takes_long_and_clears_it(tmp_path: Path) -> None:
     os.close(ours)
     assert "E602" in run.stdout and "\x1b" not in run.stdout
     lines = shown.split("\r\x1b[K")
-    said = [re.match(r".*/Walk-v0: looking for states, step \d+: [\d,]+ of", line) for line in lines]
+    said = [re.match(r".*mines.yaml: looking for states, step \d+: [\d,]+ of", line) for line in lines]
     assert any(said)
     assert lines[-1] == ""
 

@@ -19,6 +19,7 @@ from taskspec.appendix.render.suite import Suite, setting_anchor
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.figures import scene, svg
 from taskspec.files import write_text
+from taskspec.progress import telling
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
@@ -31,6 +32,8 @@ _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
 FORMATS = (*_WRITERS, "pdf")
 """Names of the formats that pages are written in."""
 
+_SCRATCH = ("aux", "bbl", "blg", "log", "out")
+"""Endings of what TeX leaves beside a document."""
 _TAKEN = ("index", "appendix", "document", "preamble")
 """Names of the files around the pages."""
 
@@ -104,10 +107,12 @@ def gather_pages(
     known = {name for task in tasks for p in task.parameters for name in (p.name, p.alias)}
     for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
         load(tasks[0], **{name: value})  # which says what is wrong
-    made = (page(task, (facts or {}).get(task.id), [*others, *columns]) for task, others in together(tasks))
+    found = telling(together(tasks), lambda each: f"page of {each[0].id}")
+    made = (page(task, (facts or {}).get(task.id), [*others, *columns]) for task, others in found)
     pages = _apart(map(briefly, made) if brief else made)
     drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
-    scenes = {name: found for name, task in drawn.items() if (found := scene(task)) is not None}
+    shown = [(name, scene(task)) for name, task in telling([*drawn.items()], lambda each: f"figure of {each[1].id}")]
+    scenes = {name: found for name, found in shown if found is not None}
     cited = beside(task.document.origin.name for task in tasks) if references is None else references
     names = dict.fromkeys(task.suite for task in tasks if task.suite)
     return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited, brief)
@@ -158,7 +163,7 @@ def compile_pdf(folder: Path) -> Path:
     Raises:
         SpecError: with the first error of TeX.
     """
-    for command in ("pdflatex", "bibtex", "pdflatex", "pdflatex"):
+    for command in telling(("pdflatex", "bibtex", "pdflatex", "pdflatex"), "document.pdf, {}".format):
         options = ["document"] if command == "bibtex" else [
             "-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "document.tex"]  # fmt: skip
         if command == "bibtex" and (shutil.which("bibtex") is None or not (folder / "references.bib").read_text()):
@@ -171,6 +176,9 @@ def compile_pdf(folder: Path) -> Path:
             raise _refused(
                 f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log"
             )
+    for path in folder.glob("document.*"):
+        if path.suffix[1:] in _SCRATCH:
+            path.unlink()
     return folder / "document.pdf"
 
 

@@ -36,10 +36,13 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
     from taskspec.cli.check import verdict
     from taskspec.cli.checking import check_file, counts
     from taskspec.cli.console import console, line
+    from taskspec.cli.progress import progress
     from taskspec.cli.targets import files_of
+    from taskspec.progress import telling
 
     start = time.perf_counter()
-    reports = [check_file(file) for file in files_of(targets or [])]
+    with progress("check"):
+        reports = [check_file(file) for file in telling(files_of(targets or []), lambda file: str(file.path))]
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _print_problems(reports)
     out = console(wide=True)
@@ -49,7 +52,9 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
     if errors:
         say("nothing was written", err=True)
         raise typer.Exit(1)
-    for path, what in write(_tasks(reports), output):
+    with progress("write"):
+        written = write(_tasks(reports), output)
+    for path, what in written:
         out.print(line("wrote ", (str(path), "name"), (f"  {what}", "quiet")))
 
 
@@ -107,8 +112,9 @@ def _results(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
 
 def _scores(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
     from taskspec.exact import scores
+    from taskspec.progress import telling
 
-    found = {task.id: scores(task).record() for task in tasks}
+    found = {task.id: scores(task).record() for task in telling(tasks, lambda task: f"scores of {task.id}")}
     return _json(folder / "scores.json", found), "optimal, expert, random and worst returns"
 
 

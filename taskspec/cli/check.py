@@ -18,11 +18,9 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from taskspec.cli.checking import Checked, FileReport
-    from taskspec.cli.proofs import Finding
     from taskspec.exact import Verdict
     from taskspec.exact.abstraction.symmetries import Kept
     from taskspec.scan import Kind
-    from taskspec.task.task import Task
 
 FORMATS = ("text", "json", "github")
 OTHER_NOUNS: dict[Kind, str] = {"experiment": "experiment", "exam": "exam", "findings": "findings file"}
@@ -61,7 +59,10 @@ def check(
     Exit status 1 if there is an error.
     """
     from taskspec.cli.checking import check_file, check_other, counts
+    from taskspec.cli.progress import progress
+    from taskspec.cli.proofs import examine
     from taskspec.cli.targets import checked_choice, files_of, others_of
+    from taskspec.progress import telling
 
     start = time.perf_counter()
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
@@ -69,19 +70,15 @@ def check(
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
     reports = [check_other(path, kind) for path, kind in others_of(targets or [])]
-    reports += [check_file(file, partial(_examined, sense=not quick, defaults=not file.parameters)) for file in files]
+    with progress("check"):
+        reports += [
+            check_file(file, partial(examine, sense=not quick, defaults=not file.parameters))
+            for file in telling(files, lambda file: str(file.path))
+        ]
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
     if errors or (strict and warnings):
         raise typer.Exit(1)
-
-
-def _examined(task: Task, sense: bool, defaults: bool) -> Finding:
-    from taskspec.cli.progress import progress
-    from taskspec.cli.proofs import examine
-
-    with progress(task.id):
-        return examine(task, sense, defaults)
 
 
 # -- text ---------------------------------------------------------------------------------------------------------

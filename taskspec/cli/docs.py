@@ -71,15 +71,17 @@ def docs(
     from taskspec import appendix
     from taskspec.cli.check import plural
     from taskspec.cli.console import write_json
+    from taskspec.cli.progress import progress
     from taskspec.cli.targets import near, settings
     from taskspec.exact.lint.accept import set_aside
 
     tasks = tasks_of(targets or [], modifiers or [])
     wanted = _named("--format", format or ["html"], FORMATS)
-    written = appendix.write(
-        tasks, wanted, output, title=title, facts=facts_of(tasks) if results else None,
-        columns=settings(parameters) if parameters else (), brief=brief,
-    )  # fmt: skip
+    with progress("docs"):
+        written = appendix.write(
+            tasks, wanted, output, title=title, facts=facts_of(tasks) if results else None,
+            columns=settings(parameters) if parameters else (), brief=brief,
+        )  # fmt: skip
     show(each for task in tasks for each in set_aside(task, appendix.undrawn(task))[0])
     if json:
         write_json([str(path) for path in written])
@@ -141,8 +143,10 @@ def _instances(target: str, modifiers: Sequence[str]) -> Iterator[Task]:
 def facts_of(tasks: Sequence[Task]) -> dict[str, Facts]:
     """Scores and verdicts at the defaults, by id of the task; those of other settings are gathered with its page."""
     from taskspec.appendix import gather, together
+    from taskspec.progress import telling
 
-    return {task.id: gather(task) for task, _ in together(tasks)}
+    found = [task for task, _ in together(tasks)]
+    return {task.id: gather(task) for task in telling(found, lambda task: f"scores of {task.id}")}
 
 
 def _named(option: str, texts: Sequence[str], allowed: Sequence[str]) -> list[str]:

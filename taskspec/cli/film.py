@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, refuse
 from taskspec.files import Unfinished, refused, write_bytes
+from taskspec.progress import tell
 
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Watch
@@ -41,13 +42,15 @@ def kind_of(render: str | None, output: Path | None) -> str | None:
 
 
 @contextmanager
-def watching(kind: str | None, path: Path) -> Iterator[Watch | None]:
+def watching(kind: str | None, path: Path, episodes: int) -> Iterator[Watch | None]:
     """What looks at every state; None where nobody does."""
+    from taskspec.cli.progress import progress
+
     match kind:
         case "ansi":
             yield _print
         case "gif" | "mp4":
-            with Film(path, kind) as film:
+            with progress(str(path)), Film(path, kind, episodes) as film:
                 yield film
         case _:
             yield None
@@ -64,11 +67,12 @@ class Film:
         SpecError: E705 without imageio, or without ffmpeg for MP4; E716 where the file cannot be written.
     """
 
-    def __init__(self, path: Path, kind: str) -> None:
+    def __init__(self, path: Path, kind: str, episodes: int) -> None:
         from taskspec.envs import window
         from taskspec.extras import need
 
         self._path, self._kind, self.frames = path, kind, 0
+        self._episodes, self._begun = episodes, 0
         self._writer: Any = None
         self._drawing = window.Frames()
         self._target: BytesIO | Unfinished = BytesIO()  # a GIF is kept in memory; ffmpeg writes to a file
@@ -81,6 +85,7 @@ class Film:
         return self
 
     def __call__(self, env: Environment, note: str, last: bool) -> None:
+        self._tell(env)
         fps = env.metadata["render_fps"]
         writer = self._writer or self._open(fps)
         picture = self._drawing.draw(env.task, env.state, env.time, note or "start")
@@ -90,6 +95,14 @@ class Film:
             self.frames += 1
         if self._kind == "gif" and self.frames > GIF_FRAMES:
             raise misuse(f"a GIF holds {GIF_FRAMES} steps at most", "make an MP4, or cut the episode with --max-steps")
+
+    def _tell(self, env: Environment) -> None:
+        """How far the film is: of episodes without a horizon, which of them it shows."""
+        horizon = env.task.horizon
+        self._begun += env.time == 0
+        part = 0.0 if horizon is None else env.time / horizon
+        what = f"{self._path}, episode {self._begun:,} of {self._episodes:,}, step {env.time:,}"
+        tell(what, (self._begun - 1 + part) / self._episodes)
 
     def _open(self, fps: float) -> Any:
         if self._kind == "gif":

@@ -18,12 +18,22 @@ if TYPE_CHECKING:
 
 PATIENCE, EVERY = 1.0, 0.1
 """Seconds before the line is shown, and between its changes."""
+WIDTH = 20
+"""Of a bar in the line, in letters."""
+
+
+def is_terminal() -> bool:
+    """Whether somebody sees it."""
+    return sys.stderr.isatty()
 
 
 @contextmanager
 def progress(name: str) -> Iterator[None]:
-    """Within the block, a line on standard error tells what the analysis of a task is at. Only terminals see it."""
-    if not sys.stderr.isatty():
+    """Within the block, a line on standard error tells what is done now; a bar and the time left where shares are told.
+
+    Only terminals see it.
+    """
+    if not is_terminal():
         yield
         return
     line = _Line(name)
@@ -37,7 +47,7 @@ def progress(name: str) -> Iterator[None]:
 @contextmanager
 def bar(name: str) -> Iterator[Callable[[Standing], None]]:
     """A function that shows on standard error how far a run is, within the block: a bar, a rate, and the time left."""
-    if not sys.stderr.isatty():
+    if not is_terminal():
         yield lambda standing: None
         return
     from rich.progress import BarColumn, Progress, TextColumn
@@ -61,15 +71,28 @@ class _Line:
     def __init__(self, name: str) -> None:
         self.name, self.start = name, time.monotonic()
         self.due, self.is_shown = self.start + PATIENCE, False
+        self.share: float | None = None
+        self.began = self.start  # with what the share is of
 
-    def show(self, what: str) -> None:
+    def show(self, what: str, share: float | None = None) -> None:
         now = time.monotonic()
+        if share is not None:  # what is told from now on is of this part
+            self.began = now if self.share is None or share < self.share else self.began
+            self.name, self.share, what = what, share, ""
         if now < self.due:
             return
-        words = visible(f"{self.name}: {what} ({now - self.start:.0f} s)")
+        words = visible(f"{self._bar(now)}{': '.join(filter(None, (self.name, what)))} ({now - self.start:.0f} s)")
         sys.stderr.write("\r\x1b[K" + words[: shutil.get_terminal_size().columns - 1])
         sys.stderr.flush()
         self.due, self.is_shown = now + EVERY, True
+
+    def _bar(self, now: float) -> str:
+        """How much is over, and for how long the rest may take."""
+        if self.share is None:
+            return ""
+        done = round(WIDTH * self.share)
+        left = f"{(now - self.began) * (1 - self.share) / self.share:.0f} s left, " if self.share else ""
+        return f"{'━' * done}{'╌' * (WIDTH - done)} {left}"
 
     def clear(self) -> None:
         if self.is_shown:

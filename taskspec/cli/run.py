@@ -98,7 +98,7 @@ def _rolled_out(
     from taskspec.cli.rollouts import Stopwatch, summarize
 
     clock = Stopwatch()
-    with film.watching(kind, path) as watch:
+    with film.watching(kind, path, count) as watch:
         done = list(_episodes(task, policy, seed, count, max_steps, kind, watch, quiet))
     return summarize(done, clock.seconds), done
 
@@ -118,7 +118,7 @@ def _episodes(
     try:
         acts = policy_for(policy, env, seed)
         done = rollouts(env, acts, seed, count, max_steps, watch)
-        yield from done if kind in ("ansi", "human") or quiet else _with_bar(done, count)
+        yield from done if kind is not None or quiet else _with_bar(done, count)
     finally:
         env.close()
 
