@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from taskspec.cli.checking import Checked, FileReport
+    from taskspec.cli.targets import File
     from taskspec.exact import Verdict
     from taskspec.exact.abstraction.symmetries import Kept
     from taskspec.scan import Kind
@@ -58,11 +59,8 @@ def check(
 
     Exit status 1 if there is an error.
     """
-    from taskspec.cli.checking import check_file, check_other, counts
-    from taskspec.cli.progress import progress
-    from taskspec.cli.proofs import examine
+    from taskspec.cli.checking import check_other, counts
     from taskspec.cli.targets import checked_choice, files_of, others_of
-    from taskspec.progress import telling
 
     start = time.perf_counter()
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
@@ -70,15 +68,24 @@ def check(
     if variant is not None:
         files = [replace(file, variants=(variant,)) for file in files]
     reports = [check_other(path, kind) for path, kind in others_of(targets or [])]
-    with progress("check"):
-        reports += [
-            check_file(file, partial(examine, sense=not quick, defaults=not file.parameters))
-            for file in telling(files, lambda file: str(file.path))
-        ]
+    reports += _checked(files, sense=not quick)
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _PRINTERS[format](reports, errors, warnings, time.perf_counter() - start)
     if errors or (strict and warnings):
         raise typer.Exit(1)
+
+
+def _checked(files: Sequence[File], sense: bool) -> list[FileReport]:
+    from taskspec.cli.checking import check_file
+    from taskspec.cli.progress import progress
+    from taskspec.cli.proofs import examine
+    from taskspec.progress import telling
+
+    with progress("check"):
+        return [
+            check_file(file, partial(examine, sense=sense, defaults=not file.parameters))
+            for file in telling(files, lambda file: str(file.path))
+        ]
 
 
 # -- text ---------------------------------------------------------------------------------------------------------
