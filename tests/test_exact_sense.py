@@ -69,6 +69,22 @@ def test_each_fault(code: str, section: str, parts: dict[str, str], message: str
     assert found[0].span.line == made.document.key_span((section,)).line
 
 
+@pytest.mark.parametrize(
+    ("ends", "mean"),
+    [("", 1.0), (", low: 2", 2 * 2 + 2 * 2 + 2), (", high: -1", 1 + 2 + 2), (", low: -3, high: 3", 3.0)],
+    ids=["no end", "low", "high", "both ends"],
+)
+def test_random_actions_are_sampled_as_gymnasium_does(ends: str, mean: float) -> None:
+    """The mean square: 1 of a normal action, `b**2 + 2 * b + 2` of `b` and an exponential, `b**2 / 3` of a uniform one."""
+    made = task(
+        action=f"{{a: {{type: real{ends}}}}}", dynamics="{s': s}", reward="-a * a", horizon="1", expert="{a: 9}"
+    )
+    [found] = [d for d in sense(made) if d.code == "W507"]
+    random = float(found.message.split()[-1])
+    assert random == pytest.approx(-mean, abs=0.35 * mean)
+    assert abs(random) < 81
+
+
 def test_a_sensible_task_has_no_warnings() -> None:
     assert sense(task()) == ()
 

@@ -69,7 +69,8 @@ it. Remove it, or find the expression that forgot it.
 The expert's expected return is below the best possible one; that of an expert with a `memory` is compared with the best one of
 those who see observations alone, where that is known. If it is intended, say so with a claim, such as
 `expert_return < optimal_return`. Where there is no exact model, the warning is given when random actions return as much as the
-expert does, or more, in simulated episodes.
+expert does, or more, in simulated episodes. Random actions are those of Gymnasium's `sample()`: uniform between two bounds,
+standard normal without any, and with one bound an exponential of mean 1 from there.
 """,
     ),
     Code(

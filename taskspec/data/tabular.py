@@ -12,6 +12,7 @@ import numpy as np
 from taskspec.backends.buffers import Values
 from taskspec.backends.numpy.engine import write
 from taskspec.data.transitions import EXTRA, Seen, mapped
+from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.extract import extract
 from taskspec.exact.model.failure import misused, refuse, scipy_sparse
@@ -28,6 +29,10 @@ from taskspec.task.task import Task, TaskLike
 Array = np.ndarray[Any, Any]
 LARGEST = 2**27
 """Numbers that a dense array of transitions may have: a gigabyte."""
+
+
+class LookAlike(SpecError):
+    """Two states cannot be told apart by what is seen (E713)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,13 +122,14 @@ class Tabular:
         """int64 (N,): the states that show these observations (N, *shape); of an episode that goes on.
 
         Raises:
-            SpecError: E713, where two states look alike, or an observation is none of the task's.
+            SpecError: E713, where two states look alike (`LookAlike`), or an observation is none of the task's.
         """
         known: dict[bytes, int] = {}
         for i, row in enumerate(_rows(self.observations)):
             if not self.absorbed[i] and known.setdefault(row, i) != i:
                 twin, name = self.model.state_name(known[row]), self.model.state_name(i)
-                misused(f"{twin} and {name} look alike in {self.task.id}", "give `occupancy()` instead")
+                message = f"{twin} and {name} look alike in {self.task.id}"
+                raise LookAlike([Diagnostic("E713", None, message, "give `occupancy()` instead")])
         found = [known.get(row) for row in _rows(observations)]
         if None in found:
             misused(f"observation {found.index(None)} is none of {self.task.id}")

@@ -24,6 +24,10 @@ _ARITHMETIC = {"+": "add", "-": "sub", "*": "mul", "/": "div", "//": "floordiv",
 _TRUTHS = {**dict.fromkeys(("yes", "on"), "write `true`"), **dict.fromkeys(("no", "off"), "write `false`")}
 
 
+class TooManyExpressions(SpecError):
+    """A task comes to more expressions than the limit allows (E314)."""
+
+
 class Checker(BaseChecker):
     """Checks expressions of one task against scopes; nodes come from one builder, messages go to one collector."""
 
@@ -37,7 +41,7 @@ class Checker(BaseChecker):
         if self.checked > self._most:
             message = f"the task has more than {self._most:,} expressions, each counted as often as it is written out"
             hint = how_to_raise("expressions", 2 * self._most)
-            raise SpecError([Diagnostic("E314", expr.place.span, message, hint)])
+            raise TooManyExpressions([Diagnostic("E314", expr.place.span, message, hint)])
         try:
             value = self._value(expr, scope, want)
             if scope.parent is None:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from taskspec.data import Demonstrations, Tabular
-from taskspec.diagnostics import SpecError
+from taskspec.data.tabular import LookAlike
 from taskspec.exact.abstraction.abstraction import abstraction
+from taskspec.exact.model.failure import NoModel
 from taskspec.learners.case import LearnerCase
 from taskspec.learners.configurations import Matching
 from taskspec.learners.refusals import cannot_learn
@@ -63,11 +64,8 @@ def matched(config: Matching, case: LearnerCase) -> list[Timed]:
     """
     try:
         return _matched(config, case)
-    except SpecError as error:
-        first = error.diagnostics[0]
-        if first.code not in ("E712", "E713"):  # no exact model, or states that cannot be told apart by what is seen
-            raise
-        cannot_learn(first.message, "take another learner")
+    except (NoModel, LookAlike) as error:
+        cannot_learn(error.diagnostics[0].message, "take another learner")
 
 
 def _matched(config: Matching, case: LearnerCase) -> list[Timed]:

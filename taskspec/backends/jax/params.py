@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_batching import custom_vmap
 
 from taskspec.backends.jax.program import compile_required
 from taskspec.diagnostics import Diagnostic, SpecError
@@ -109,9 +110,21 @@ def _params(opened: OpenParameters) -> Any:
 
 def _known(value: Any) -> Array | None:
     """A value as an array, with all lanes of what is mapped over by `vmap`; None where it is not known before a program runs."""
-    while hasattr(value, "batch_dim"):  # what `vmap` maps over
-        value = value.val
-    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
+    if not isinstance(value, jax.core.Tracer):
+        return np.asarray(value)
+    seen: list[Any] = []
+
+    @custom_vmap
+    def look(one: Array) -> Array:
+        return one
+
+    @look.def_vmap
+    def lanes(size: int, mapped: list[bool], every: Array) -> tuple[Array, bool]:
+        seen.append(every)
+        return (look(every) if isinstance(every, jax.core.Tracer) else every), mapped[0]  # of `vmap` within `vmap`
+
+    look(value)
+    return None if not seen or isinstance(seen[-1], jax.core.Tracer) else np.asarray(seen[-1])
 
 
 def _check(parameter: Parameter, value: Any) -> None:

@@ -20,7 +20,8 @@ from taskspec.exact.checks.examine import Examination, Violation
 from taskspec.exact.checks.phases import phases
 from taskspec.exact.checks.wording import parameters, report
 from taskspec.exact.simulation.points import Method
-from taskspec.limits import also, how_to_raise, limits
+from taskspec.lang.check import TooManyExpressions
+from taskspec.limits import also, limits
 from taskspec.modifiers import modify
 from taskspec.progress import tell
 from taskspec.registry import load
@@ -98,9 +99,9 @@ def check_ranges(task: TaskLike, limit: int = RANGE_POINTS) -> Ranges:
         try:
             with also(f"expressions={left}"):
                 other = modify(build(task.document, task.variant, values, task.suite), *task.modifiers)
+        except TooManyExpressions:
+            break  # it costs too much to try
         except SpecError as error:
-            if any(d.hint == how_to_raise("expressions", 2 * left) for d in error.diagnostics):
-                break  # it costs too much to try
             wrong: Iterable[Diagnostic] = _at(values, error)
         else:
             left -= other.builder.expressions

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from taskspec.exact.scoring.returns import Results
 from taskspec.task.merge import Merged, merge
 from taskspec.task.task import Task
 
-Array = np.ndarray[Any, Any]
 SAME = 1e-9
 """Numbers that differ by less, relative to their size, count as equal."""
 SMALL = 3_000_000
@@ -40,20 +38,25 @@ class Linted:
         return self.merged.key_span(path)
 
     @cached_property
-    def rewards(self) -> Array:
-        """Expected rewards (N,) of everything that can be done in any episode."""
+    def paid(self) -> tuple[float, float] | None:
+        """The least and the largest expected reward of all that can be done in any episode; None where nothing can be."""
         model = self.results.model
         if model is None:
-            return np.zeros(0)
-        found = []
+            return None
+        low, high = [], []
         for t, level in model.levels() if model.is_timed else [(0, model.acting)]:
-            found.append(model.step(t).reward.reshape(model.n_actions, -1)[:, level].reshape(-1))
-        return np.concatenate(found) if found else np.zeros(0)
+            for paid in model.step(t).reward.reshape(
+                model.n_actions, -1
+            ):  # one by one, as there may be no memory for all
+                if level.any():
+                    low.append(paid[level].min())
+                    high.append(paid[level].max())
+        return (float(np.min(low)), float(np.max(high))) if low else None
 
     @property
     def is_constant(self) -> bool:
         """Whether every step pays the same, and it makes no difference how many there are."""
-        paid, model = self.rewards, self.results.model
-        if model is None or not len(paid) or not np.isfinite(paid).all() or np.ptp(paid) > SAME:
+        paid, model = self.paid, self.results.model
+        if model is None or paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
             return False
-        return all(step.ending is None for step in model.steps) or abs(float(paid[0])) <= SAME
+        return all(step.ending is None for step in model.steps) or abs(paid[0]) <= SAME

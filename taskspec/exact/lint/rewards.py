@@ -13,10 +13,10 @@ LONGER = 1000
 
 def rewards(case: Linted, collector: Collector) -> None:
     """W502 and W503: rewards that are always the same."""
-    if not case.is_constant:
+    if not case.is_constant or case.paid is None:
         return
-    value = words(float(case.rewards[0]))
-    later = _later_reward(case)
+    value = words(case.paid[0])
+    later = _later_reward(case, case.paid[0])
     if later is None:
         collector.add("W503", case.merged.span(("reward",)), f"every step that can occur pays {value}")
         return
@@ -25,8 +25,8 @@ def rewards(case: Linted, collector: Collector) -> None:
     collector.add("W502", case.merged.span(("horizon",)), message, hint)
 
 
-def _later_reward(case: Linted) -> int | None:
-    """The first step in which a longer episode could be paid otherwise."""
+def _later_reward(case: Linted, before: float) -> int | None:
+    """The first step in which a longer episode could be paid otherwise than before."""
     model = case.results.model
     if model is None or model.horizon is None or model.is_timed:
         return None
@@ -35,7 +35,7 @@ def _later_reward(case: Linted) -> int | None:
     for t in range(model.horizon + LONGER):
         if not (level & ~seen).any():
             return None
-        if np.ptp(np.append(paid[:, level].reshape(-1), case.rewards[0])) > SAME:
+        if np.ptp(np.append(paid[:, level].reshape(-1), before)) > SAME:
             return t + 1
         seen |= level
         level = model.successors(model.step(0).going, level)

@@ -8,9 +8,13 @@ from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.extras import need
 
 
+class NoModel(SpecError):
+    """A task has no exact model, or none that answers what is asked (E712)."""
+
+
 def refuse(message: str, hint: str | None = None) -> NoReturn:
-    """Raise: this task has no exact model (E712)."""
-    raise SpecError([Diagnostic("E712", None, message, hint)])
+    """Raise `NoModel`."""
+    raise NoModel([Diagnostic("E712", None, message, hint)])
 
 
 def misused(message: str, hint: str | None = None) -> NoReturn:

@@ -195,9 +195,9 @@ class Model:
 
     # -- reads ------------------------------------------------------------------------------------
 
-    def reads(self, t: int = 0) -> dict[tuple[Role, str], Array]:
-        """What expressions read in every state (S,) at a time."""
-        return dict(self.states.decode(self.codes)) | {(Role.TIME, "t"): np.array([t], dtype=np.int64)}
+    def reads(self, t: int = 0, some: slice = slice(None)) -> dict[tuple[Role, str], Array]:
+        """What expressions read in every state (S,), or some of them, at a time."""
+        return dict(self.states.decode(self.codes[some])) | {(Role.TIME, "t"): np.array([t], dtype=np.int64)}
 
 
 def code_of(space: Space, values: Mapping[str, Any]) -> int:

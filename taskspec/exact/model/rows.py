@@ -15,7 +15,7 @@ from taskspec.exact.model.transitions import Outcomes, Steps
 
 Array = np.ndarray[Any, Any]
 CHUNK = 16_384
-MOVED = 1_000_000
+MOVED = 500_000
 """How many entries are moved together at once."""
 TIDY = 2_000_000
 """Up to this many non-zeros, equal columns of a row are merged and sorted."""
@@ -79,17 +79,15 @@ class RowCollector:
         sparse = scipy_sparse()
         spread, escaping, self.spread = self._own_spread(), self.marked.get("escaping"), None
         columns, weights = self.columns[: self.entry], self.weights[: self.entry]
-        indptr = np.concatenate(([0], np.cumsum(self.counts, dtype=np.int32 if self.entry < 2**31 else np.int64)))
+        indptr = np.zeros(self.row + 1, np.int32 if self.entry < 2**31 else np.int64)
+        np.cumsum(self.counts, out=indptr[1:])
         self.counts = self.counts[:0]  # as there may be no memory for these as well
         parts: list[tuple[Array, Array, Array]] = [(weights, columns, indptr)]
         if "ends" in self.marked:
             ends = self.marked["ends"][: self.entry]
             ended = _only(ends, weights, columns, indptr)
             parts = [_without(ends, weights, columns, indptr), ended]
-        shape, kind = (self.row, states), columns.dtype if self.entry < 2**31 else np.int64
-        built = [
-            sparse.csr_array((data, where, first.astype(kind, copy=False)), shape=shape) for data, where, first in parts
-        ]
+        built = [sparse.csr_array(part, shape=(self.row, states)) for part in parts]
         if self.entry <= TIDY:
             built = [_tidy(matrix.copy()) for matrix in built]
         slots = None if self.entry <= TIDY or len(built) > 1 else self._shared(self.row // states)
@@ -192,6 +190,7 @@ def _regular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
         ends = np.stack([np.broadcast_to(f.terminal, (n,)) for f in found], axis=1).reshape(-1)
     slots = weights[0].copy() if all(f.weight.size == 1 for f in found) else None
     scale, mixed = _sizes([f.reward for f in found])
+    mixed = mixed and k > 1  # of one outcome, the size of the reward says it all
     spread = np.broadcast_to(sum(f.weight * np.abs(f.reward) for f in found), (n,)) if mixed else None
     return Rows(np.full(n, k), columns.reshape(-1), weights.reshape(-1), ends, reward, None, slots, spread, scale)
 

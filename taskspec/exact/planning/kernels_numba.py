@@ -39,8 +39,18 @@ def extreme_values(numbers: Bounded, largest: bool) -> Bound:
             changed = active = np.ones(len(blocks), np.bool_)
         else:
             active = _active(blocks, changed | (lost > 0))
-        constants = (model.discount, sign, c, part.inflate, numbers.rounding, lost, numbers.floor)
-        changed = _swept(rows, slots, part.reward, part.reward_error, active, changed, value, spare, constants)
+        constants = (
+            model.discount,
+            sign,
+            c,
+            part.inflate,
+            numbers.rounding,
+            lost,
+            numbers.floor,
+            part.paid,
+            part.beyond,
+        )
+        changed = _swept(rows, slots, part.reward, part.sizes, active, changed, value, spare, constants)
         value, spare, before = spare, value, part.step
     return Bound(value[:, 0].copy(), value[:, 1].copy())
 
@@ -88,7 +98,7 @@ def _active(blocks: Array, changed: Array) -> Array:
 
 @njit(cache=True, fastmath={"contract"})
 def _swept(
-    rows: tuple[Array, ...], slots: Slots | None, reward: Array, reward_error: Array, active: Array, changed: Array,
+    rows: tuple[Array, ...], slots: Slots | None, reward: Array, sizes: Array, active: Array, changed: Array,
     value: Array, out: Array, constants: tuple[float, ...],
 ) -> Array:  # fmt: skip
     """One step back: writes `out`, and gives which blocks differ from `value`.
@@ -98,7 +108,7 @@ def _swept(
     is at most the largest of all. `changed` are the blocks in which `value` differs from what `out` still holds.
     """
     indptr, columns, weights = rows
-    discount, sign, c, inflate, rounding, lost, floor = constants
+    discount, sign, c, inflate, rounding, lost, floor, paid, beyond = constants
     states = len(out)
     after = np.zeros(len(active), np.bool_)
     for b in range(len(active)):
@@ -121,7 +131,9 @@ def _swept(
                         ahead += slots[1][a, k] * value[slots[0][a, s, k], 0]
                         error += slots[1][a, k] * value[slots[0][a, s, k], 1]
                 q = reward[row] + discount * ahead
-                off = reward_error[row] + rounding * (abs(q) + abs(reward[row])) + discount * (error + lost)
+                off = (
+                    paid * abs(sizes[row]) + beyond + rounding * (abs(q) + abs(reward[row])) + discount * (error + lost)
+                )
                 best, worst = max(best, sign * q), max(worst, off + (floor if error > 0 else 0.0))
             out[s, 0] = sign * best
             out[s, 1] = worst * inflate + c * abs(best) + (floor if best != 0 else 0.0)

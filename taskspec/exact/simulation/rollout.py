@@ -5,6 +5,7 @@ Lane i of seed s walks the trajectory of the scalar environment with seed s + i.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -77,7 +78,7 @@ def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) ->
 
 
 def at_random(task: Task) -> Choose:
-    """Uniformly random actions, of a range with ends."""
+    """Random actions as those of `action_space.sample()`: uniform, where a range has both ends."""
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]
@@ -87,16 +88,31 @@ def at_random(task: Task) -> Choose:
 
 
 def uniform(c: Any, lanes: int, rng: np.random.Generator) -> Array:
-    """Uniform values of a component, (*shape, lanes)."""
+    """Random values of a component, (*shape, lanes): uniform where its range has both ends."""
     rows: list[Array] = []
     for low, high in zip(c.low, c.high, strict=True):
-        if c.is_finite:
+        if not (math.isfinite(low) and math.isfinite(high)):
+            row = _unbounded(low, high, lanes, rng)
+            rows.append(row if c.type.kind is Kind.REAL else np.rint(row))
+        elif c.is_finite:
             rows.append(rng.integers(int(low), int(high) + 1, lanes))
         else:
             rows.append(rng.uniform(low, high, lanes))
     values = np.array(rows) if c.type.shape else rows[0]
     kind = {0: np.bool_, 1: np.int64, 2: np.float64}[int(c.type.kind)]
     return values.reshape(*c.type.shape, lanes).astype(kind)
+
+
+def _unbounded(low: float, high: float, lanes: int, rng: np.random.Generator) -> Array:
+    """Values (lanes,) of a range that lacks an end, as Gymnasium's `Box` samples them.
+
+    Standard normal where there is no end; one end plus, or minus, an exponential of mean 1 where there is one.
+    """
+    if math.isfinite(low):
+        return low + rng.exponential(1.0, lanes)
+    if math.isfinite(high):
+        return high - rng.exponential(1.0, lanes)
+    return rng.standard_normal(lanes)
 
 
 def by_expert(task: Task) -> Choose:

@@ -11,7 +11,7 @@ Deterministic tasks that pay whole numbers are free of rounding, and their error
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -23,6 +23,7 @@ from taskspec.exact.model.model import Model, Step
 from taskspec.exact.model.outcomes import branches
 from taskspec.exact.model.transitions import Steps, acted
 from taskspec.exact.planning.certified.enclosure import EQUAL, Enclosure
+from taskspec.exact.planning.certified.pieces import PIECE, every, pieces
 from taskspec.exact.planning.certified.slack import UNIT, Slack
 from taskspec.lang.ir import Node, draws
 
@@ -30,11 +31,11 @@ Array = np.ndarray[Any, Any]
 UNKNOWN = 2
 FLOOR = 1e-300
 """More than what products that are too small for a float can lose."""
-PIECE = 2_000_000
-"""How many entries, or numbers of a table, are gone through at once."""
 DEEPEST = 1e4
 """Exponents from here on make weights of 0, which are less than `FLOOR` off."""
 FAINT = 1e-20
+STATES = 65_536
+"""In how many states at once an expert is asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,16 +63,23 @@ class _Part:
     """One time's matrices with the constants of their bounds.
 
     `c` bounds the rounding of a row relative to its size, and `lost` what is missing of it for values of size 1; with
-    `faint` probabilities even values that are not 0 may leave no trace in a product.
+    `faint` probabilities even values that are not 0 may leave no trace in a product. A reward whose `sizes` are expected to
+    be so large is off by `paid` of them, and by `beyond`.
     """
 
     step: Step
     reward: Array
-    reward_error: Array
+    sizes: Array
+    paid: float
+    beyond: float
     c: float
     inflate: float
     lost: float
     faint: bool
+
+    def reward_error(self, rows: slice) -> Array:
+        """What the expected rewards of some rows are off by."""
+        return self.paid * np.abs(self.sizes[rows]) + self.beyond
 
 
 class Bounded:
@@ -93,7 +101,7 @@ class Bounded:
             self.model.discount == 1
             and max(s.scale for s in steps) * max(1, self.horizon) < 2**53
             and all(s.terms == 1 and _ones(s) for s in steps)
-            and all((np.mod(self._acting(s.reward), 1) == 0).all() for s in steps)
+            and all(every(self._acting(s.reward), lambda paid: np.mod(paid, 1) == 0) for s in steps)
         )
 
     @property
@@ -119,12 +127,13 @@ class Bounded:
     def _prepared(self, step: Step) -> _Part:
         reward, slack, n = self._acting(step.reward), self.slack, step.terms
         if self.is_whole:
-            return _Part(step, reward, np.zeros_like(reward), 0.0, 1 + 128 * UNIT, 0.0, False)
+            return _Part(step, reward, reward, 0.0, 0.0, 0.0, 1 + 128 * UNIT, 0.0, False)
         c = (n + 2) * UNIT + slack.relative
-        size = np.abs(reward if step.spread is None else self._acting(step.spread))
-        error = (c + 8 * UNIT) * size + (slack.absolute * n * step.scale + slack.missing * slack.beyond)
+        sizes = reward if step.spread is None else self._acting(step.spread)
+        beyond = slack.absolute * n * step.scale + slack.missing * slack.beyond
+        inflate, lost = 1 + (n + 16) * 8 * UNIT, slack.absolute * n + 2 * slack.missing
         faint = bool((step.going.data < FAINT).any())
-        return _Part(step, reward, error, c, 1 + (n + 16) * 8 * UNIT, slack.absolute * n + 2 * slack.missing, faint)
+        return _Part(step, reward, sizes, c + 8 * UNIT, beyond, c, inflate, lost, faint)
 
     # -- values -------------------------------------------------------------------------------------------------------
 
@@ -136,12 +145,13 @@ class Bounded:
         part, more = self.part(t), float(shift)
         q, error = self._through(part, part.step.going, value)
         if self.model.discount != 1:
-            q, error = q * self.model.discount, error * self.model.discount
+            q *= self.model.discount
+            error *= self.model.discount
         if more or not self.is_whole or value.error.any():  # values with an error need not be whole
             for low in range(0, len(q), PIECE):
                 here = slice(low, low + PIECE)
                 size = np.abs(q[here]) + np.abs(part.reward[here]) + abs(more)
-                error[here] += part.reward_error[here] + 4 * UNIT * size
+                error[here] += part.reward_error(here) + 4 * UNIT * size
             error *= part.inflate
         q += part.reward
         if more:
@@ -167,11 +177,11 @@ class Bounded:
         size = np.abs(value.value)
         off = value.error + part.c * size + self.floor * (size > 0)
         q, error, lost = np.empty(matrix.shape[0]), np.zeros(matrix.shape[0]), self.lost(part, value.value, value.error)
-        for rows, some in _pieces(matrix):
+        for rows, some in pieces(matrix):
             q[rows] = some @ value.value
         if not (off.any() or lost):
             return q, error
-        for rows, some in _pieces(matrix):
+        for rows, some in pieces(matrix):
             found = some @ off
             error[rows] = found + self.floor * (found > 0) + lost
         return q, error
@@ -189,7 +199,7 @@ class Bounded:
 
     def top(self, q: Bound) -> Bound:
         """The largest action value: off by no more than any that may be the largest."""
-        return Bound(q.value.max(axis=0), np.where(_possible(q), q.error, 0.0).max(axis=0))
+        return Bound(q.value.max(axis=0), _largest_error(q, _possible(q)))
 
     def bottom(self, q: Bound) -> Bound:
         found = self.top(Bound(-q.value, q.error))
@@ -202,9 +212,10 @@ class Bounded:
         rounding = np.where(p.max(axis=0) == 1, 0.0, (len(p) + 4) * UNIT)
         error = _weighed(p, q.error) * (1 + (len(p) + 4) * 4 * UNIT)
         if rounding.any():
-            error += rounding * _weighed(p, np.abs(q.value))
+            error += rounding * _weighed(p, map(np.abs, q.value))
         if policy.error is not None:
-            error += _weighed(policy.error, np.abs(q.value) + q.error) * (1 + 1e-12)
+            sizes = (np.abs(v) + e for v, e in zip(q.value, q.error, strict=True))
+            error += _weighed(policy.error, sizes) * (1 + 1e-12)
         if policy.open is not None:
             value, error = _whichever(policy.open, q, value, error)
         return Bound(value, error)
@@ -225,13 +236,13 @@ class Bounded:
 
     def uniform(self) -> Policy:
         shape = (self.model.n_actions, self.model.n_states)
-        return Policy(np.full(shape, 1 / self.model.n_actions))
+        return Policy(np.broadcast_to(1 / self.model.n_actions, shape))
 
     def greedy(self, q: Bound) -> Policy:
         """All best actions alike; open where errors leave it undecided which these are."""
         best = _possible(q)
         count = best.sum(axis=0)
-        unsure = best & (count > 1) & (np.where(best, q.error, 0.0).max(axis=0) > 0)
+        unsure = best & (count > 1) & (_largest_error(q, best) > 0)
         return Policy(best / count, None, unsure if unsure.any() else None)
 
     def boltzmann(self, q: Bound, beta: float) -> tuple[Policy, Bound]:
@@ -255,13 +266,16 @@ class Bounded:
     def tabulated(self, nodes: Sequence[Node], t: int) -> Policy:
         """A policy given by expressions, which may draw and read the time."""
         model = self.model
-        table, given, drawn = np.zeros((model.n_actions, model.n_states)), model.reads(t), draws(nodes)
-        for branch in branches(drawn, given, model.n_states):
-            action, at = acted(model.actions, nodes, given, branch, model.n_states)
-            np.add.at(table, (action, at), np.broadcast_to(branch.weight, (len(at),)))
+        table, drawn = np.zeros((model.n_actions, model.n_states)), draws(nodes)
+        for low in range(0, model.n_states, STATES):
+            some = slice(low, min(model.n_states, low + STATES))
+            given, here = model.reads(t, some), table[:, some]
+            for branch in branches(drawn, given, here.shape[1]):
+                action, at = acted(model.actions, nodes, given, branch, here.shape[1])
+                np.add.at(here, (action, at), np.broadcast_to(branch.weight, (len(at),)))
         slack = Slack.of(drawn, model.task.builder)
-        error = table * (slack.relative + 8 * UNIT) + (slack.absolute + slack.missing)
-        return Policy(table, error if drawn else None)
+        off = slack.absolute + slack.missing
+        return Policy(table, table * (slack.relative + 8 * UNIT) + off if drawn else None)
 
     def preference(self, policy: Policy, wanted: Array) -> Array:
         """In each state (S,): 1 where the most frequent action is a wanted one, -1 where not, 0 where both are alike.
@@ -285,7 +299,7 @@ class Bounded:
         return policy.table
 
 
-def _weighed(shares: Array, x: Array) -> Array:
+def _weighed(shares: Array, x: Iterable[Array]) -> Array:
     """Sums over actions (S,) of shares (A, S) of values; of an action that is not taken, infinities count for nothing."""
     total = np.zeros(shares.shape[1:])
     for share, value in zip(shares, x, strict=True):  # one by one, as there may be no memory for all at once
@@ -295,29 +309,22 @@ def _weighed(shares: Array, x: Array) -> Array:
     return total
 
 
-def _pieces(matrix: Any) -> Iterator[tuple[slice, Any]]:
-    """Some rows of a matrix at a time, which share its entries: products with all of them might need as much memory again."""
-    n, (rows, columns) = max(1, PIECE * matrix.shape[0] // max(1, matrix.nnz)), matrix.shape
-    if rows <= n:
-        yield slice(0, rows), matrix
-        return
-    for low in range(0, rows, n):
-        first = matrix.indptr[low : low + n + 1]
-        here = slice(int(first[0]), int(first[-1]))
-        entries = (matrix.data[here], matrix.indices[here], first - first[0])
-        yield slice(low, low + len(first) - 1), type(matrix)(entries, shape=(len(first) - 1, columns))
-
-
 def _ones(step: Step) -> bool:
     parts = [step.going.data] + ([] if step.ending is None else [step.ending.data])
-    return all(np.isin(data, (0.0, 1.0)).all() for data in parts)
+    return all(every(data, lambda p: (p == 0) | (p == 1)) for data in parts)
 
 
 def _possible(q: Bound) -> Array:
     """Which actions (A, S) may be the best; the factor 2 makes up for rounding in the comparison."""
     chosen = q.value.argmax(axis=0)
     each = np.arange(q.value.shape[1])
-    return np.asarray(q.value >= q.value[chosen, each] - 2 * (q.error + q.error[chosen, each]))
+    top, off = q.value[chosen, each], q.error[chosen, each]
+    return np.array([v >= top - 2 * (e + off) for v, e in zip(q.value, q.error, strict=True)])
+
+
+def _largest_error(q: Bound, among: Array) -> Array:
+    """The largest error (S,) of some actions (A, S), of which there is one in each state."""
+    return np.asarray(np.max(q.error, axis=0, where=among, initial=0.0))
 
 
 def _whichever(some: Array, q: Bound, value: Array, error: Array) -> tuple[Array, Array]:

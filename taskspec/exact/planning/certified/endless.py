@@ -61,12 +61,13 @@ class Endless(Bounded):
         if rule.is_best:
             return self.best()
         policy, part, gamma = rule.settled(self), self.part(0), self.model.discount
-        matrix, gain = self._matrix(policy), self.follow(policy, self._table(part.reward, part.reward_error))
+        paid = self._table(part.reward, part.reward_error(slice(None)))
+        matrix, gain = self._matrix(policy), self.follow(policy, paid)
         inside = self.acting
         if not self.is_discounted:
             inside = inside & self._may_end(policy, matrix)
-            paid = (gain.value != 0) | (gain.error != 0)
-            if (self.acting & ~inside & paid).any():
+            worth = (gain.value != 0) | (gain.error != 0)
+            if (self.acting & ~inside & worth).any():
                 refuse("episodes may go on for ever, and are paid", ENDLESS)
         chain = Chain(matrix * gamma, lambda x: self._image(policy, x, gamma), inside)
         return self.at_start(self._signed(chain.enclosed(gain), part.reward))
@@ -178,7 +179,7 @@ class Endless(Bounded):
             return picked(self._expected(Bound(search.spread(x.value), search.spread(x.error))))
 
         more = 4 * UNIT * (np.abs(part.reward) + abs(shift)) if shift else 0.0
-        gain = picked(Bound(sign * part.reward + shift, part.reward_error + more))
+        gain = picked(Bound(sign * part.reward + shift, part.reward_error(slice(None)) + more))
         chain = Chain(search.matrix[choice], image, np.ones(search.size, np.bool_))
         found = chain.enclosed(gain)
         return search.spread(np.nextafter(found.value - found.error, -np.inf))
