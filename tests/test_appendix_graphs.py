@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from taskspec.appendix import Overlay
-from taskspec.figures import raster
+from taskspec.figures import raster, scene
 from taskspec.figures.elide import drawings
 from taskspec.figures.graph import MOST_CROSSINGS, _planned, graph
 from taskspec.figures.machine import explore
@@ -175,3 +175,19 @@ def test_every_format_shows_the_same(seed: int) -> None:
     )  # fmt: skip
     (axes,) = raster._figure(found).axes
     assert (len(axes.texts), len(axes.patches)) == (len(labels), len(shapes) + len(lines) + sum(x.arrow for x in lines))
+
+
+@pytest.mark.parametrize(("letters", "kind"), [(4, "Transition graph"), (40, "Transitions of Chain as a table")])
+def test_a_graph_that_no_page_has_room_for_is_drawn_as_a_table(letters: int, kind: str) -> None:
+    names = [f"{'s' * letters}{i}" for i in range(6)]
+    rows = "".join(f"      {name}: {{go: {after}, stop: {name}}}\n" for name, after in pairwise([*names, names[-1]]))
+    one = build(
+        read_text(
+            f"taskspec: 1\nname: Chain\nstate:\n  s: {{type: choice, values: [{', '.join(names)}]}}\n"
+            f"action:\n  a: {{type: choice, values: [go, stop]}}\nhorizon: 9\ninitial: {{s: {names[0]}}}\n"
+            f"dynamics:\n  s':\n    by: [s, a]\n    rows:\n{rows}reward: 1\nfigure: {{kind: graph}}\n"
+        )
+    )
+    found = scene(one)
+    assert found is not None and found.alt.startswith(kind)
+    assert found.width < 25

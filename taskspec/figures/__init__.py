@@ -40,7 +40,7 @@ KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
 }  # fmt: skip
 
 NEEDED = {
-    "graph": "transition graphs are drawn of finite tasks with few states, whose arrows cross little",
+    "graph": "transition graphs are drawn of finite tasks with few states, whose arrows cross little and which fit on a page",
     "matrix": "tables of transitions are drawn of finite tasks of which episodes visit at most 300 states",
     "grid": "columns and rows are two whole numbers that the state says, up to 5,000",
     "portrait": "phase portraits are drawn of two bounded numbers of the state, `at: [x, v]`, where nothing is drawn in a step",

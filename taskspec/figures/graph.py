@@ -22,6 +22,8 @@ from taskspec.task.task import Task
 LOOPS_UP_TO = 6
 MOST_ARROWS, MOST_CROSSINGS = 40, 6
 """More arrows or more crossings of them than these are too tangled to draw."""
+WIDEST = 20.0
+"""Centimetres between vertices that are farthest apart: on a page wider graphs are too small to read."""
 STRETCHES = (1.0, 1.4)
 RIM = 0.07
 
@@ -55,6 +57,12 @@ class Plan:
     def cost(self) -> int:
         return self.crossings + self.covered
 
+    @property
+    def width(self) -> float:
+        """From the first vertex to the last."""
+        ends = [spot.at[0] for spot in self.spots.values()]
+        return max(ends) - min(ends)
+
 
 def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     """The best plan without a fault; None when all have faults, cross too often or are too large."""
@@ -75,6 +83,8 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
             tuple((v, tuple(says.state(v, overlay))) for v in vertices),
         )
         plan = _planned(request)
+        if plan is not None and overlay.here is None and plan.width > WIDEST:
+            continue
         if plan is not None and (best is None or plan.cost < best.cost):
             best = plan
         if best is not None and best.cost == 0:

@@ -49,7 +49,7 @@ RESULTS: dict[str, Word] = {
         Word(
             "states",
             "states",
-            "How many states episodes can be in, the last one of an episode included.",
+            "The number of reachable states, the last one of an episode included.",
             "number of states",
         ),
         Word("actions", "actions", "How many actions there are.", "number of actions"),

@@ -99,7 +99,7 @@ def _table(measures: Iterable[Measure]) -> dict[str, Measure]:
 
 MEASURES: dict[str, Measure] = _table([
     Measure(
-        "states", "", "How many states episodes can be in.",
+        "states", "", "The number of reachable states.",
         r"\lvert S \rvert", "", _on_model(lambda model: int(model.entered.sum()))),
     Measure(
         "actions", "", "How many actions there are.",
