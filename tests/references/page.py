@@ -1,0 +1,120 @@
+"""The table and the picture of learners beside those of other libraries, in docs/learners.md."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from taskspec.exam import Exam
+from taskspec.exam.bootstrap import estimate, mean
+from taskspec.exam.report.told import decimal, interval, named
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE, PICTURE = DOCS / "learners.md", DOCS / "references.svg"
+NAMES = {"ppo": "PPO", "bc": "behavioural cloning", "gail": "GAIL"}
+HEAD = """\
+| learner | task | library | seeds | score, ours | theirs | mean of the curve, ours | theirs |
+|---|---|---|---|---|---|---|---|"""
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Of every seed the score in the end, and the curve: steps, and scores (seeds, points), of which there may be none."""
+
+    scores: list[float]
+    steps: list[float]
+    curves: np.ndarray
+
+    @property
+    def areas(self) -> list[float]:
+        """The mean of each curve, its last point included."""
+        return [float(np.mean([*curve, last])) for curve, last in zip(self.curves, self.scores, strict=True)]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One of our learners on a task, beside that of a library."""
+
+    learner: str
+    task: str
+    library: str
+    ours: Runs
+    theirs: Runs
+
+    @property
+    def overlap(self) -> bool:
+        """Whether intervals of scores overlap, and those of curves."""
+        pairs = [(self.ours.scores, self.theirs.scores), (self.ours.areas, self.theirs.areas)]
+        return all(a[0] <= b[1] and b[0] <= a[1] for a, b in ([_interval(side) for side in pair] for pair in pairs))
+
+
+def compared(learner: str, library: str, ours: Exam, theirs: Exam) -> list[Compared]:
+    return [Compared(learner, task, library, *(_runs(exam, task) for exam in (ours, theirs))) for task in ours["tasks"]]
+
+
+def _runs(exam: Exam, task: str) -> Runs:
+    own = [score for score in exam["scores"] if score["task"] == task]
+    failed = [score["error"] for score in own if score["error"] is not None]
+    assert not failed, failed[0]
+    curves = [score["curve"] or [] for score in own]
+    return Runs(
+        [score["deterministic"] or 0.0 for score in own], [float(x or 0) for x, _ in curves[0]],
+        np.array([[y for _, y in curve] for curve in curves], float).reshape(len(own), -1),
+    )  # fmt: skip
+
+
+def row(found: Compared) -> str:
+    """A line of the table."""
+    cells = [NAMES[found.learner], named(found.task), found.library, str(len(found.ours.scores))]
+    cells += [_told(values) for values in (found.ours.scores, found.theirs.scores)]
+    has_curve = found.ours.curves.size > 0
+    cells += [_told(runs.areas) if has_curve else "" for runs in (found.ours, found.theirs)]
+    return f"| {' | '.join(cells)} |"
+
+
+def _told(values: Sequence[float]) -> str:
+    return f"{decimal(float(np.mean(values)))} ({interval(*_interval(values)) or 'all seeds alike'})"
+
+
+def _interval(values: Sequence[float]) -> tuple[float, float]:
+    return estimate(values, mean, "reference").interval
+
+
+def written(found: Sequence[Compared]) -> None:
+    """Put the table into the page, and draw the curves beside it."""
+    table = "\n".join([HEAD, *map(row, found)])
+    text = PAGE.read_text(encoding="utf-8")
+    text, count = re.subn(
+        r"(<!-- references -->).*?(<!-- /references -->)", rf"\g<1>\n{table}\n\g<2>", text, flags=re.DOTALL
+    )
+    assert count == 1, "the page has no place for the table"
+    PAGE.write_text(text, encoding="utf-8")
+    draw([each for each in found if each.ours.curves.size])
+
+
+def draw(found: Sequence[Compared]) -> None:
+    """Learning curves: means over seeds, with their 95 % intervals."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context({"svg.hashsalt": "taskspec", "svg.fonttype": "path", "font.size": 8}):
+        figure = Figure(figsize=(2.4 * len(found), 2.2), layout="constrained")
+        for i, each in enumerate(found):
+            axes = figure.add_subplot(1, len(found), i + 1)
+            for runs, label, color in ((each.ours, "ours", "#0072B2"), (each.theirs, each.library, "#D55E00")):
+                low, high = zip(*(_interval(column) for column in runs.curves.T), strict=True)
+                axes.plot(runs.steps, runs.curves.mean(axis=0), color=color, label=label)
+                axes.fill_between(runs.steps, low, high, color=color, alpha=0.2, linewidth=0)
+            axes.axhline(1, color="#888888", linestyle=":", linewidth=0.8)
+            axes.set_title(f"{NAMES[each.learner]}, {named(each.task)}", fontsize=8)
+            axes.set_xlabel("steps")
+            axes.set_xticks([runs.steps[-1]], [f"{runs.steps[-1] / 1000:.0f}k"])
+            axes.spines[["top", "right"]].set_visible(False)
+            axes.legend(fontsize=6.5, frameon=False)
+            if i == 0:
+                axes.set_ylabel("score: random 0, expert 1")
+        figure.savefig(PICTURE, metadata={"Date": None})
