@@ -189,6 +189,19 @@ def test_the_table_of_several_learners_is_grey_where_one_was_not_run() -> None:
     assert "−1.00" in [text.get_text() for text in axes.texts]
 
 
+@pytest.mark.parametrize(
+    ("learners", "shown"),
+    [
+        (["paper/bc", "paper/mce"], ["bc", "mce"]),
+        (["paper/bc", "corrected/bc"], ["paper/bc", "corrected/bc"]),
+        (["bc", "a/b.py:train"], ["bc", "a/b.py:train"]),
+    ],
+)
+def test_the_table_of_one_family_leaves_its_name_out(learners: list[str], shown: list[str]) -> None:
+    (axes,) = pictures.table({name: exam({"Sort": 0.5}) for name in learners}).axes
+    assert [label.get_text() for label in axes.get_xticklabels()] == shown
+
+
 def test_boxes_stand_side_by_side_with_their_means(results: dict[str, Any]) -> None:
     cells = {row.name: row.printed for row in told.rows(results)}
     (axes,) = pictures.boxes(cells, "gail").axes

@@ -219,11 +219,18 @@ def table(exams: Mapping[str, Mapping[str, Any]], title: str = "") -> Any:
     with matplotlib.rc_context(SETTINGS):
         drawn = figures.Figure(figsize=(1.8 + 0.62 * len(found), 1.5 + 0.36 * len(tasks)), layout="constrained")
         axes = drawn.subplots()
-        _heat(axes, values, list(found), list(tasks.values()))
-        axes.set_xticks(range(len(found)), list(found), rotation=45, ha="left", rotation_mode="anchor", fontsize=8)
+        names = _without_family(list(found))
+        _heat(axes, values, names, list(tasks.values()))
+        axes.set_xticks(range(len(found)), names, rotation=45, ha="left", rotation_mode="anchor", fontsize=8)
         if title:
             drawn.suptitle(title, fontsize=11, x=0.01, ha="left")
     return drawn
+
+
+def _without_family(learners: Sequence[str]) -> list[str]:
+    """What learners are called among those of one family, or of one folder."""
+    parts = [name.rpartition("/") for name in learners]
+    return [own for _, _, own in parts] if len({family for family, _, _ in parts}) == 1 else list(learners)
 
 
 def _cut(cell: SeedCell) -> SeedCell:
