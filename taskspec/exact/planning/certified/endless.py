@@ -65,7 +65,7 @@ class Endless(Bounded):
         matrix, gain = self._matrix(policy), self.follow(policy, paid)
         inside = self.acting
         if not self.is_discounted:
-            inside = inside & self._may_end(policy, matrix)
+            inside = inside & self._may_end(policy)
             worth = (gain.value != 0) | (gain.error != 0)
             if (self.acting & ~inside & worth).any():
                 refuse("episodes may go on for ever, and are paid", ENDLESS)
@@ -79,8 +79,7 @@ class Endless(Bounded):
             self._matrix(policy),
             self.follow(policy, self.reached(0, self.marked(self.zero(), states), states)),
         )
-        directly: Array = np.asarray(gain.value + gain.error > 0)
-        inside = leading_to(matrix, directly) & ~states & self.acting
+        inside = self._leading_to(policy, states) & ~states & self.acting
         found = Chain(matrix, lambda x: self._image(policy, x, 1.0), inside).enclosed(gain)
         return self.at_start(self.marked(found, states))
 
@@ -116,10 +115,18 @@ class Endless(Bounded):
         ending, rows = self.part(0).step.ending, self.model.n_states * self.model.n_actions
         return np.zeros(rows) if ending is None else np.asarray(ending @ np.ones(self.model.n_states))
 
-    def _may_end(self, policy: Policy, matrix: Any) -> Array:
+    def _may_end(self, policy: Policy) -> Array:
         """States (S,) from which a policy may end the episode."""
-        ends = (policy.table > 0) & (self._ending().reshape(policy.table.shape) > 0)
-        return leading_to(matrix, np.asarray(ends.any(axis=0)))
+        return self._leading_to(policy, np.zeros(self.model.n_states, np.bool_), np.ones(self.model.n_states, np.bool_))
+
+    def _leading_to(self, policy: Policy, states: Array, last: Array | None = None) -> Array:
+        """States (S,) from which a policy may come to some, or end in some; also by chances that are too small for a float."""
+        step = self.part(0).step
+        going = _possible(step.going, policy)
+        directly = going @ states.astype(np.float64)
+        if step.ending is not None:
+            directly += _possible(step.ending, policy) @ (states if last is None else last).astype(np.float64)
+        return leading_to(going, np.asarray((directly > 0).reshape(policy.table.shape).any(axis=0)))
 
     # -- the best policy ----------------------------------------------------------------------------------------------
 
@@ -254,3 +261,10 @@ class Endless(Bounded):
         if not (c > 0 and np.isfinite(w).all()):
             refuse("it cannot be shown that episodes end", ENDLESS)
         return 1 / c * (1 + 1e-12), w
+
+
+def _possible(matrix: Any, policy: Policy) -> Any:
+    """Ones for the entries (A*S, S) of a matrix that a policy may follow, whatever their chances."""
+    taken = (policy.table > 0) if policy.error is None else (policy.table + policy.error > 0)
+    kept = np.repeat(taken.reshape(-1), np.diff(matrix.indptr)) & (matrix.data > 0)
+    return type(matrix)((kept.astype(np.float64), matrix.indices, matrix.indptr), shape=matrix.shape)

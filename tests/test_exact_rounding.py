@@ -1,0 +1,38 @@
+"""Claims whose truth rounding could hide: chances that no float holds, signs that cancel, and sums of many outcomes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from taskspec import source
+from taskspec.exact.claims.claims import verdicts
+from taskspec.task.build import build
+
+
+def status(text: str, claim: str, **parameters: Any) -> str:
+    task = build(source.read_text(f"{text}claims:\n  - {claim}\n", "spec.yaml"), None, parameters)
+    (found,) = verdicts(task)
+    return found.status
+
+
+LURE = """
+taskspec: 1
+name: Lure
+parameters: {C: {type: int, default: 1}}
+state: {k: {type: int, low: 0, high: 2}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: none
+discount: 1/2
+initial: {k: 0}
+dynamics: {k': "1 if k == 0 and a == 1 else 2 if k == 1 else k"}
+reward: "-C if k == 0 and a == 1 else 0"
+"""
+
+
+@pytest.mark.parametrize(("cost", "expected"), [(1, "proved"), (1000, "undecided"), (10**6, "undecided")])
+def test_what_is_hardly_ever_done_is_done_in_the_end(cost: int, expected: str) -> None:
+    """A soft agent pays each time with a chance of exp(-C) about, which is more than 0; so it is there one day."""
+    assert status(LURE, "{claim: probability(k == 2) == 1, under: soft(1)}", C=cost) == expected
+    assert status(LURE, "{claim: probability(k == 2) == 0, under: soft(1)}", C=cost) != "proved"
