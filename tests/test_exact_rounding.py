@@ -36,3 +36,24 @@ def test_what_is_hardly_ever_done_is_done_in_the_end(cost: int, expected: str) -
     """A soft agent pays each time with a chance of exp(-C) about, which is more than 0; so it is there one day."""
     assert status(LURE, "{claim: probability(k == 2) == 1, under: soft(1)}", C=cost) == expected
     assert status(LURE, "{claim: probability(k == 2) == 0, under: soft(1)}", C=cost) != "proved"
+
+
+CANCELS = """
+taskspec: 1
+name: Cancels
+state: {k: {type: int, low: 0, high: 3}}
+action: {a: {type: int, low: 0, high: 0}}
+horizon: none
+discount: 1/2
+initial: {k: 0}
+dynamics: {k': "UniformInt(1, 3)"}
+reward: {by: k', rows: {1: PAID, 2: SIGN * 2**-60, 3: -PAID, else: 0}}
+"""
+
+
+@pytest.mark.parametrize(("sign", "truth"), [("-1", "<"), ("1", ">")])
+def test_a_sign_that_rounding_hides_is_not_taken_for_granted(sign: str, truth: str) -> None:
+    """Every step pays a third of 2**-60 in the end, of which nothing is left beside the other outcomes."""
+    for word in ("<", ">", "==", "<=", ">="):
+        found = status(CANCELS.replace("PAID", "1").replace("SIGN", sign), f"random_return {word} 0")
+        assert found in ({"proved", "undecided"} if truth in word else {"false", "undecided"}), word

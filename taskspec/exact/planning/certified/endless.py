@@ -70,7 +70,7 @@ class Endless(Bounded):
             if (self.acting & ~inside & worth).any():
                 refuse("episodes may go on for ever, and are paid", ENDLESS)
         chain = Chain(matrix * gamma, lambda x: self._image(policy, x, gamma), inside)
-        return self.at_start(self._signed(chain.enclosed(gain), part.reward))
+        return self.at_start(self._signed(chain.enclosed(gain)))
 
     def probability(self, rule: Rule, states: Array) -> Enclosure:
         """How likely an episode is ever in one of the states (S,)."""
@@ -147,7 +147,7 @@ class Endless(Bounded):
         middle = (low + high) / 2
         reach = np.maximum(high - middle, middle - low) + 4 * UNIT * (np.abs(low) + np.abs(high))
         found = Bound(middle, np.where(self.acting, np.maximum(reach, 0.0), 0.0))
-        return self._signed(found, sign * self.part(0).reward + shift)
+        return self._signed(found, sign, shift)
 
     def _signed_backup(self, x: Bound, sign: int, shift: float) -> Bound:
         q = self.backup(0, Bound(sign * x.value, x.error), Fraction(shift))
@@ -209,13 +209,18 @@ class Endless(Bounded):
         resting = np.isin(search.place, search.owner[search.row == REST])
         return bool((margin > 0).all() and (u[resting] >= 0).all())
 
-    def _signed(self, value: Bound, reward: Array) -> Bound:
+    def _signed(self, value: Bound, sign: int = 1, shift: float = 0.0) -> Bound:
         """Values with the bounds that the signs of the rewards give: what never pays is worth 0 at most."""
-        paid = reward[np.tile(self.acting, self.model.n_actions)]
+        part, here = self.part(0), np.tile(self.acting, self.model.n_actions)
+        paid, spread = (sign * part.reward + shift)[here], part.step.spread
+        # where outcomes of both signs cancel, rounding may hide which of them prevails
+        off = (
+            0.0 if spread is None else np.where(spread > np.abs(part.reward), part.reward_error(slice(None)), 0.0)[here]
+        )
         low, high = value.value - value.error, value.value + value.error
-        if (paid >= 0).all():
+        if (paid - off >= 0).all():
             low = np.maximum(low, 0.0)
-        if (paid <= 0).all():
+        if (paid + off <= 0).all():
             high = np.minimum(high, 0.0)
         high = np.maximum(low, high)
         middle = (low + high) / 2
