@@ -8,6 +8,7 @@ import pytest
 
 from taskspec import source
 from taskspec.exact.claims.claims import verdicts
+from taskspec.exact.planning.certified import rational
 from taskspec.task.build import build
 
 
@@ -57,3 +58,32 @@ def test_a_sign_that_rounding_hides_is_not_taken_for_granted(sign: str, truth: s
     for word in ("<", ">", "==", "<=", ">="):
         found = status(CANCELS.replace("PAID", "1").replace("SIGN", sign), f"random_return {word} 0")
         assert found in ({"proved", "undecided"} if truth in word else {"false", "undecided"}), word
+
+
+SUMS = """
+taskspec: 1
+name: Sums
+parameters: {N: {type: int, default: 9999, low: 1}}
+state: {k: {type: int, low: 0, high: 1}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 1
+initial: {k: "START"}
+dynamics: {k': k}
+reward: PAID
+expert: {a: "UniformInt(0, N - 1) < N // 3"}
+"""
+
+
+@pytest.mark.parametrize(
+    ("which", "start", "paid"), [("expert", "0", "a"), ("optimal", "UniformInt(0, N - 1) < N // 3", "k")]
+)
+@pytest.mark.parametrize("n", [99, 999, 3000, 9999])
+def test_a_sum_of_thousands_of_chances_counts_its_rounding(
+    monkeypatch: pytest.MonkeyPatch, which: str, start: str, paid: str, n: int
+) -> None:
+    """A third of all outcomes, each as likely as any other, weigh a third together; added up as floats, nearly."""
+    monkeypatch.setattr(rational, "MOST_WORK", 0)
+    text = SUMS.replace("START", start).replace("PAID", paid)
+    assert status(text, f"{which}_return == 1/3", N=n) == "proved"
+    for word in ("<", ">"):
+        assert status(text, f"{which}_return {word} 1/3", N=n) in ("false", "undecided")

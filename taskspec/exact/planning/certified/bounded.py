@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.exact.model.model import Model, Step
-from taskspec.exact.model.outcomes import branches
+from taskspec.exact.model.outcomes import branches, count
 from taskspec.exact.model.transitions import Steps, acted
 from taskspec.exact.planning.certified.enclosure import EQUAL, Enclosure
 from taskspec.exact.planning.certified.pieces import PIECE, every, pieces
@@ -90,7 +90,8 @@ class Bounded:
         steps = Steps(model.task)
         builder = model.task.builder
         self.slack = Slack.of(steps.draws, builder, steps.reward)
-        self.start_slack = Slack.of(draws(steps.first), builder)
+        first = draws(steps.first)
+        self.start_slack, self.start_terms = Slack.of(first, builder), count(first, {})
         self._parts: dict[int, _Part] = {}
 
     @cached_property
@@ -225,9 +226,9 @@ class Bounded:
         first = np.flatnonzero(start)
         if len(first) == 1:
             return Enclosure.around(float(value.value[first[0]]), float(value.error[first[0]]))
-        relative = self.start_slack.relative + (len(first) + 4) * UNIT
+        relative = self.start_slack.relative + (self.start_terms + 4) * UNIT
         weights, values, errors = start[first], value.value[first], value.error[first]
-        lost = (self.start_slack.absolute + 2 * self.start_slack.missing) * len(first)
+        lost = self.start_slack.absolute * self.start_terms + 2 * self.start_slack.missing * len(first)
         most = float(np.max(np.abs(values) + errors))
         error = math.fsum(weights * (errors + relative * np.abs(values))) * (1 + 1e-12) + lost * most
         return Enclosure.around(math.fsum(weights * values), error)
@@ -274,8 +275,9 @@ class Bounded:
                 action, at = acted(model.actions, nodes, given, branch, here.shape[1])
                 np.add.at(here, (action, at), np.broadcast_to(branch.weight, (len(at),)))
         slack = Slack.of(drawn, model.task.builder)
-        off = slack.absolute + slack.missing
-        return Policy(table, table * (slack.relative + 8 * UNIT) + off if drawn else None)
+        terms = count(drawn, {})  # so many may have been added up
+        relative, off = slack.relative + (8 + terms) * UNIT, slack.absolute * terms + slack.missing
+        return Policy(table, table * relative + off if drawn else None)
 
     def preference(self, policy: Policy, wanted: Array) -> Array:
         """In each state (S,): 1 where the most frequent action is a wanted one, -1 where not, 0 where both are alike.
