@@ -60,6 +60,43 @@ def test_a_sign_that_rounding_hides_is_not_taken_for_granted(sign: str, truth: s
         assert found in ({"proved", "undecided"} if truth in word else {"false", "undecided"}), word
 
 
+RARE = """
+taskspec: 1
+name: Rare
+state: {k: {type: int, low: 0, high: 2}}
+action: {a: {type: int, low: 0, high: 0}}
+horizon: 2
+initial: {k: START}
+dynamics: {k': STEP}
+reward: PAID
+"""
+BOTH = "1 if Bernoulli(1e-200) and Bernoulli(1e-200) else 0"
+
+
+@pytest.mark.parametrize(
+    ("start", "step", "paid"),
+    [("0", BOTH, "0.5e308 * k"), ("0", BOTH, "0.5e308 * k'"), (BOTH, "k", "0.5e308 * k")],
+    ids=["later", "at once", "from the start"],
+)
+@pytest.mark.parametrize("without_horizon", [False, True])
+def test_chances_that_no_float_holds_are_not_taken_for_larger_ones(
+    monkeypatch: pytest.MonkeyPatch, start: str, step: str, paid: str, without_horizon: bool
+) -> None:
+    """What is paid in the mean is about 1e-92, the smallest float times as much about 2e-16."""
+    monkeypatch.setattr(rational, "MOST_WORK", 0)
+    text = RARE.replace("START", f'"{start}"').replace("STEP", f'"{step}"').replace("PAID", f'"{paid}"')
+    text = text.replace("horizon: 2", "horizon: none\ndiscount: 1/4") if without_horizon else text
+    assert status(text, "random_return > 1e-20") != "proved"
+    assert status(text, "random_return < 1e-50") != "false"
+
+
+def test_maximum_entropy_of_chances_that_no_float_holds_is_left_open() -> None:
+    """exp(850) times 1e-400 is nothing beside 1, so that both actions are alike; times the smallest float it is 10**45."""
+    text = RARE.replace("START", "0").replace("STEP", f'"{BOTH}"').replace("horizon: 2", "horizon: 1")
+    text = text.replace("high: 0}", "high: 1}").replace("PAID", '"850 * k\' if a == 1 else 0"')
+    assert status(text, "{claim: 'prefers(a == 1, at=k == 0)', under: maxent(1)}") != "proved"
+
+
 SUMS = """
 taskspec: 1
 name: Sums

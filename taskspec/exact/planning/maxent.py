@@ -25,7 +25,7 @@ import numpy as np
 from taskspec.exact.model.failure import refuse, scipy_sparse
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.transitions import Steps
-from taskspec.exact.planning.certified.bounded import Bound, Bounded, Policy
+from taskspec.exact.planning.certified.bounded import FLOOR, Bound, Bounded, Policy
 from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.certified.slack import UNIT
 
@@ -75,7 +75,8 @@ class _Table:
         self.paid = beta * np.where(model.acting[rows % model.n_states], rewards, 0.0)[order]
         self.logs, slack = np.log(weights[order]), numbers.slack
         off = slack.relative + 2 * slack.absolute / weights[order] + 8 * UNIT * (np.abs(self.logs) + 1)
-        self.error = off if not slack.missing else np.full_like(off, np.inf)  # what is left out may pay anything
+        # what is left out may pay anything, and of chances that no float holds nothing is known
+        self.error = np.where((slack.missing > 0) | (weights[order] < FLOOR), np.inf, off)
         self.starts = np.searchsorted(rows[order], np.arange(size))
         self.counts = np.diff(np.append(self.starts, len(rows)))
 

@@ -36,6 +36,8 @@ DEEPEST = 1e4
 FAINT = 1e-20
 STATES = 65_536
 """In how many states at once an expert is asked."""
+TINIEST = 2e-323
+"""More than a probability that no float holds may be off by: it counts as the smallest float (`outcomes.FAINTEST`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,9 +133,10 @@ class Bounded:
             return _Part(step, reward, reward, 0.0, 0.0, 0.0, 1 + 128 * UNIT, 0.0, False)
         c = (n + 2) * UNIT + slack.relative
         sizes = reward if step.spread is None else self._acting(step.spread)
-        beyond = slack.absolute * n * step.scale + slack.missing * slack.beyond
-        inflate, lost = 1 + (n + 16) * 8 * UNIT, slack.absolute * n + 2 * slack.missing
-        faint = bool((step.going.data < FAINT).any())
+        faint = not all(every(m.data, lambda p: p >= FAINT) for m in (step.going, step.ending) if m is not None)
+        absolute = (slack.absolute + (TINIEST if faint else 0.0)) * n
+        beyond = absolute * step.scale + slack.missing * slack.beyond
+        inflate, lost = 1 + (n + 16) * 8 * UNIT, absolute + 2 * slack.missing
         return _Part(step, reward, sizes, c + 8 * UNIT, beyond, c, inflate, lost, faint)
 
     # -- values -------------------------------------------------------------------------------------------------------
@@ -228,7 +231,8 @@ class Bounded:
             return Enclosure.around(float(value.value[first[0]]), float(value.error[first[0]]))
         relative = self.start_slack.relative + (self.start_terms + 4) * UNIT
         weights, values, errors = start[first], value.value[first], value.error[first]
-        lost = self.start_slack.absolute * self.start_terms + 2 * self.start_slack.missing * len(first)
+        faint = TINIEST if (weights < FAINT).any() else 0.0
+        lost = self.start_slack.absolute * self.start_terms + (2 * self.start_slack.missing + faint) * len(first)
         most = float(np.max(np.abs(values) + errors))
         error = math.fsum(weights * (errors + relative * np.abs(values))) * (1 + 1e-12) + lost * most
         return Enclosure.around(math.fsum(weights * values), error)
