@@ -1,18 +1,19 @@
 """Draws with fewer outcomes in place of those whose outcomes nothing tells apart.
 
 Conditions that are only counted are one draw of the count, so that a sum of n of them has n + 1 outcomes and not 2**n; of a
-permutation, places that nothing looks at and values that everything treats alike are left open. The distribution of
+permutation, places that nothing looks at and values that everything treats alike are left open; counts of events beyond what
+anything can tell apart, as in `min(Poisson(3), 5)`, are one. The distribution of
 the roots is the same, and every place that lists outcomes lists those of the lumped roots.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from taskspec.exact.model.caps import Users, capped, users_of
 from taskspec.lang.batch import array, evaluate
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, children, draws, rewrite, walk
@@ -20,8 +21,6 @@ from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT, Kind, Type
 
 Array = np.ndarray[Any, Any]
-Users = dict[int, list[Node]]
-"""The nodes that use a node, by its id."""
 
 COUNTED = ("sum", "count", "any", "all")
 """Reductions to which the order of conditions is the same."""
@@ -30,8 +29,9 @@ COUNTED = ("sum", "count", "any", "all")
 def lumped(roots: Iterable[Node], builder: Builder) -> tuple[Node, ...]:
     """Roots of the same joint distribution, whose draws have fewer outcomes where that is plain to see."""
     roots = tuple(roots)
-    if not any(d.base in ("bernoulli", "permutation") for d in draws(roots)):
+    if not any(d.base in ("bernoulli", "permutation", "poisson") for d in draws(roots)):
         return roots
+    roots = _replaced(roots, capped(roots, builder), builder)
     while made := _counted(roots, builder):
         roots = _replaced(roots, made, builder)
     return _replaced(roots, _permuted(roots, builder), builder)
@@ -41,23 +41,12 @@ def _replaced(roots: tuple[Node, ...], made: dict[int, Node], builder: Builder) 
     return rewrite(roots, lambda node: made.get(id(node)), builder.remake) if made else roots
 
 
-def _users(roots: Sequence[Node]) -> Users:
-    """Who uses each node; a root is used by what is not below the roots, for which the root itself stands."""
-    users: Users = defaultdict(list)
-    for node in walk(roots):
-        for child in dict.fromkeys(children(node)):
-            users[id(child)].append(node)
-    for root in roots:
-        users[id(root)].append(root)
-    return users
-
-
 # -- conditions that are counted ----------------------------------------------------------------------------------
 
 
 def _counted(roots: Sequence[Node], builder: Builder) -> dict[int, Node]:
     """Reductions of conditions, by id, as functions of one draw of how many hold; one within another waits for the next time."""
-    users = _users(roots)
+    users = users_of(roots)
     made: dict[int, Node] = {}
     for node in walk(roots):
         if node.type.kind is not Kind.BOOL or len(node.type.shape) != 1 or node.type.size < 2:
@@ -173,7 +162,7 @@ def _reduced(reduction: Apply, total: Node, size: int, builder: Builder) -> Node
 
 def _permuted(roots: Sequence[Node], builder: Builder) -> dict[int, Node]:
     """Permutations, by id, as arrangements of what is told apart in the places that are looked at."""
-    users, made = _users(roots), {}
+    users, made = users_of(roots), {}
     for draw in draws(roots):
         if draw.base == "permutation" and len(draw.type.shape) == 1:
             n = draw.type.size

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from taskspec import draws
-from taskspec.lang.ir import Const, Draw
+from taskspec.lang.ir import Const, Draw, Node
 from taskspec.lang.ranges import INF
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import outcomes
@@ -99,21 +99,23 @@ def _poisson_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[s
     return [f"i32({first} + search({t}, i64({w})))" for (first, t), w in zip(named, words, strict=True)]
 
 
-def _terms(draw: Draw) -> int:
-    """How many counts of a Poisson draw are gone through: the tail that is left out weighs less than 1e-20."""
-    highest = draw.args[-1]  # the constant rates, or their bound
+def poisson_terms(highest: Node) -> int:
+    """How many counts of a Poisson draw are gone through, whose constant rates, or the bound of these, are given.
+
+    The tail that is left out weighs less than 1e-20.
+    """
     assert isinstance(highest, Const)
     rate = max(0.0, *map(float, highest.flat))  # rates below 0 are refused elsewhere
     return int(rate + 10 * math.sqrt(rate) + 25)
 
 
 def _poisson_outcomes(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
-    terms = _terms(draw)
-    found = [_poisson_row(rate, terms) for rate in outcomes.each(numbers.argument(draw, args[0]), draw.type.size)]
+    terms = poisson_terms(draw.args[-1])
+    found = [poisson_row(rate, terms) for rate in outcomes.each(numbers.argument(draw, args[0]), draw.type.size)]
     return outcomes.product(draw, found, np.int64)
 
 
-def _poisson_row(rates: Array, terms: int) -> Array:
+def poisson_row(rates: Array, terms: int) -> Array:
     """Probabilities (K, N) of counts below `terms`: products of ratios up and down from the mode, over their total."""
     rates = np.where(rates > 0, rates, 0.0)
     mode, step = np.floor(rates), np.arange(1.0, terms)[:, None]
@@ -168,8 +170,9 @@ TABLE = (
     Variate(  # of a given rate, by inversion; the second argument bounds a rate that is no constant
         name="poisson", kind=Kind.INT, bounds=lambda draw, args: (0, INF), mean=lambda b, draw: draw.args[0],
         outcomes=Enumeration(
-            lambda draw, bounds: outcomes.power(_terms(draw), draw.type.size), _poisson_outcomes,
-            steps=lambda draw: draw.type.size * 6 * _terms(draw), tail=True,  # products of as many ratios as there are counts
+            lambda draw, bounds: outcomes.power(poisson_terms(draw.args[-1]), draw.type.size), _poisson_outcomes,
+            steps=lambda draw: draw.type.size * 6 * poisson_terms(draw.args[-1]),  # products of as many ratios as counts
+            tail=True,
         ),
         words=_poisson_words, one=_poisson, many=_poissons, kernel=_poisson_kernel,
     ),

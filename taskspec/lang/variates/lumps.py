@@ -9,6 +9,8 @@ import numpy as np
 
 from taskspec.lang.ir import Const, Draw
 from taskspec.lang.types import Kind
+from taskspec.lang.variates import outcomes
+from taskspec.lang.variates.counts import poisson_row, poisson_terms
 from taskspec.lang.variates.entry import Array, Bounds, Enumeration, ProbabilityArithmetic, Variate
 
 
@@ -51,7 +53,30 @@ def _arrangements(draw: Draw, bounds: Bounds) -> float:
     return float(min(ways[-1], 10**300))
 
 
+def _most(draw: Draw) -> int:
+    """The count from which on those of a capped draw are one outcome."""
+    most = draw.args[-1]
+    assert isinstance(most, Const)
+    return int(most.value)
+
+
+def _capped(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+    """Counts up to one that has the chances of all from there on."""
+    most, terms, found = _most(draw), poisson_terms(draw.args[-2]), []
+    for rate in outcomes.each(numbers.argument(draw, args[0]), draw.type.size):
+        row = poisson_row(rate, terms)
+        found.append(np.concatenate([row[:most], row[most:].sum(axis=0, keepdims=True)]))
+    return outcomes.product(draw, found, np.int64)
+
+
 TABLE = (
+    Variate(  # a Poisson draw, all of whose counts from some on come to the same; after its own arguments, which
+        name="capped", kind=Kind.INT, many=None, bounds=lambda draw, args: (0, args[-1].high),
+        outcomes=Enumeration(
+            lambda draw, bounds: outcomes.power(_most(draw) + 1, draw.type.size), _capped,
+            steps=lambda draw: draw.type.size * 7 * poisson_terms(draw.args[-2]), tail=True,  # and a sum of as many
+        ),
+    ),
     Variate(  # the count of conditions that hold
         name="total", kind=Kind.INT, many=None, bounds=lambda draw, args: (0, draw.args[0].type.size),
         outcomes=Enumeration(
