@@ -124,3 +124,18 @@ def test_a_sum_of_thousands_of_chances_counts_its_rounding(
     assert status(text, f"{which}_return == 1/3", N=n) == "proved"
     for word in ("<", ">"):
         assert status(text, f"{which}_return {word} 1/3", N=n) in ("false", "undecided")
+
+
+@pytest.mark.parametrize(
+    "claim",
+    [
+        "(2**-2000)**0.5 == 0",
+        "(2**-2000)**0.5 < 2**-1001",
+        "2**-1000 > (2**-2000)**0.5",
+        "1e-300**1.5 == 0",
+        "(10**400)**0.5 < 10**199",
+    ],
+)
+def test_powers_beyond_floats_are_refused_rather_than_rounded_to_nothing(claim: str) -> None:
+    text = RARE.replace("START", "0").replace("STEP", "k").replace("PAID", "0")
+    assert status(text, claim) == "broken"

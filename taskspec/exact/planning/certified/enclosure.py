@@ -16,6 +16,8 @@ End = Fraction | float
 EQUAL = Fraction(1, 10**9)
 """By how much of their size two numbers may differ and still count as equal."""
 MOST_BITS = 20_000
+SMALLEST = 2.0**-1022
+"""The smallest float that is rounded by no more than half a unit of its last place."""
 
 
 class NoNumber(Exception):
@@ -166,12 +168,20 @@ def _root(low: Fraction, high: Fraction, exponent: Fraction) -> Enclosure:
     """A power that is no rational, by C's `pow`, which errs by less than 4 units in the last place."""
     if low < 0 or (low == 0 and exponent < 0):
         raise NoNumber("this power is not a number")
-    try:
-        found = sorted(math.pow(rounded(x), float(exponent)) for x in (low, high))
-    except OverflowError:
-        raise NoNumber("this power is too large to write out") from None
+    found = sorted(_float_power(x, exponent) for x in (low, high))
     margin = Fraction(1, 2**50) * (1 + abs(exponent))
     return Enclosure(Fraction(found[0]) * (1 - margin), Fraction(found[1]) * (1 + margin))
+
+
+def _float_power(base: Fraction, exponent: Fraction) -> float:
+    """A power of a number that is not negative; NoNumber where floats do not hold both in full."""
+    try:
+        found = math.pow(rounded(base), float(exponent))
+    except (OverflowError, ValueError):  # a base that is rounded to 0
+        found = math.inf
+    if base and not (SMALLEST <= rounded(base) < math.inf and SMALLEST <= found < math.inf):
+        raise NoNumber("this power is too large to write out, or too small")
+    return found
 
 
 _OPERATORS: dict[str, Callable[[Enclosure, Enclosure], Enclosure]] = {
