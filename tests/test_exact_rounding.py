@@ -139,3 +139,20 @@ def test_a_sum_of_thousands_of_chances_counts_its_rounding(
 def test_powers_beyond_floats_are_refused_rather_than_rounded_to_nothing(claim: str) -> None:
     text = RARE.replace("START", "0").replace("STEP", "k").replace("PAID", "0")
     assert status(text, claim) == "broken"
+
+
+@pytest.mark.parametrize("chance", ["1e-9", "1e-13", "1e-20", "1e-300"])
+def test_an_action_that_hardly_ever_matters_matters(chance: str) -> None:
+    text = (
+        RARE.replace("START", "0").replace("STEP", f'"1 if Bernoulli({chance}) and a == 1 else 0"').replace("PAID", "0")
+    )
+    text = text.replace("high: 0}", "high: 1}")
+    assert status(text, "influences(a, k)") == "proved"
+    assert status(text, "not influences(a, k)") == "false"
+
+
+@pytest.mark.parametrize(("more", "expected"), [("0", "proved"), ("1e-13", "undecided"), ("1e-9", "false")])
+def test_an_action_that_changes_a_chance_by_little_is_not_said_to_change_none(more: str, expected: str) -> None:
+    step = f'"1 if Bernoulli(0.5 + (a * {more})) else 0"'
+    text = RARE.replace("START", "0").replace("STEP", step).replace("PAID", "0").replace("high: 0}", "high: 1}")
+    assert status(text, "not influences(a, k)") == expected

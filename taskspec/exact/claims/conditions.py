@@ -137,7 +137,7 @@ def _counterexample(model: Model, table: Array, t: int, state: int) -> str:
     return f"in {model.state_name(state)} at t = {t} it takes {name} with probability {column[action]:.6g}"
 
 
-def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool, str]:
+def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool | None, str]:
     """Whether an action component can change the next value of a state component.
 
     Where the dynamics of the state do not read the action at all the answer is no, for any task.
@@ -158,7 +158,7 @@ def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool, s
     return _differs(results.model, action.id, state.id)
 
 
-def _differs(model: Model, action: str, state: str) -> tuple[bool, str]:
+def _differs(model: Model, action: str, state: str) -> tuple[bool | None, str]:
     from taskspec.exact.model.inert import differs
 
     return differs(model, action, state)

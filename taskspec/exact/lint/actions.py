@@ -21,7 +21,7 @@ def inert(case: Linted, collector: Collector) -> None:
             continue
         if (Role.ACTION, c.name) not in read:
             collector.add("W505", case.key("action", c.name), f"the action '{c.name}' is read nowhere")
-        elif case.model is not None and case.model.acting.any() and not differs(case.model, c.name)[0]:
+        elif case.model is not None and case.model.acting.any() and differs(case.model, c.name)[0] is False:
             message = f"the action '{c.name}' changes neither the next state nor the reward, in any state"
             collector.add("W505", case.key("action", c.name), message)
 
