@@ -8,7 +8,7 @@ import pytest
 
 from taskspec import registry
 from taskspec.diagnostics import SpecError
-from taskspec.figures import Overlay, scene, undrawn
+from taskspec.figures import Overlay, overlay, scene, undrawn
 from taskspec.figures.board import CELL
 from taskspec.figures.scene import Box, Circle, Label, Line, Scene
 from taskspec.printers.plain import plain
@@ -97,3 +97,40 @@ def test_what_is_no_place_is_told(figure: str, code: str) -> None:
     (first, *_) = found.value.diagnostics
     assert first.code.startswith(code)
     assert first.span is not None
+
+
+TURNING = """\
+taskspec: 1
+name: Turning
+state:
+  p: {type: int, low: 0, high: 3}
+  h: {type: choice, values: {east: 1, west: -1}}
+action:
+  a: {type: choice, values: [ahead, turn]}
+horizon: 8
+initial: {p: 1, h: west}
+dynamics:
+  p': clip(p + (h if a == ahead else 0), 0, 3)
+  h': {by: [h, a], rows: {east: {ahead: east, turn: west}, west: {ahead: west, turn: east}}}
+terminal: p' == 3
+reward: -1
+expert: {a: "turn if h == west else ahead"}
+figure: {kind: grid, at: [p, 0]}
+"""
+
+
+def test_what_is_laid_over_a_cell_of_several_states() -> None:
+    """Facing east, 3 - p steps are left, and one more facing west; no action is the best one either way."""
+    one = build(read_text(TURNING))
+    found = scene(one, overlay(one, ["values", "policy"]))
+    assert found is not None
+    assert {"−2": (1, 0), "−1": (2, 0), "−3": (0, 0)}.items() <= words(found).items()
+    assert not [x for x in found.items if isinstance(x, Line) and x.arrow]
+    assert "numbers, of the best state in a cell: best return with all 8 steps to go" in words(found)
+    assert "not drawn: best actions with all 8 steps to go" in words(found)
+    # The expert turns in cell 1, and walks through cells 1 and 2: two states, and one, of each.
+    shaded = scene(one, overlay(one, ["occupancy"]))
+    assert shaded is not None
+    boxes = [x for x in shaded.items if isinstance(x, Box) and x.fill == "accent"]
+    shades = {cell(shaded, (x.corner[0] + CELL / 2, x.corner[1] + CELL / 2)): x.shade for x in boxes}
+    assert shades == pytest.approx({(0, 0): 0.0, (1, 0): 1.0, (2, 0): 0.5, (3, 0): 0.0})

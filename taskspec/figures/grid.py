@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -124,7 +125,9 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
             colors |= {(int(x), int(y)): role for x, y in _whole_numbers(found)}
     by_code = {code: (int(x), int(y)) for code, (x, y) in enumerate(cells)}
     agents = _agents(task, place, by_code, overlay)
-    shades, values = ({by_code[c]: v for c, v in by.items()} for by in (overlay.occupancy, overlay.values))
+    values, shades = _by_cell(by_code, overlay.values, max), _by_cell(by_code, overlay.occupancy, add)
+    most = max(shades.values(), default=1.0)
+    shades = {cell: share / most for cell, share in shades.items()} if most > 1 else shades
     moves = list(chosen_ways(task, overlay.policy, by_code))
     things = _things(task, place, one)
     if things and overlay.here is None:  # which belong to one state
@@ -134,6 +137,23 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     alt, notes = f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows", (*_key(task), *board.notes())
     first = ("One start of many.",) if things and len(agents) > 1 and overlay.here is None else ()
     return fitted(board.items(), alt, (*first, *notes), state=state if things else None)
+
+
+def _by_cell(
+    by_code: Mapping[int, Cell], found: Mapping[int, float], together: Callable[[float, float], float]
+) -> dict[Cell, float]:
+    """Numbers of cells from those of states."""
+    cells: dict[Cell, float] = {}
+    for code, number in found.items():
+        cell = by_code[code]
+        cells[cell] = together(cells[cell], number) if cell in cells else number
+    return cells
+
+
+def shares_cells(task: Task) -> bool:
+    """Whether several states of a task lie in one cell of its grid."""
+    place, world = _place(task), all_states(task)
+    return place is not None and world is not None and len(np.unique(_cells(task, place, *world), axis=0)) < world[1]
 
 
 def _code(task: Task, reads: Reads) -> int:

@@ -13,6 +13,7 @@ from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exact import Model
 from taskspec.exact.abstraction.abstraction import Abstraction, abstraction, extract
 from taskspec.exact.planning import plans, solve
+from taskspec.figures.grid import shares_cells
 from taskspec.figures.marks import decimal
 from taskspec.figures.overlay import PARTS, Overlay, State
 from taskspec.figures.values import reads_of
@@ -58,6 +59,8 @@ def _legend(task: Task, wanted: set[str]) -> Iterator[tuple[str, tuple[str, str]
     left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
     on_grid = task.figure is not None and task.figure.kind == "grid"
     number, arrow = ("numbers", "arrows") if on_grid else ("V", "thick arrows")
+    if on_grid and shares_cells(task):
+        number, arrow = f"{number}, of the best state in a cell", f"{arrow}, where all states in a cell agree"
     whose = "the expert's" if task.expert is not None else "an optimal policy's"
     if "values" in wanted:
         yield "values", (number, f"best return{left}")

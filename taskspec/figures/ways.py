@@ -26,14 +26,22 @@ def chosen_ways(
     """From each state's cell the ways of the actions that a policy takes there.
 
     Labels such as `left` or `down_right` say it. Other actions go where they lead in more than half of all cases, and
-    nowhere where no outcome is that likely: an outcome of chance is no choice.
+    nowhere where no outcome is that likely: an outcome of chance is no choice. From a cell of several states, only the
+    ways that are taken in all of them.
     """
     said = [_said(task, i) for i in range(Space(task.action, Role.ACTION).size)]
     pairs = [(code, action) for code, actions in policy.items() for action in actions]
     ways = [way for way in said if way is not None]
     known = len(ways) == len(said)
-    found = ((cells[code], ways[action]) for code, action in pairs) if known else _led(task, pairs, cells)
-    yield from dict.fromkeys((cell, way) for cell, way in found if any(way))
+    found = ((code, ways[action]) for code, action in pairs) if known else _led(task, pairs, cells)
+    taken: dict[int, dict[Way, None]] = {code: {} for code in policy}
+    for code, way in found:
+        taken[code] |= {way: None} if any(way) else {}
+    alike: dict[Cell, dict[Way, None]] = {}
+    for code, some in taken.items():
+        cell = cells[code]
+        alike[cell] = {way: None for way in alike[cell] if way in some} if cell in alike else some
+    yield from ((cell, way) for cell, some in alike.items() for way in some)
 
 
 def _said(task: Task, action: int) -> Way | None:
@@ -47,8 +55,8 @@ def _said(task: Task, action: int) -> Way | None:
     return float(np.sign(dx)), float(np.sign(dy))
 
 
-def _led(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) -> Iterator[tuple[Cell, Way]]:
-    """Where actions lead in more than half of all cases."""
+def _led(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) -> Iterator[tuple[int, Way]]:
+    """Where actions lead in more than half of all cases, by the code of the state."""
     if not pairs:
         return  # no overlay asks for a policy
     codes, actions = np.array(pairs, np.int64).reshape(-1, 2).T
@@ -61,6 +69,7 @@ def _led(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) ->
             weights[key] = weights.get(key, 0.0) + p
     for (point, (bx, by)), p in weights.items():
         if p > 0.5:
-            ax, ay = cells[pairs[point][0]]
+            code = pairs[point][0]
+            ax, ay = cells[code]
             length = max(abs(bx - ax), abs(by - ay)) or 1
-            yield (ax, ay), ((bx - ax) / length, (by - ay) / length)
+            yield code, ((bx - ax) / length, (by - ay) / length)
