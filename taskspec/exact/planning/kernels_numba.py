@@ -39,17 +39,8 @@ def extreme_values(numbers: Bounded, largest: bool) -> Bound:
             changed = active = np.ones(len(blocks), np.bool_)
         else:
             active = _active(blocks, changed | (lost > 0))
-        constants = (
-            model.discount,
-            sign,
-            c,
-            part.inflate,
-            numbers.rounding,
-            lost,
-            numbers.floor,
-            part.paid,
-            part.beyond,
-        )
+        bounds = (part.inflate, numbers.rounding, lost, numbers.floor, part.paid, part.beyond)
+        constants = (model.discount, sign, c, *bounds)
         changed = _swept(rows, slots, part.reward, part.sizes, active, changed, value, spare, constants)
         value, spare, before = spare, value, part.step
     return Bound(value[:, 0].copy(), value[:, 1].copy())
@@ -103,9 +94,8 @@ def _swept(
 ) -> Array:  # fmt: skip
     """One step back: writes `out`, and gives which blocks differ from `value`.
 
-    Numba compiles one of the two ways to read outcomes; with `slots` the loops are of known length, unrolled, and twice as
-    fast. Beside a value is kept its error, and on top what the rounding of a row adds for it. The error of the best action
-    is at most the largest of all. `changed` are the blocks in which `value` differs from what `out` still holds.
+    Numba compiles one of the two ways to read outcomes; with `slots` loops are of known length, and twice as fast. Beside a value
+    is its error; that of the best action is at most the largest. In `changed` blocks `value` differs from what `out` holds.
     """
     indptr, columns, weights = rows
     discount, sign, c, inflate, rounding, lost, floor, paid, beyond = constants
@@ -131,9 +121,8 @@ def _swept(
                         ahead += slots[1][a, k] * value[slots[0][a, s, k], 0]
                         error += slots[1][a, k] * value[slots[0][a, s, k], 1]
                 q = reward[row] + discount * ahead
-                off = (
-                    paid * abs(sizes[row]) + beyond + rounding * (abs(q) + abs(reward[row])) + discount * (error + lost)
-                )
+                off = paid * abs(sizes[row]) + beyond + discount * (error + lost)
+                off += rounding * (abs(q) + abs(reward[row]))
                 best, worst = max(best, sign * q), max(worst, off + (floor if error > 0 else 0.0))
             out[s, 0] = sign * best
             out[s, 1] = worst * inflate + c * abs(best) + (floor if best != 0 else 0.0)
