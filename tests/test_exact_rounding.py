@@ -156,3 +156,27 @@ def test_an_action_that_changes_a_chance_by_little_is_not_said_to_change_none(mo
     step = f'"1 if Bernoulli(0.5 + (a * {more})) else 0"'
     text = RARE.replace("START", "0").replace("STEP", step).replace("PAID", "0").replace("high: 0}", "high: 1}")
     assert status(text, "not influences(a, k)") == expected
+
+
+RARELY_NOT = '"0 if Bernoulli(1 - 1/10**20) else 1"'
+COUNTED = '"1 if sum(Bernoulli([1 - 1/10**20, 1])) < 2 else 0"'
+
+
+@pytest.mark.parametrize("step", [RARELY_NOT, COUNTED], ids=["alone", "counted"])
+@pytest.mark.parametrize("at_the_start", [False, True])
+def test_what_is_not_quite_certain_leaves_something_else_possible(step: str, at_the_start: bool) -> None:
+    """1 - 1/10**20 is written as a fraction, and not 1, although no float is nearer to it."""
+    start, after = (step, "k") if at_the_start else ("0", step)
+    text = RARE.replace("START", start).replace("STEP", after).replace("horizon: 2", "horizon: 1")
+    text = text.replace("PAID", '"1e30 * k\'"')
+    for claim in ("reachable(k == 1)", "states == 2", "random_return == 10**10", "probability(k == 1) == 10**-20"):
+        assert status(text, claim) == "proved", claim
+    assert status(text.replace("horizon: 1", "horizon: none\ndiscount: 1/2"), "random_return > 10**9") == "proved"
+
+
+def test_what_is_written_to_be_possible_is_possible_however_unlikely() -> None:
+    """The chance 10**-350 is smaller than any float."""
+    text = RARE.replace("START", "0").replace("STEP", '"1 if Bernoulli(1' + 5 * "/10**70" + ') else 0"')
+    text = text.replace("PAID", "0")
+    for claim in ("reachable(k == 1)", "states == 2", "probability(k == 1) > 0", "probability(k == 1) < 1e-300"):
+        assert status(text, claim) == "proved", claim

@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from taskspec.lang import interval
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Draw, Role
+from taskspec.lang.ir import Const, Draw, Role
 from taskspec.lang.ranges import Range
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.entry import ProbabilityArithmetic
@@ -33,7 +34,17 @@ class Floats:
     """Probabilities as float64."""
 
     def argument(self, draw: Draw, arg: Array) -> Array:
-        return arg
+        p = draw.args[0]
+        if not isinstance(p, Const) or arg.all():
+            return arg
+        return np.array([max(float(v), FAINTEST) if v > 0 else float(v) for v in p.flat]).reshape(arg.shape)
+
+    def otherwise(self, draw: Draw, p: Array) -> Array:
+        written = draw.args[0]
+        if not isinstance(written, Const):
+            return np.asarray(1 - p)
+        exact = [float(1 - Fraction(v)) if 0 < v < 1 else 1 - one for v, one in zip(written.flat, p.flat, strict=True)]
+        return np.array(exact).reshape(p.shape)
 
     def ratio(self, part: Array, whole: Array) -> Array:
         return np.asarray(part / whole, dtype=np.float64)

@@ -82,11 +82,9 @@ def _below(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[N
 
 
 def _condition_outcomes(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
-    found = []
-    for p in outcomes.each(numbers.argument(draw, args[0]), draw.type.size):
-        inside = np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
-        found.append(np.stack([1 - inside, inside]))
-    return outcomes.product(draw, found, np.bool_)
+    p = outcomes.within(numbers.argument(draw, args[0]))
+    pairs = zip(*(outcomes.each(x, draw.type.size) for x in (numbers.otherwise(draw, p), p)), strict=True)
+    return outcomes.product(draw, [np.stack(pair) for pair in pairs], np.bool_)
 
 
 # -- indices ------------------------------------------------------------------------------------------------------

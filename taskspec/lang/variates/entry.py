@@ -104,6 +104,9 @@ class ProbabilityArithmetic(Protocol):
     def argument(self, draw: Draw, arg: Array) -> Array:
         """The first argument of a draw, rates and probabilities, (*shape, N)."""
 
+    def otherwise(self, draw: Draw, p: Array) -> Array:
+        """One minus the probabilities of conditions (*shape, N) that are the first argument of a draw, within 0 and 1."""
+
     def ratio(self, part: Array, whole: Array) -> Array:
         """Ints divided by ints."""
 

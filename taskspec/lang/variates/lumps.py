@@ -16,14 +16,15 @@ from taskspec.lang.variates.entry import Array, Bounds, Enumeration, Probability
 
 def _total(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
     """How many of some conditions hold: of each, its draw's chance, and whether it holds with it, and without it."""
-    p, *ends = numbers.argument(draw, args[0]), *args[1:]
-    p = np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
+    p, *ends = outcomes.within(numbers.argument(draw, args[0])), *args[1:]
+    q = numbers.otherwise(draw, p)
     row = np.ones((1, 1), p.dtype) if p.dtype != object else numbers.ratio(np.ones((1, 1), int), np.ones((1, 1), int))
-    for chance, on, off in zip(p, *ends, strict=True):
-        holds = np.where(on, np.where(off, 1, chance), np.where(off, 1 - chance, 0))
+    for chance, rest, on, off in zip(p, q, *ends, strict=True):
+        holds = np.where(on, np.where(off, 1, chance), np.where(off, rest, 0))
+        fails = np.where(on, np.where(off, 0, rest), np.where(off, chance, 1))
         shape = (1, max(row.shape[-1], holds.shape[-1]))
         none = np.zeros(shape, row.dtype)
-        row = np.concatenate([row * (1 - holds), none]) + np.concatenate([none, row * holds])
+        row = np.concatenate([row * fails, none]) + np.concatenate([none, row * holds])
     return np.arange(len(row)), row
 
 

@@ -32,6 +32,11 @@ def each(arg: Array, size: int) -> list[Array]:
     return list(flat) * size if len(flat) == 1 else list(flat)
 
 
+def within(p: Array) -> Array:
+    """Probabilities of conditions as the sampler reads them: within 0 and 1, and 0 for nan."""
+    return np.minimum(np.maximum(np.where(p == p, p, 0), 0), 1)
+
+
 def clean(p: Array) -> Array:
     """Rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total.
 

@@ -49,6 +49,9 @@ class Chances:
             return self._rows(looked_up[0], arg)
         return _objects([self.reader.computed(v) for v in arg.reshape(-1).tolist()]).reshape(arg.shape)
 
+    def otherwise(self, draw: Draw, p: Array) -> Array:
+        return np.asarray(1 - p)
+
     def _rows(self, table: Const, arg: Array) -> Array:
         """Rows of a constant table, (K, N), in the numbers that they were written with."""
         k = table.type.shape[-1]
