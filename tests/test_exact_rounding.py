@@ -180,3 +180,18 @@ def test_what_is_written_to_be_possible_is_possible_however_unlikely() -> None:
     text = text.replace("PAID", "0")
     for claim in ("reachable(k == 1)", "states == 2", "probability(k == 1) > 0", "probability(k == 1) < 1e-300"):
         assert status(text, claim) == "proved", claim
+
+
+@pytest.mark.parametrize(
+    "step",
+    [
+        "sum(Bernoulli([1e-200, 1e-200]))",
+        "sum(Categorical([1 - 1e-200, 1e-200], shape=2))",
+        "2 if all(Categorical([1 - 1e-200, 1e-200], shape=2) == 1) else 0",
+    ],
+)
+def test_two_unlikely_events_may_happen_together(step: str) -> None:
+    """They do with a chance of 1e-400, which no float tells from 0."""
+    text = RARE.replace("START", "0").replace("STEP", f'"{step}"').replace("PAID", "0")
+    assert status(text, "reachable(k == 2)") == "proved"
+    assert status(text, "probability(k == 2) < 1e-300") == "proved"

@@ -21,13 +21,12 @@ from taskspec.lang.ir import Const, Draw, Role
 from taskspec.lang.ranges import Range
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.entry import ProbabilityArithmetic
+from taskspec.lang.variates.outcomes import FAINTEST, both
 
 Array = np.ndarray[Any, Any]
 Reads = Mapping[tuple[Role, str], Array]
 LOOP_FROM = 4096
 """From this many points on, an outcome shared by all points is a pass of its own."""
-FAINTEST = 5e-324
-"""What possible outcomes weigh at least, so that a product of small probabilities does not make them impossible."""
 
 
 class Floats:
@@ -50,7 +49,7 @@ class Floats:
         return np.asarray(part / whole, dtype=np.float64)
 
     def times(self, a: Array, b: Array) -> Array:
-        return np.asarray(np.maximum(a * b, FAINTEST))
+        return both(a, b)
 
 
 FLOATS = Floats()

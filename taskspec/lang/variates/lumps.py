@@ -24,7 +24,7 @@ def _total(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tup
         fails = np.where(on, np.where(off, 0, rest), np.where(off, chance, 1))
         shape = (1, max(row.shape[-1], holds.shape[-1]))
         none = np.zeros(shape, row.dtype)
-        row = np.concatenate([row * fails, none]) + np.concatenate([none, row * holds])
+        row = np.concatenate([outcomes.both(row, fails), none]) + np.concatenate([none, outcomes.both(row, holds)])
     return np.arange(len(row)), row
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from taskspec.lang.ir import Draw
 
 Array = np.ndarray[Any, Any]
+FAINTEST = 5e-324
+"""What possible outcomes weigh at least, so that a product of small probabilities does not make them impossible."""
 
 
 def product(draw: Draw, rows: Sequence[Array], dtype: Any) -> tuple[Array, Array]:
@@ -22,8 +24,14 @@ def product(draw: Draw, rows: Sequence[Array], dtype: Any) -> tuple[Array, Array
     digits = np.array(list(itertools.product(*(range(len(r)) for r in rows))), dtype=np.int64)
     p: Any = 1
     for e, row in enumerate(rows):
-        p = p * row[digits[:, e]] if e else row[digits[:, e]]
+        p = both(p, row[digits[:, e]]) if e else row[digits[:, e]]
     return digits.reshape(-1, *shape).astype(dtype), p
+
+
+def both(a: Array, b: Array) -> Array:
+    """Products of probabilities: more than 0 where both of them are."""
+    found = a * b
+    return np.where((found == 0) & (a > 0) & (b > 0), FAINTEST, found)
 
 
 def each(arg: Array, size: int) -> list[Array]:

@@ -36,8 +36,8 @@ DEEPEST = 1e4
 FAINT = 1e-20
 STATES = 65_536
 """In how many states at once an expert is asked."""
-TINIEST = 2e-323
-"""More than a probability that no float holds may be off by: it counts as the smallest float (`outcomes.FAINTEST`)."""
+TINIEST = 1e-320
+"""More than a probability that no float holds may be off by: it counts as the smallest float (`variates.outcomes.FAINTEST`)."""
 
 
 @dataclass(frozen=True, slots=True)
