@@ -195,3 +195,9 @@ def test_two_unlikely_events_may_happen_together(step: str) -> None:
     text = RARE.replace("START", "0").replace("STEP", f'"{step}"').replace("PAID", "0")
     assert status(text, "reachable(k == 2)") == "proved"
     assert status(text, "probability(k == 2) < 1e-300") == "proved"
+
+
+def test_a_start_outside_of_the_state_space_is_refused_however_unlikely() -> None:
+    text = RARE.replace("START", '"5 if Bernoulli(1e-10) else 0"').replace("STEP", "k").replace("PAID", "1")
+    assert status(text, "states == 1") == "undecided"
+    assert status(text, "optimal_return < 2") == "undecided"

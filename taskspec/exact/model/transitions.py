@@ -103,7 +103,7 @@ class Steps:
         """Codes (N,) of the first states and their probabilities (N,), each code once.
 
         Raises:
-            SpecError: (E712) when there are too many, or more states than there are codes.
+            SpecError: (E712) when there are too many, or more states than there are codes, or one is outside the state space.
         """
         found, most = count(draws(self.first), {}), limits().outcomes
         if found > most:
@@ -116,9 +116,10 @@ class Steps:
             values = evaluate(self.first, {}, branch.sample)
             size = 1 if branch.origin is None else len(branch.origin)
             code, outside = self.states.encode(values, size)
-            inside = slice(None) if outside is None else ~outside
-            codes.append(code[inside])
-            weights.append(np.broadcast_to(branch.weight, (size,))[inside])
+            if outside is not None and outside.any():
+                refuse("an episode can start outside the state space")
+            codes.append(code)
+            weights.append(np.broadcast_to(branch.weight, (size,)))
         every = np.concatenate(codes)
         first = distinct(every)
         return first, total(np.searchsorted(first, every), np.concatenate(weights), len(first))
