@@ -201,3 +201,18 @@ def test_a_start_outside_of_the_state_space_is_refused_however_unlikely() -> Non
     text = RARE.replace("START", '"5 if Bernoulli(1e-10) else 0"').replace("STEP", "k").replace("PAID", "1")
     assert status(text, "states == 1") == "undecided"
     assert status(text, "optimal_return < 2") == "undecided"
+
+
+@pytest.mark.parametrize(("more", "expected"), [(0.0, "false"), (1e-11, "false"), (1e-8, "proved")])
+def test_what_is_preferred_is_the_same_in_rationals_and_in_floats(
+    monkeypatch: pytest.MonkeyPatch, more: float, expected: str
+) -> None:
+    """By a part of 1e-11 it is indifferent, and nothing is preferred."""
+    text = (
+        SUMS.replace("START", "0")
+        .replace("PAID", "a")
+        .replace("UniformInt(0, N - 1) < N // 3", f"Bernoulli({0.5 + more!r})")
+    )
+    assert status(text, "prefers(expert, a == 1)") == expected
+    monkeypatch.setattr(rational, "MOST_WORK", 0)
+    assert status(text, "prefers(expert, a == 1)") == expected

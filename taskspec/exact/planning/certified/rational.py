@@ -17,7 +17,7 @@ import numpy as np
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.outcomes import branches
 from taskspec.exact.model.transitions import Steps, acted, total
-from taskspec.exact.planning.certified.enclosure import Enclosure
+from taskspec.exact.planning.certified.enclosure import EQUAL, Enclosure
 from taskspec.exact.planning.certified.readings import Inexact, Reader
 from taskspec.lang.ir import Const, Draw, Node, draws
 from taskspec.lang.variates import VARIATES
@@ -267,10 +267,14 @@ class Rational:
         return Scaled.of(table)
 
     def preference(self, policy: Scaled, wanted: Array) -> Array:
-        """In each state (S,): 1 where the most frequent action is a wanted one, -1 where not, 0 where both are alike."""
+        """In each state (S,): 1 where the most frequent action is a wanted one, -1 where not, 0 where both are alike.
+
+        Frequencies that differ by at most 1e-9 of their size are alike.
+        """
         good = np.where(wanted, policy.parts, -1).max(axis=0)
         bad = np.where(wanted, -1, policy.parts).max(axis=0)
-        return np.asarray((good > bad).astype(np.int8) - (good < bad).astype(np.int8))
+        much, more = EQUAL.denominator, EQUAL.denominator + EQUAL.numerator
+        return np.asarray((good * much > bad * more).astype(np.int8) - (bad * much > good * more).astype(np.int8))
 
     def table(self, policy: Scaled) -> Array:
         """A policy as floats."""
