@@ -1,3 +1,5 @@
+from collections.abc import Iterable
+
 import numpy as np
 from imitation.algorithms import preference_comparisons as comparisons
 from imitation.rewards.reward_nets import BasicRewardNet
@@ -7,16 +9,14 @@ from stable_baselines3.common.vec_env import DummyVecEnv
 from taskspec.exam import Case, examine, learns_from
 
 
-class Teacher(comparisons.PreferenceGatherer):
-    def __call__(self, pairs: list) -> np.ndarray:
-        return np.array([self.case.prefer(first, second) for first, second in pairs], np.float32)
-
-
 @learns_from("preferences")
 def train(case: Case) -> PPO:
-    rng, lanes, teacher = np.random.default_rng(case.seed), DummyVecEnv([case.env] * 4), Teacher()
+    def teacher(pairs: Iterable[tuple[object, object]]) -> np.ndarray:
+        return np.array([case.prefer(first, second) for first, second in pairs], np.float32)
+
+    rng, lanes = np.random.default_rng(case.seed), DummyVecEnv([case.env] * 4)
     policy = PPO("MlpPolicy", lanes, n_steps=64, batch_size=64, learning_rate=3e-3, seed=case.seed, device="cpu")
-    reward, teacher.case = BasicRewardNet(case.observation_space, case.action_space), case
+    reward = BasicRewardNet(case.observation_space, case.action_space)
     loss, model = comparisons.CrossEntropyRewardLoss(), comparisons.PreferenceModel(reward)
     actor = comparisons.AgentTrainer(policy, reward, lanes, rng)
     learner = comparisons.PreferenceComparisons(
