@@ -67,8 +67,8 @@ FUNCTIONS: dict[str, Word] = {
         Word(
             "prefers", "prefers(model, condition, at=condition)",
             "In every state that fulfils `at` and in which an episode acts, the actions that the model takes most often "
-            "fulfil the condition. Nothing is asked where it is indifferent, as when nothing depends on the last action, "
-            "but in each such state it must prefer at some time. Both conditions may use `t`.",
+            "fulfil the condition. Nothing is asked where it is indifferent (within 10⁻⁹), as when nothing depends on the last "
+            "action, but in each such state it must prefer at some time. Both conditions may use `t`.",
         ),
         Word(
             "influences", "influences(action, state)",
