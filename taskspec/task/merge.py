@@ -264,7 +264,7 @@ class _Overlay:
         self._written(("claims",))
         self.data["claims"] = [claim for claim, _ in found]
         self.moved |= {("claims", i): place for i, (_, place) in enumerate(found)}
-        for unknown in dropped.keys() - known:
+        for unknown in (claim for claim in dropped if claim not in known):
             self.strays.append(("claims", unknown))
             self.moved["claims", unknown] = document, (*start, "claims", "drop", dropped[unknown])
 

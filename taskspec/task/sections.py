@@ -265,7 +265,7 @@ class SectionBuilder:
         context, scope = self.context, self.names.scope("expert")
         exprs = context.exprs["expert"] = {name: context.forms.expr(("expert", name)) for name in value}
         known = [c.name for c in context.action]
-        for name in value.keys() - set(known):
+        for name in (n for n in value if n not in known):
             span = context.merged.key_span(("expert", name))
             self.collector.add("E216", span, f"there is no action component '{name}'", suggest(name, known))
         nodes = []
@@ -289,7 +289,7 @@ class SectionBuilder:
         context.exprs["abstraction"] = {n: context.forms.expr(("abstraction", "map", n)) for n in written}
         components = context.data["abstraction"]["state"]
         mapped = [self._mapped(name, expr, components, scope) for name, expr in context.exprs["abstraction"].items()]
-        for name in components.keys() - written.keys():
+        for name in (n for n in components if n not in written):
             span = context.merged.key_span(("abstraction", "map"))
             self.collector.add("E216", span, f"the map does not say what '{name}' is", f"add `{name}: ...`")
         return [node for node in mapped if node is not None]

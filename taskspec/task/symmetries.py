@@ -89,7 +89,7 @@ def _component(context: Context, c: Component, value: Value) -> tuple[Component,
 def _steered(context: Context, name: str, lines: Mapping[str, s.Expr | None]) -> tuple[Node, ...] | None:
     """The map of the action, whole; empty without one, None for one that is broken (and reported)."""
     known = [c.name for c in context.action]
-    for each in lines.keys() - set(known):
+    for each in (n for n in lines if n not in known):
         span = context.merged.key_span(("symmetries", name, DONE, each))
         context.collector.add("E216", span, f"there is no action component '{each}'", suggest(each, known))
     if not lines:

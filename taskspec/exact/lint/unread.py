@@ -34,7 +34,7 @@ def forgotten(case: Linted, collector: Collector) -> None:
     found = {name for _, name in reads(task.expert)} if isinstance(task.expert, tuple) else set()
     for _ in nexts:
         found |= {name for known in found & nexts.keys() for role, name in reads([nexts[known]]) if role is Role.STATE}
-    for name in nexts.keys() - found:
+    for name in (n for n in nexts if n not in found):
         collector.add("W519", case.key("memory", name), f"nothing that the expert does depends on '{name}'")
 
 
