@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import taskspec
 from taskspec import exact
 from taskspec.exact import Expert, extract, score, scores
+from taskspec.exact.scoring.named import named
 
 TASK = taskspec.load("RiskyPath")
 
@@ -100,3 +102,38 @@ def test_an_expert_is_a_policy_of_stable_baselines3_where_one_is_asked_for() -> 
             plain.predict(seen, deterministic=True),
         )
         assert np.array_equal(actions, theirs) and steps[0].tolist() == [1, 1, 1]
+
+
+FAR = """
+taskspec: 1
+name: Far
+state:
+  s: {type: int, low: 0, high: 9, shape: [9]}
+action:
+  a: {type: choice, values: {left: -1, right: 1}}
+horizon: 4
+initial: {s: "[4 for i in range(9)]"}
+dynamics: {s': "clip(s + 2 * a, 0, 9)"}
+reward: "s'[0] == 8"
+terminal: "s'[0] == 8"
+discount: 9/10
+expert: optimal
+"""
+
+
+def test_an_expert_that_is_planned_does_not_guess_in_states_that_no_episode_comes_to(tmp_path: Path) -> None:
+    """It took the plan of the next state that is in the model, and failed after the last one."""
+    (tmp_path / "far.yaml").write_text(FAR)
+    far = taskspec.load(tmp_path / "far.yaml")
+    expert, policy = Expert(far), named(far, "optimal")
+    assert expert.predict(np.full(9, 6), deterministic=True)[0] == 1
+    for state in (7, 9, 77):
+        with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, .*no episode of Far comes there"):
+            expert.predict(np.full(9, state))
+        with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, "):
+            policy.act({"s": np.full((9, 2), [4, state])}, 0, np.zeros((1, 2), np.uint32))
+
+
+def test_the_name_of_an_expert_is_no_policy_but_the_hint_says_how_it_is_one() -> None:
+    with pytest.raises(taskspec.SpecError, match=r"E713(.|\n)*`Expert\(task, 'soft\(1\)'\)`"):
+        score(TASK, "soft(1)")

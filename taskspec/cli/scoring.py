@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json as json_
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -147,6 +148,8 @@ def read_returns(path: Path) -> list[float]:
         values = []
     if not values:
         raise refuse("E711", f"'{path}' holds no returns", "a JSON list of numbers, or one number a line")
+    if any(map(math.isnan, values)):
+        raise refuse("E711", f"return number {[*map(math.isnan, values)].index(True) + 1} of '{path}' is nan")
     return values
 
 

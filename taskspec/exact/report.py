@@ -300,4 +300,6 @@ def _numbers(returns: Sequence[float]) -> Array:
         array = np.zeros((0, 0))
     if array.ndim != 1 or not array.size:
         misused("`returns` is a list of numbers, one for each episode")
+    if np.isnan(array).any():
+        misused(f"return number {int(np.isnan(array).argmax()) + 1} of {array.size} is nan")
     return array

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.model.space import Space
+from taskspec.exact.model.failure import refuse
+from taskspec.exact.model.space import Space, shown
 from taskspec.lang.ir import Role
 from taskspec.task.task import Task
 
@@ -123,6 +124,24 @@ class Model:
         if index == len(self.codes) or self.codes[index] != code:
             raise KeyError(f"the model has no state {dict(values)}")
         return index
+
+    def state_indices(self, values: Mapping[str, Array], lanes: int) -> Array:
+        """The indices (N,) of states by component, (*shape, N); labels as their numbers.
+
+        Raises:
+            SpecError: E712 for a state that is not in the model, as no episode comes to it.
+        """
+        codes, outside = self.states.encode([values[c.name] for c in self.states.components], lanes)
+        found = np.minimum(np.searchsorted(self.codes, codes), self.n_states - 1)
+        missing = self.codes[found] != codes
+        if outside is not None:
+            missing |= outside
+        if missing.any():
+            at = int(np.flatnonzero(missing)[0])
+            state = {c.name: values[c.name][..., min(at, values[c.name].shape[-1] - 1)] for c in self.states.components}
+            told = ", ".join(f"{c.name} = {shown(c, state[c.name])}" for c in self.states.components)
+            refuse(f"nothing is planned for {told}: no episode of {self.task.name} comes there")
+        return np.asarray(found)
 
     def action_index(self, values: Mapping[str, Any]) -> int:
         return code_of(self.actions, values)

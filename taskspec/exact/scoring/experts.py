@@ -141,8 +141,7 @@ class Expert:
             refuse(f"the expert of {self.task.name} needs an exact model: {self.results.why_not}")
         found = self.results.abstraction
         mapped = state if found is None else found.map(state)
-        code, _ = model.states.encode([mapped[c.name] for c in model.states.components], 1)
-        row = plan(t)[:, int(np.searchsorted(model.codes, code[0]))]
+        row = plan(t)[:, int(model.state_indices(mapped, 1)[0])]
         action = int(row.argmax()) if deterministic else int(self.rng.choice(len(row), p=row / row.sum()))
         values = model.actions.decode(np.array([action]))
         return [tuple(values[Role.ACTION, c.name].reshape(-1).tolist()) for c in model.actions.components]

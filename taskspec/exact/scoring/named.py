@@ -282,9 +282,7 @@ class _Lookup:
         """The states' indices in the model, (N,)."""
         stand_in, model = self.results.abstraction, self.model
         known = state if stand_in is None else stand_in.map(state)
-        lanes = next(iter(state.values())).shape[-1]
-        code, _ = model.states.encode([known[c.name] for c in model.states.components], lanes)
-        return np.asarray(np.searchsorted(model.codes, code))
+        return model.state_indices(known, next(iter(state.values())).shape[-1])
 
     def actions(self, indices: Array) -> Actions:
         """The model's actions of these indices (N,), by component."""

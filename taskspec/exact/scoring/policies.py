@@ -16,6 +16,7 @@ from taskspec.exact.planning import solve
 from taskspec.exact.planning.plans import Plan, stationary, timed
 from taskspec.exact.scoring.asking import ASKS, Asked
 from taskspec.exact.scoring.experts import Expert
+from taskspec.exact.scoring.named import planned
 from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exact.simulation.rollout import State
 from taskspec.lang.ir import Role
@@ -48,7 +49,8 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None) -> V
     if hasattr(policy, "predict"):
         return _predicted(Asked(task, policy, deterministic), results)
     if not callable(policy):
-        misused(f"{type(policy).__name__} is no policy", "a table, a function, or an object with `predict`")
+        hint = f"`Expert(task, {policy!r})`" if isinstance(policy, str) and planned(policy) is not None else None
+        misused(f"{type(policy).__name__} is no policy", hint or "a table, a function, or an object with `predict`")
     function = _of_states(task, policy)
     if model is not None and model.task is task:
         try:

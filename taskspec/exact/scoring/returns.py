@@ -335,9 +335,9 @@ def normalised(value: float, random: float, expert: float, floor: float | None =
             policies score below -3, at -1.
 
     Returns:
-        nan where the expert is no better than random.
+        nan where the expert is as good as random actions, and for a value that is nan.
     """
     if expert == random:
         return math.nan
     score = (value - random) / (expert - random)
-    return score if floor is None else max(floor, score)
+    return score if floor is None or math.isnan(score) else max(floor, score)
