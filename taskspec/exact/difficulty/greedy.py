@@ -22,7 +22,8 @@ import numpy as np
 from taskspec.exact.model.failure import refuse
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.transitions import Steps
-from taskspec.exact.planning.certified.bounded import Bound, Bounded
+from taskspec.exact.planning.certified.bounded import Bounded
+from taskspec.exact.planning.certified.following import Bound
 from taskspec.limits import how_to_raise, limits
 
 Array = np.ndarray[Any, Any]

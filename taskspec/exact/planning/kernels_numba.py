@@ -14,7 +14,8 @@ import numpy as np
 from numba import njit
 
 from taskspec.exact.model.model import Model, Step
-from taskspec.exact.planning.certified.bounded import Bound, Bounded
+from taskspec.exact.planning.certified.bounded import Bounded
+from taskspec.exact.planning.certified.following import Bound
 
 Array = np.ndarray[Any, Any]
 Slots = tuple[Array, Array, tuple[int, ...], tuple[int, ...]]

@@ -19,7 +19,8 @@ from taskspec.exact.model.failure import refuse
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.outcomes import count
 from taskspec.exact.model.transitions import TIME
-from taskspec.exact.planning.certified.bounded import Bound, Bounded, Policy
+from taskspec.exact.planning.certified.bounded import Bounded
+from taskspec.exact.planning.certified.following import Bound, Policy
 from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.maxent import MaxEnt
 from taskspec.lang.ir import Node, draws, reads

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from taskspec.exact.model.model import Model
-from taskspec.exact.planning.certified.bounded import Bound, Bounded
+from taskspec.exact.planning.certified.bounded import Bounded
 from taskspec.exact.planning.certified.endless import Endless
+from taskspec.exact.planning.certified.following import Bound
 from taskspec.exact.planning.certified.solver import Solver, Solvers, extreme
 from taskspec.exact.planning.plans import Boltzmann, Given, Greedy, Plan, Uniform, tables
 

@@ -11,7 +11,7 @@ Deterministic tasks that pay whole numbers are free of rounding, and their error
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -23,6 +23,7 @@ from taskspec.exact.model.model import Model, Step
 from taskspec.exact.model.outcomes import branches, count
 from taskspec.exact.model.transitions import Steps, acted
 from taskspec.exact.planning.certified.enclosure import EQUAL, Enclosure
+from taskspec.exact.planning.certified.following import Bound, Policy, followed
 from taskspec.exact.planning.certified.pieces import PIECE, every, pieces
 from taskspec.exact.planning.certified.slack import UNIT, Slack
 from taskspec.lang.ir import Node, draws
@@ -35,29 +36,9 @@ DEEPEST = 1e4
 """Exponents from here on make weights of 0, which are less than `FLOOR` off."""
 FAINT = 1e-20
 STATES = 65_536
-"""In how many states at once an expert is asked."""
+"""In how many states at once an expert is asked, and followed."""
 TINIEST = 1e-320
 """More than a probability that no float holds may be off by: it counts as the smallest float (`variates.outcomes.FAINTEST`)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Bound:
-    """Numbers `value` and what they may be off by, `error`; arrays of one shape."""
-
-    value: Array
-    error: Array
-
-
-@dataclass(frozen=True, slots=True)
-class Policy:
-    """Probabilities of actions (A, S), and bounds of their errors (None: as good as exact).
-
-    `open` marks actions (A, S) of states in which it could not be told which of these are best.
-    """
-
-    table: Array
-    error: Array | None = None
-    open: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -82,6 +63,16 @@ class _Part:
     def reward_error(self, rows: slice) -> Array:
         """What the expected rewards of some rows are off by."""
         return self.paid * np.abs(self.sizes[rows]) + self.beyond
+
+
+@dataclass(frozen=True, slots=True)
+class _Later:
+    """Values (S,) of the next time: `off` what a row is off by in proportion to its probabilities, and `lost` besides."""
+
+    value: Array
+    off: Array
+    lost: float
+    has_errors: bool
 
 
 class Bounded:
@@ -146,29 +137,50 @@ class Bounded:
 
     def backup(self, t: int, value: Bound, shift: Fraction = Fraction(0)) -> Bound:
         """Action values at a time from the values at the next one; `shift` is added to every reward."""
-        part, more = self.part(t), float(shift)
-        q, error = self._through(part, part.step.going, value)
+        part = self.part(t)
+        q = self._backed_up(part, self._later(part, value), slice(0, part.step.going.shape[0]), float(shift))
+        return self._table(q.value, q.error)
+
+    def followed(self, policy: Policy, t: int, value: Bound) -> Bound:
+        """The value of acting by a policy at a time; where tables are large, in some states at once, one action after another."""
+        n, actions = self.model.n_states, self.model.n_actions
+        if n * actions <= PIECE:
+            return self.follow(policy, self.backup(t, value))
+        part, found = self.part(t), self.zero()
+        later = self._later(part, value)
+        for low in range(0, n, STATES):
+            here = slice(low, min(low + STATES, n))
+            rows = [slice(a * n + here.start, a * n + here.stop) for a in range(actions)]
+            some = followed(policy.of(here), (self._backed_up(part, later, r) for r in rows))
+            found.value[here], found.error[here] = some.value, some.error
+        return found
+
+    def _backed_up(self, part: _Part, later: _Later, rows: slice, more: float = 0.0) -> Bound:
+        """The values of some actions in states (A*S,), and bounds of their errors."""
+        q, error = self._through(part.step.going, later, rows)
         if self.model.discount != 1:
             q *= self.model.discount
             error *= self.model.discount
-        if more or not self.is_whole or value.error.any():  # values with an error need not be whole
+        reward = part.reward[rows]
+        if more or not self.is_whole or later.has_errors:  # values with an error need not be whole
             for low in range(0, len(q), PIECE):
-                here = slice(low, low + PIECE)
-                size = np.abs(q[here]) + np.abs(part.reward[here]) + abs(more)
-                error[here] += part.reward_error(here) + 4 * UNIT * size
+                here = slice(low, min(low + PIECE, len(q)))
+                paid = part.reward_error(slice(rows.start + here.start, rows.start + here.stop))
+                error[here] += paid + 4 * UNIT * (np.abs(q[here]) + np.abs(reward[here]) + abs(more))
             error *= part.inflate
-        q += part.reward
+        q += reward
         if more:
             q += more
-        return self._table(q, error)
+        return Bound(q, error)
 
     def reached(self, t: int, value: Bound, states: Array) -> Bound:
         """Probabilities (A, S) of being in `states` in the next step, or later by `value`, which is 1 there."""
         part = self.part(t)
-        q, error = self._through(part, part.step.going, value)
+        rows = slice(0, part.step.going.shape[0])
+        q, error = self._through(part.step.going, self._later(part, value), rows)
         if part.step.ending is not None:
             ends = Bound(states.astype(np.float64), np.zeros(len(states)))
-            p, more = self._through(part, part.step.ending, ends)
+            p, more = self._through(part.step.ending, self._later(part, ends), rows)
             q, error = q + p, error + more + self.rounding * (q + p)  # with one outcome, one of them is 0
         return self._table(q, error * part.inflate)
 
@@ -176,18 +188,22 @@ class Bounded:
         """Values with 1 in `states`."""
         return Bound(np.where(states, 1.0, value.value), np.where(states, 0.0, value.error))
 
-    def _through(self, part: _Part, matrix: Any, value: Bound) -> tuple[Array, Array]:
-        """Expected values (A*S,) after a step, and bounds of their errors."""
+    def _later(self, part: _Part, value: Bound) -> _Later:
+        """Values of the next time, and what expectations of them are off by."""
         size = np.abs(value.value)
         off = value.error + part.c * size + self.floor * (size > 0)
-        q, error, lost = np.empty(matrix.shape[0]), np.zeros(matrix.shape[0]), self.lost(part, value.value, value.error)
-        for rows, some in pieces(matrix):
-            q[rows] = some @ value.value
-        if not (off.any() or lost):
+        return _Later(value.value, off, self.lost(part, value.value, value.error), bool(value.error.any()))
+
+    def _through(self, matrix: Any, later: _Later, rows: slice) -> tuple[Array, Array]:
+        """Expected values of some rows (A*S,) after a step, and bounds of their errors."""
+        q, error = np.empty(rows.stop - rows.start), np.zeros(rows.stop - rows.start)
+        for at, some in pieces(matrix, rows):
+            q[at] = some @ later.value
+        if not (later.off.any() or later.lost):
             return q, error
-        for rows, some in pieces(matrix):
-            found = some @ off
-            error[rows] = found + self.floor * (found > 0) + lost
+        for at, some in pieces(matrix, rows):
+            found = some @ later.off
+            error[at] = found + self.floor * (found > 0) + later.lost
         return q, error
 
     def lost(self, part: _Part, value: Array, error: Array) -> float:
@@ -211,18 +227,7 @@ class Bounded:
 
     def follow(self, policy: Policy, q: Bound) -> Bound:
         """The value of acting by a policy."""
-        p = policy.table
-        value = _weighed(p, q.value)
-        rounding = np.where(p.max(axis=0) == 1, 0.0, (len(p) + 4) * UNIT)
-        error = _weighed(p, q.error) * (1 + (len(p) + 4) * 4 * UNIT)
-        if rounding.any():
-            error += rounding * _weighed(p, map(np.abs, q.value))
-        if policy.error is not None:
-            sizes = (np.abs(v) + e for v, e in zip(q.value, q.error, strict=True))
-            error += _weighed(policy.error, sizes) * (1 + 1e-12)
-        if policy.open is not None:
-            value, error = _whichever(policy.open, q, value, error)
-        return Bound(value, error)
+        return followed(policy, map(Bound, q.value, q.error))
 
     def at_start(self, value: Bound) -> Enclosure:
         start = self.model.start
@@ -305,16 +310,6 @@ class Bounded:
         return policy.table
 
 
-def _weighed(shares: Array, x: Iterable[Array]) -> Array:
-    """Sums over actions (S,) of shares (A, S) of values; of an action that is not taken, infinities count for nothing."""
-    total = np.zeros(shares.shape[1:])
-    for share, value in zip(shares, x, strict=True):  # one by one, as there may be no memory for all at once
-        with np.errstate(invalid="ignore"):
-            part = share * value
-        total += np.where(share == 0, 0.0, part) if np.isnan(part).any() else part
-    return total
-
-
 def _ones(step: Step) -> bool:
     parts = [step.going.data] + ([] if step.ending is None else [step.ending.data])
     return all(every(data, lambda p: (p == 0) | (p == 1)) for data in parts)
@@ -331,17 +326,6 @@ def _possible(q: Bound) -> Array:
 def _largest_error(q: Bound, among: Array) -> Array:
     """The largest error (S,) of some actions (A, S), of which there is one in each state."""
     return np.asarray(np.max(q.error, axis=0, where=among, initial=0.0))
-
-
-def _whichever(some: Array, q: Bound, value: Array, error: Array) -> tuple[Array, Array]:
-    """Values and errors that hold whichever of some actions are taken, in the states that have any."""
-    low = np.where(some, q.value - q.error, np.inf).min(axis=0)
-    high = np.where(some, q.value + q.error, -np.inf).max(axis=0)
-    unsure = some.any(axis=0)
-    low, high = np.where(unsure, low, 0.0), np.where(unsure, high, 0.0)
-    middle = (low + high) / 2
-    reach = (high - low) / 2 + 8 * UNIT * (np.abs(low) + np.abs(high))
-    return np.where(unsure, middle, value), np.where(unsure, reach, error)
 
 
 def _most(low: Array, high: Array, among: Array) -> tuple[Array, Array]:

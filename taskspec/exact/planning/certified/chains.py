@@ -14,7 +14,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from taskspec.exact.model.failure import refuse, scipy_module, scipy_sparse
-from taskspec.exact.planning.certified.bounded import Bound
+from taskspec.exact.planning.certified.following import Bound
 
 Array = np.ndarray[Any, Any]
 Image = Callable[[Bound], Bound]

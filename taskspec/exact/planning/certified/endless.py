@@ -19,10 +19,11 @@ import numpy as np
 
 from taskspec.exact.model.failure import refuse, scipy_sparse
 from taskspec.exact.model.model import Model
-from taskspec.exact.planning.certified.bounded import FLOOR, Bound, Bounded, Policy
+from taskspec.exact.planning.certified.bounded import FLOOR, Bounded
 from taskspec.exact.planning.certified.chains import Chain
 from taskspec.exact.planning.certified.components import idle_components, leading_to
 from taskspec.exact.planning.certified.enclosure import Enclosure
+from taskspec.exact.planning.certified.following import Bound, Policy
 from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.certified.search import REST, Search
 from taskspec.exact.planning.certified.slack import UNIT
@@ -107,7 +108,7 @@ class Endless(Bounded):
 
     def _expected(self, x: Bound) -> Bound:
         part = self.part(0)
-        q, error = self._through(part, part.step.going, x)
+        q, error = self._through(part.step.going, self._later(part, x), slice(0, part.step.going.shape[0]))
         return self._table(q, error * part.inflate)
 
     def _ending(self) -> Array:

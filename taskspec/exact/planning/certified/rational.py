@@ -209,6 +209,9 @@ class Rational:
     def follow(self, policy: Scaled, q: Scaled) -> Scaled:
         return Scaled((policy.parts * q.parts).sum(axis=0), policy.over * q.over).reduced()
 
+    def followed(self, policy: Scaled, t: int, value: Scaled) -> Scaled:
+        return self.follow(policy, self.backup(t, value))
+
     def at_start(self, value: Scaled) -> Enclosure:
         found = Fraction(int((self.start.parts * value.parts).sum()), self.start.over * value.over)
         return Enclosure.exactly(found)
