@@ -201,7 +201,10 @@ def poissons(words: Words, rate: ArrayLike, bound: float) -> Ints:
     target = uniform(words) * sums[-1]
     counts = np.zeros(target.shape, np.int32)
     for partial in sums[:-1]:
-        counts += partial <= target
+        below = partial <= target
+        if not below.any():
+            break  # nor is any later sum: most rates are far below their bound
+        counts += below
     total: Ints = counts.sum(axis=0, dtype=np.int32)
     return total
 

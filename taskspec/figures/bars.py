@@ -67,7 +67,10 @@ def _sums(rows: list[Array], colors: list[Role], step: float, y: float) -> Itera
     parts = [[i for i, color in enumerate(colors) if color == role] for role in ("accent", "second")]
     if len(rows) > 1 or not all(parts):
         return
-    first, second = (float(rows[0][part].sum()) for part in parts)
+    with np.errstate(over="ignore"):
+        first, second = (float(rows[0][part].sum()) for part in parts)
+    if not math.isfinite(first) or not math.isfinite(second):
+        return
     relation = "=" if first == second else "<" if first < second else ">"
     middles = [(min(part) + max(part) + 1) / 2 * step for part in parts]
     between = sum(middles) / 2

@@ -260,7 +260,8 @@ class Declarations:
         for a, b in zip(low, high, strict=True):
             if not a <= b or a == math.inf or b == -math.inf:
                 message = f"no value lies between low = {_shown(a)} and high = {_shown(b)}"
-                ends = (self.forms.expr((*path, key)) for key in ("low", "high"))
+                written = self.forms.value(path)
+                ends = (self.forms.expr((*path, key)) for key in ("low", "high") if written.get(key) is not None)
                 self.collector.add("E407", self.merged.span(path), message, notes=self.checker.values_of(*ends))
                 raise Poisoned
 

@@ -1,4 +1,4 @@
-"""Random specs whose numbers are hard: tiny chances, rewards that cancel, slow ends, discounts near 1, decimals.
+"""Random specs whose numbers are hard: tiny chances, rewards that cancel, slow ends, discounts near 1, decimals, mixed sizes.
 
 They are tables over one state and one action, so that brute force has their numbers without reading the spec: as they are
 written, and as the floats that a program makes of them.
@@ -73,6 +73,33 @@ THEMES = (
     Theme("slow", ("1", "0", "-1", "0.5"), (rare(1000), rare(10**6), rare(10**9), ("1/2", "1/2")), ("1",), (None,), True),
     Theme("resting", ("0", "0", "1", "-1"), discounts=("1",), horizons=(None,)),
 )  # fmt: skip
+SIZES = (
+    ("1e300", "-1e300"), ("1e17", "-1e17"), ("9007199254740993", "-9007199254740993"),
+    ("1125899906842624", "1125899906842623", "1125899906842625"), ("-1125899906842624", "-1125899906842623"),
+    ("1e9", "-1e9"), ("1", "-1", "1/3", "0.1"), ("1e-9", "-1e-9"), ("1/1152921504606846976", "-1/1152921504606846976"),
+    ("1e-17", "-1e-17"), ("1e-300", "-1e-300"), ("1e-320", "-5e-324"), ("0",),
+)  # fmt: skip
+"""Rewards by their size."""
+SELDOM = ("1/3", "1/1000", "1/1000000000", "1e-12", f"1/{2**53}", f"1/{2**60}", "1e-30", "1e-300", "1e-310")
+
+
+def mixed(rng: random.Random) -> Theme:
+    """Numbers of very different size in one spec."""
+    sizes = rng.sample(SIZES, rng.randint(2, 4))
+    chances = tuple(beside(rng.sample(SELDOM, rng.randint(0, 2))) for _ in range(6))
+    discounts = ("1", "1", "1/2", "0.9", "1/1000000", "999999/1000000")
+    if rng.random() < 0.7:
+        return Theme("mixed", tuple(sum(sizes, ())), chances, discounts, (1, 2, 3, 5, 8, 40))
+    ends = rng.random() < 0.5
+    return Theme("mixed, endless", tuple(sum(sizes, ())), chances, discounts[:2] if ends else discounts[2:], (None,), ends)
+
+
+def beside(seldom: list[str]) -> tuple[str, ...]:
+    """A row of chances: these, and one that leaves nothing over where they are fractions."""
+    fractions = [Fraction(p) for p in seldom if "e" not in p]
+    return (*seldom, str(1 - sum(fractions, Fraction(0))))
+
+
 
 
 @dataclass
@@ -160,7 +187,7 @@ def drawn(row: dict[int, Number]) -> Any:
 
 def hard(rng: random.Random) -> Hard:
     """A random one."""
-    theme = rng.choice(THEMES)
+    theme = mixed(rng) if rng.random() < 0.3 else rng.choice(THEMES)
     states, actions = rng.choice((2, 3, 3, 4)), rng.choice((1, 2, 2, 3))
     if theme.name == "long":
         states, actions = min(states, 3), min(actions, 2)

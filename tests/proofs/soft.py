@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from decimal import Decimal, localcontext
+from decimal import MAX_EMAX, MIN_EMIN, Context, Decimal, localcontext
 from fractions import Fraction
 from functools import cache
 
@@ -11,7 +11,11 @@ from tests.proofs.process import Key, Outcome, Process, Shares
 
 DIGITS = 60
 NEAR = Fraction(1, 10**40)
-LARGEST, LONGEST = 1000, 12
+LARGEST, LONGEST = 2**54, 12
+"""Rewards up to this, and horizons."""
+SMALLEST = -400
+"""The exponent of the smallest share; fractions of others are too long."""
+EXACT = Context(prec=DIGITS, Emax=MAX_EMAX, Emin=MIN_EMIN)
 
 
 def soft(solved: Solved, beta: int) -> Rule:
@@ -43,10 +47,9 @@ def maxent(solved: Solved, beta: int) -> Rule:
         return decimal(o.probability) * decimal(beta * process.discount**t * o.reward).exp() * later
 
     def share(state: Key, t: int, gains: Gains) -> Shares:
-        with localcontext() as context:
-            context.prec = DIGITS
+        with localcontext(EXACT):
             found = weights(state, t)
-            return {a: Fraction(w / sum(found)) for a, w in enumerate(found)}
+            return dict(enumerate(fractions([w / sum(found) for w in found])))
 
     return solved.kept(Rule(f"maxent({beta})", share))
 
@@ -69,12 +72,17 @@ def weighed(gains: Gains, beta: int) -> tuple[list[Fraction], Fraction]:
     top = max(gains)
     if any(0 < abs(x - y) < NEAR for x in gains for y in gains):
         raise Unsettled  # a tie or not
-    with localcontext() as context:
-        context.prec = DIGITS
+    with localcontext(EXACT):
         weights = [decimal(beta * (Fraction(g) - Fraction(top))).exp() for g in gains]
         total = sum(weights, Decimal(0))
         value = Fraction(top) + Fraction(total.ln() / beta)
-        return [Fraction(w / total) for w in weights], value
+        return fractions([w / total for w in weights]), value
+
+
+def fractions(shares: list[Decimal]) -> list[Fraction]:
+    if min(share.adjusted() for share in shares) < SMALLEST:
+        raise Unsettled
+    return [Fraction(share) for share in shares]
 
 
 def decimal(x: Fraction) -> Decimal:
