@@ -91,15 +91,15 @@ def mixed(rng: random.Random) -> Theme:
     if rng.random() < 0.7:
         return Theme("mixed", tuple(sum(sizes, ())), chances, discounts, (1, 2, 3, 5, 8, 40))
     ends = rng.random() < 0.5
-    return Theme("mixed, endless", tuple(sum(sizes, ())), chances, discounts[:2] if ends else discounts[2:], (None,), ends)
+    return Theme(
+        "mixed, endless", tuple(sum(sizes, ())), chances, discounts[:2] if ends else discounts[2:], (None,), ends
+    )
 
 
 def beside(seldom: list[str]) -> tuple[str, ...]:
     """A row of chances: these, and one that leaves nothing over where they are fractions."""
     fractions = [Fraction(p) for p in seldom if "e" not in p]
     return (*seldom, str(1 - sum(fractions, Fraction(0))))
-
-
 
 
 @dataclass
