@@ -5,6 +5,7 @@ The true values are worked out by hand: InitShift is a tree of two choices, Risk
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 
 import taskspec
 from taskspec.diagnostics import SpecError
-from taskspec.exact import Expert, score
+from taskspec.exact import Expert, normalised, score
 from taskspec.exact.scoring.returns import Results
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -208,3 +209,9 @@ def test_answers_of_the_wrong_size_are_refused() -> None:
     for policy in (One(), Rows(0.5)):
         with pytest.raises(SpecError, match="E713"):
             score(RISKY, policy)
+
+
+def test_a_return_that_is_no_number_has_no_score_not_the_lowest() -> None:
+    assert math.isnan(normalised(math.nan, 0.0, 2.0))
+    with pytest.raises(SpecError, match=r"E713.*return number 2 of 2 is nan"):
+        score("RiskyPath", returns=[1.0, math.nan])
