@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -106,3 +107,14 @@ def test_help_imports_nothing_heavy() -> None:
     code = "import sys, taskspec.cli.app; print(sorted({'numpy', 'gymnasium', 'scipy', 'yaml'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_messages_at_one_place_come_in_the_order_of_the_spec(tmp_path: Path) -> None:
+    """Not in that of hashes, which is another one in every process."""
+    names = ["zeta", "alpha", "nu", "beta", "xi"]
+    components = ", ".join(f"{name}: {{type: int, low: 0, high: 1}}" for name in names)
+    path = tmp_path / "risky.yaml"
+    text = (DERAIL / "risky_path.yaml").read_text(encoding="utf-8")
+    path.write_text(f"{text}\nabstraction:\n  state: {{{components}}}\n  map: {{}}\n", encoding="utf-8")
+    said = [d["message"] for d in json.loads(Done("check", str(path), "--format", "json").out)]
+    assert said == [f"the map does not say what '{name}' is" for name in names]

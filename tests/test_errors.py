@@ -50,18 +50,6 @@ def test_every_code_of_specs_has_a_broken_spec() -> None:
     assert {path.stem for path in FILES} == wanted
 
 
-MISSING = ["zeta", "alpha", "nu", "beta", "xi"]
-
-
-def test_messages_at_one_place_come_in_the_order_of_the_spec(tmp_path: Path) -> None:
-    """Not in that of hashes, which is another one in every process."""
-    components = ", ".join(f"{name}: {{type: int, low: 0, high: 1}}" for name in MISSING)
-    path = tmp_path / "walk.yaml"
-    path.write_text(f"{WALK.partition('variants:')[0]}abstraction:\n  state: {{{components}}}\n  map: {{s: 0}}\n")
-    said = [d.message for d in found_in(path)]
-    assert said[:-1] == [f"the map does not say what '{name}' is" for name in MISSING]
-
-
 # -- the place is that of the sub-expression, however YAML writes the text around it ----------------------------------
 
 WALK = """\
