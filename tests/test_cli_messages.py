@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -116,5 +115,5 @@ def test_messages_at_one_place_come_in_the_order_of_the_spec(tmp_path: Path) -> 
     path = tmp_path / "risky.yaml"
     text = (DERAIL / "risky_path.yaml").read_text(encoding="utf-8")
     path.write_text(f"{text}\nabstraction:\n  state: {{{components}}}\n  map: {{}}\n", encoding="utf-8")
-    said = [d["message"] for d in json.loads(Done("check", str(path), "--format", "json").out)]
+    said = [d["message"] for d in Done("check", path, "--format", "json").data["diagnostics"]]
     assert said == [f"the map does not say what '{name}' is" for name in names]
