@@ -108,6 +108,7 @@ def test_broken_shapes_are_marked(path: Path) -> None:
         "observation: {a-b: s}",
         "claims: [{clam: a}]",
         "claims: [3]",
+        "examples: [{state: {s: 1}, action: {a: on}, doc: nothing follows}]",
     ],
 )
 def test_what_a_schema_can_say_about_keys_and_types(text: str) -> None:

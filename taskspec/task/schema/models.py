@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from taskspec.task.schema.fields import (
     Constant,
@@ -79,8 +79,14 @@ class ChangedClaims(Strict):
     add: list[Annotated[ClaimEntry, Shorthand("claim")]] | None = Field(None, description="Claims that hold besides.")
 
 
+FOLLOWS = ("initial", "next", "reward", "terminal", "truncated", "observation", "expert")
+"""Keys of an example that say what follows."""
+
+
 class ExampleEntry(Strict):
     """A worked example: a state, an action, and what follows."""
+
+    model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in FOLLOWS]})
 
     doc: str | None = Field(None, description="What it shows, in a few words.")
     for_: Grid = Field(
@@ -108,10 +114,6 @@ class ExampleEntry(Strict):
     def _check(self) -> ExampleEntry:
         fail(list(_example_problems(self)))
         return self
-
-
-FOLLOWS = ("initial", "next", "reward", "terminal", "truncated", "observation", "expert")
-"""Keys of an example that say what follows."""
 
 
 def _example_problems(entry: ExampleEntry) -> Iterator[Problem]:
