@@ -113,3 +113,16 @@ def test_of_exact_numbers_every_comparison_is_decided(x: Fraction, y: Fraction) 
     for op, holds_of in COMPARISONS.items():
         assert compare(op, a, b) is holds_of(x, y)
     assert compare("==", a, b) is (abs(x - y) <= EQUAL * max(abs(x), abs(y)))
+
+
+@given(x=st.integers(1, 2**64), y=st.integers(1, 2**64), sign=st.sampled_from([1, -1]))
+def test_numbers_too_long_are_rounded_outwards(x: int, y: int, sign: int) -> None:
+    """Sums of policies over many steps have fractions of thousands of digits; comparing them needs only the first ones."""
+    long = Fraction(sign * x, 3**15_000) * 2**40_000
+    found = arithmetic("*", Enclosure.exactly(long), Enclosure.exactly(Fraction(y, 7**9_000)))
+    value = long * Fraction(y, 7**9_000)
+    assert found.low < value < found.high
+    assert (found.high - found.low) < abs(value) / 2**15_000
+    assert max(abs(found.low.numerator), found.low.denominator) < 2**40_000
+    with pytest.raises(NoNumber, match="too small"):
+        arithmetic("*", arithmetic("*", found, found), found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -252,7 +253,8 @@ def compare(op: str, x: Fraction, y: Fraction, tolerance: Fraction | None) -> bo
 
 def cut(value: Fraction) -> Fraction:
     """The same in fewer digits."""
-    shift = len(str(value.denominator)) - len(str(abs(value.numerator))) + DIGITS // 2
+    bits = value.denominator.bit_length() - value.numerator.bit_length()
+    shift = math.floor(bits * math.log10(2)) + DIGITS // 2 - 1
     power = Fraction(10) ** shift
     return Fraction(round(value * power)) / power
 

@@ -196,16 +196,26 @@ _OPERATORS: dict[str, Callable[[Enclosure, Enclosure], Enclosure]] = {
 
 
 def arithmetic(op: str, a: Enclosure, b: Enclosure) -> Enclosure:
-    """An operation on two numbers.
+    """An operation on two numbers; ends that are too long are rounded outwards.
 
     Raises:
-        NoNumber: division by zero, a root of a negative number, or more than `MOST_BITS` bits.
+        NoNumber: division by zero, a root of a negative number, or a size that takes more than `MOST_BITS` bits.
     """
     found = _OPERATORS[op](a, b)
-    for end in (found.low, found.high):
-        if isinstance(end, Fraction) and max(end.numerator.bit_length(), end.denominator.bit_length()) > 2 * MOST_BITS:
-            raise NoNumber("this number is too large to write out")
-    return found
+    return Enclosure(_shortened(found.low, math.floor), _shortened(found.high, math.ceil))
+
+
+def _shortened(end: End, to_whole: Callable[[Fraction], int]) -> End:
+    """The same where it is short enough, else the next number of `MOST_BITS` bits on one side."""
+    if not isinstance(end, Fraction):
+        return end
+    over, under = end.numerator.bit_length(), end.denominator.bit_length()
+    if max(over, under) <= 2 * MOST_BITS:
+        return end
+    if abs(over - under) > MOST_BITS:
+        raise NoNumber("this number is too large to write out, or too small")
+    step = Fraction(2) ** (over - under - MOST_BITS)
+    return to_whole(end / step) * step
 
 
 def negative(a: Enclosure) -> Enclosure:
