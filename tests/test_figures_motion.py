@@ -71,6 +71,7 @@ def test_a_portrait_shows_where_a_step_leads() -> None:
     assert sum(dx < 0 and dy > 0 for dx, dy in flow) >= 10
     assert {"x", "v", "−1", "1"} <= set(words(found))
     assert "none" in found.notes[0]
+    assert drawn(task(SPRING, "{kind: portrait, at: '(x, v)'}")) == found
 
 
 def test_the_episode_in_a_portrait_is_the_expert_s() -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from taskspec.diagnostics import suggest
+from taskspec.lang import syntax as s
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import Kind
@@ -50,13 +52,18 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
     """A column and a row, and maybe a way, or one vector of all; nothing where there is none, or it is broken."""
     if at is None:
         return ()
-    paths: list[Path] = [(*path, i) for i in range(len(at))] if isinstance(at, list) else [path]
-    nodes = [_node(context, each, scope) for each in paths]
+    whole = None if isinstance(at, list) else context.forms.expr(path)
+    parts: Sequence[s.Expr | None] = [whole]
+    if isinstance(at, list):
+        parts = [context.forms.expr((*path, i)) for i in range(len(at))]
+    elif isinstance(whole, s.Vector):
+        parts = whole.items  # `at: "[x, y]"` is the same as `at: [x, y]`
+    nodes = [_number_of(context, expr, scope) for expr in parts]
     found = tuple(node for node in nodes if node is not None)
     if len(found) < len(nodes):
         return ()
     inner = next((node.type.shape for node in found if node.type.shape), ())
-    shape = (len(found), *inner) if isinstance(at, list) else inner
+    shape = inner if parts == [whole] else (len(found), *inner)
     if shape not in [(n,) for n in sizes]:
         more = ", or four with the way that it faces" if 4 in sizes else ""
         message = f"a place is two numbers{more}, but this has shape {list(shape)}"
@@ -66,7 +73,10 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
 
 def _node(context: Context, path: Path, scope: Scope) -> Node | None:
     """An expression as a node, a choice as the number that it stands for; None where it is broken (and reported)."""
-    expr = context.forms.expr(path)
+    return _number_of(context, context.forms.expr(path), scope)
+
+
+def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | None:
     value = None if expr is None else context.checker.check(expr, scope)
     if expr is None or value is None:
         return None
