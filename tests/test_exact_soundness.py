@@ -145,6 +145,12 @@ def test_time_is_looked_at_where_it_matters() -> None:
     assert "at t = 7" in found.message
 
 
+@pytest.mark.parametrize("expert", ["(t + s - s) // 10", "[0 for i in range(20)][t] + s - s"])
+def test_nobody_asks_the_expert_when_the_episode_is_over(expert: str) -> None:
+    """It was asked after the last step as well, where what looks up the time has no element."""
+    assert soundness(written(EXPERT=f'"{expert}"', TERMINAL="s' == n")) == []
+
+
 def test_the_method_is_stated() -> None:
     assert str(examine(written()).method) == "by bounds"
     method = examine(written(DYNAMICS="s + a * (s < n)")).method

@@ -175,7 +175,7 @@ def _bind(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope) ->
         if argument.static and not (
             isinstance(node, Const) and node.type.is_scalar and node.type.kind is not Kind.REAL
         ):
-            checker.fail("E312", place, f"'{argument.name}' of {dist.name} must be a constant int")
+            checker.fail("E312", place, f"'{argument.name}' of {dist.name} must be a constant int", argument.otherwise)
         if argument.vector and len(node.type.shape) != 1:
             checker.fail("E306", place, f"'{argument.name}' of {dist.name} must be a vector")
     return nodes, _draw_shape(checker, dist, nodes, shape, expr)

@@ -151,8 +151,12 @@ class Checker(BaseChecker):
                     f"'{expr.written}' is not defined here",
                     suggest(expr.id, scope.names()),
                 )
-            self.fail("E308", expr, f"'{expr.id}' has no next value here", "a prime stands only on state components, "
-                      "in `dynamics`, `reward` and `terminal`")  # fmt: skip
+            primes = (
+                "only state components have one, in `dynamics`, `reward` and `terminal`; in `memory`, on what is seen"
+            )
+            if expr.id == "t":
+                primes = "after the step, it is `t + 1`"
+            self.fail("E308", expr, f"'{expr.id}' has no next value here", primes)
         if expr.id in ("true", "false"):
             self.fail(
                 "E302",

@@ -36,6 +36,7 @@ class Argument:
     high: float = math.inf
     open: bool = False
     static: bool = False  # a constant int once parameters are bound
+    otherwise: str | None = None  # what to write where it cannot be static
     vector: bool = False
 
     @property
@@ -240,6 +241,7 @@ def _has_one_weight(given: Mapping[str, Node | None]) -> bool:
 
 
 _P = Argument("p", low=0, high=1)
+_TRIALS = "of `s` trials, at most 10: `count([Bernoulli(p) and i < s for i in range(10)])`"
 DISTS: dict[str, Dist] = {
     d.name: d
     for d in (
@@ -260,7 +262,7 @@ DISTS: dict[str, Dist] = {
              brackets=Brackets(Level.ATOM, (Level.SCOPE, Level.ATOM, Level.SCOPE, Level.SCOPE))),
         Dist("Bernoulli", (_P,), _bernoulli, "A condition that holds with probability `p`.",
              r"\operatorname{Bernoulli}({p})", _is_sure, samples=({"p": 0.3}, {"p": 0}, {"p": 1})),
-        Dist("Binomial", (Argument("n", static=True, low=0), _P), _binomial,
+        Dist("Binomial", (Argument("n", static=True, low=0, otherwise=_TRIALS), _P), _binomial,
              "Number of successes in `n` trials that each succeed with probability `p`.",
              r"\operatorname{Binomial}({n}, {p})", _is_sure,
              samples=({"n": 6, "p": 0.3}, {"n": 1, "p": 0.5}, {"n": 4, "p": 0}, {"n": 40, "p": 0.9})),

@@ -126,7 +126,7 @@ class Examination:
         if self.visits is None:
             seen = states[holds(states, self._seen)]
             return self._at(check, int((seen if len(seen) else states)[0]), True if len(seen) else None)
-        if self.phase.name == "decision" and check.section != "expert":
+        if self.phase.name == "observation":
             entered = states[holds(states, self.visits.entered)]
             return self._at(check, int((entered if len(entered) else states)[0]), len(entered) > 0)
         acting = states[holds(states, self.visits.acting)]
@@ -164,7 +164,7 @@ class Examination:
     @cached_property
     def _seen(self) -> Array:
         """States of a few episodes, where looking for all of them would cost too much."""
-        found, space = visited(self.task, self.phase.name == "decision"), Space(self.task.state, Role.STATE)
+        found, space = visited(self.task, self.phase.name == "observation"), Space(self.task.state, Role.STATE)
         return distinct(space.encode([found[c.read] for c in self.task.state], found[Role.TIME, "t"].shape[-1])[0])
 
     @cached_property

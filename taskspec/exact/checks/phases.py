@@ -1,4 +1,7 @@
-"""What is checked, as data: the phases of a task (start, decision, step), each with its checks and its points."""
+"""What is checked, as data: the phases of a task, each with its checks and its points.
+
+The start, what is seen, what the expert does, and the step: at the end of an episode something is seen, but nobody acts.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +57,8 @@ class CheckPhase:
 def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     """The phases of a task that have anything left to check once bounds have proved what they can."""
     yield _phase(task, "start", _start_checks(task), limit)
-    yield _phase(task, "decision", _decision_checks(task), limit)
+    yield _phase(task, "observation", _observation_checks(task), limit)
+    yield _phase(task, "expert", _expert_checks(task) if task.memory is None else [], limit)
     yield _phase(task, "step", _step_checks(task), limit)
     if task.memory is not None:
         whole = task.remembering()
@@ -62,7 +66,7 @@ def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
             _memory_checks(task, *each) for each in (("E404", "", whole.raw_initial), ("E403", "'", whole.raw_next))
         )
         yield _phase(whole, "start", first, limit)
-        yield _phase(whole, "decision", _expert_checks(whole), limit)
+        yield _phase(whole, "expert", _expert_checks(whole), limit)
         yield _phase(whole, "step", later, limit)
 
 
@@ -96,7 +100,7 @@ def _sampled(task: Task, name: str, checks: tuple[Check, ...]) -> CheckPhase:
     left = tuple(c for c in checks if not c.is_proved(task.builder, far))
     if not left:
         return CheckPhase(task, name, (), Samples({}, {}), True)
-    rng, ends = np.random.default_rng(1), name == "decision"
+    rng, ends = np.random.default_rng(1), name == "observation"
     actions = [(Role.ACTION, c) for c in task.action]
     known = visited(task, ends)
     points = columns([known, anew(known, actions, rng)])
@@ -118,7 +122,7 @@ def _within(state: Sequence[Component], reached: Mapping[str, Interval]) -> Iter
 
 def _times(task: Task, name: str) -> range:
     last = MANY_TIMES if task.horizon is None else task.horizon
-    return range(last + (name == "decision"))
+    return range(last + (name == "observation"))
 
 
 # -- checks ---------------------------------------------------------------------------------------
@@ -132,13 +136,12 @@ def _start_checks(task: Task) -> list[Check]:
     return values + _drawn(task, "initial", task.initial)
 
 
-def _decision_checks(task: Task) -> list[Check]:
-    checks = []
-    if not task.observation.is_state:
-        pairs = zip(task.observation.components, task.observation.nodes, strict=True)
-        checks += [Check("E405", n, c.low, c.high, "observation", c.name, c) for c, n in pairs]
-        checks += _drawn(task, "observation", task.observation.nodes)
-    return checks + (_expert_checks(task) if task.memory is None else [])
+def _observation_checks(task: Task) -> list[Check]:
+    if task.observation.is_state:
+        return []
+    pairs = zip(task.observation.components, task.observation.nodes, strict=True)
+    checks = [Check("E405", n, c.low, c.high, "observation", c.name, c) for c, n in pairs]
+    return checks + _drawn(task, "observation", task.observation.nodes)
 
 
 def _expert_checks(task: Task) -> list[Check]:
