@@ -26,10 +26,10 @@ from taskspec.task.task import Task
 
 stats = pytest.importorskip("scipy.stats")
 
-BACKENDS = ("scalar", "numpy", "numba", pytest.param("jax", marks=pytest.mark.slow))
+BACKENDS = ("scalar", "numpy", *(pytest.param(backend, marks=pytest.mark.slow) for backend in ("numba", "jax")))
 """JAX compiles for half a minute, and its draws are compared to the bit in `test_backends_jax`."""
 STEPS = 24
-LANES = {"scalar": 100, "numpy": 2000, "numba": 2000, "jax": 2000}
+LANES = {"scalar": 60, "numpy": 2000, "numba": 2000, "jax": 2000}
 RARE = 1e-4
 MANY = [k + 1 for k in range(20)]
 ROWS = "[[1, 0, 0], [1/3, 1/3, 1/3], [0, 1/2, 1/2], [1/4, 0, 3/4]]"

@@ -7,6 +7,7 @@ negative, one that depends on the state is moved to the nearest end.
 from __future__ import annotations
 
 import re
+from itertools import product
 from typing import Any
 
 import pytest
@@ -188,8 +189,13 @@ def test_a_state_is_not_set_outside_its_range(value: int) -> None:
 # -- the time ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mode", ["SameStep", "NextStep", "Disabled"])
-@pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
+@pytest.mark.parametrize(
+    ("backend", "mode"),
+    [
+        pytest.param(backend, mode, marks=pytest.mark.slow if (backend, mode) == ("numba", "NextStep") else [])
+        for backend, mode in product(("numpy", "numba", "jax"), ("SameStep", "NextStep", "Disabled"))
+    ],
+)
 def test_the_time_as_an_index(backend: str, mode: str) -> None:
     """Lanes whose episodes have ended are stepped with the others, and their time is that of no step."""
     pytest.importorskip(backend)

@@ -51,8 +51,7 @@ def path(tmp_path: Path) -> Path:
 
 
 @needs_vectors()
-@pytest.mark.parametrize("backend", ["numpy", "numba"])
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize(("backend", "mode"), [("numpy", "NextStep"), ("numpy", "SameStep"), ("numba", "SameStep")])
 def test_every_lane_is_the_scalar_environment_of_its_instance(path: Path, backend: Any, mode: Any) -> None:
     pytest.importorskip(backend)
     lanes = taskspec.make_vec(path, instance_seed=SEEDS, backend=backend, autoreset_mode=mode)

@@ -298,7 +298,8 @@ def test_wrong_values_in_a_spec(feature: str, path: Path) -> None:
 
 @pytest.mark.parametrize(("feature", "path"), OVERRIDABLE, ids=ids)
 def test_wrong_values_in_a_variant(feature: str, path: Path) -> None:
-    for value in WRONG:
+    """Every second of them: a variant is merged first, and then read as a spec is."""
+    for value in WRONG[OVERRIDABLE.index((feature, path)) % 2 :: 2]:
         assert_said(feature, overridden(feature, path, value), "tried")
 
 

@@ -53,7 +53,7 @@ def evaluate(
     roots = tuple(roots)
     values: dict[int, Array] = {}
     with np.errstate(all="ignore"):
-        for node in walk(roots):
+        for node in _in_order(roots):
             match node:
                 case Const():
                     value = array(node)
@@ -65,6 +65,12 @@ def evaluate(
                     value = sample(node, [values[id(a)] for a in args])
             values[id(node)] = value
     return [values[id(root)] for root in roots]
+
+
+@lru_cache(maxsize=64)
+def _in_order(roots: tuple[Node, ...]) -> tuple[Node, ...]:
+    """Kept, since the same step is evaluated at thousands of times of an episode."""
+    return tuple(walk(roots))
 
 
 def apply(node: Apply, args: Sequence[Array]) -> Any:
