@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pytest
 
 import taskspec
 from taskspec import draws
-from taskspec.exact import verdicts
+from taskspec.exact import scores, verdicts
 from taskspec.lang.variates.layout import WordLayout
 from taskspec.registry import entries
 
@@ -236,3 +237,35 @@ def test_variants_of_variants() -> None:
     env = offset.make()
     starts = {int(env.reset(seed=s)[0]) for s in range(200)}
     assert starts == {k for k in range(-5, 6) if k != 0}
+
+
+def test_cars_are_moved_as_value_iteration_does() -> None:
+    """Over all numbers of customers and cars brought back, with a Poisson tail that weighs nothing."""
+    task = taskspec.load(str(SPECS / "car_rental.yaml"))
+    most, moves = task.values["N"], task.values["M"]
+    chances = {rate: [math.exp(-rate) * rate**k / math.factorial(k) for k in range(60)] for rate in (2, 3, 4)}
+
+    def day(asked: int, back: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+        """Where the cars of a place are in the evening, by how many are there in the morning; and what they earn."""
+        ways, paid = np.zeros((most + 1, most + 1)), np.zeros(most + 1)
+        for cars, (wanted, p) in itertools.product(range(most + 1), enumerate(chances[asked])):
+            paid[cars] += 10 * min(cars, wanted) * p
+            for returned, q in enumerate(chances[back]):
+                ways[cars, min(max(cars - wanted, 0) + returned, most)] += p * q
+        return ways, paid
+
+    (first, earned), (second, more) = day(3, 3), day(4, 2)
+    value = np.zeros((most + 1, most + 1))
+    for _ in range(300):
+        morning = earned[:, None] + more + 0.9 * first @ value @ second.T
+        value = np.array([
+            [
+                max(
+                    morning[min(i - m, most), min(j + m, most)] - 2 * abs(m)
+                    for m in range(-min(moves, j), min(moves, i) + 1)
+                )
+                for j in range(most + 1)
+            ]
+            for i in range(most + 1)
+        ])  # fmt: skip
+    assert scores(task).optimal.value == pytest.approx(value[most // 2, most // 2], rel=1e-9)

@@ -50,7 +50,7 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
         reachable = steps.states.size > min(WHOLE, room.states)
     if not reachable:
         room.check(steps.states.size)
-    codes = visits(steps, room.states, room.hint).entered if reachable else np.arange(steps.states.size)
+    codes = visits(steps, room.states, room.hint, room.each).entered if reachable else np.arange(steps.states.size)
     room.check(len(codes))
     start = np.zeros(len(codes))
     first, weight = steps.starts()
@@ -73,6 +73,11 @@ class _Room:
     def states(self) -> int:
         """How many states there may be."""
         return max(1, int(min(self.most, self.cost.affordable()) // self.per_state))
+
+    @property
+    def each(self) -> str:
+        """What a state costs, in words."""
+        return f"each with up to {count_of(int(self.per_state))} transitions"
 
     @property
     def hint(self) -> str | None:

@@ -29,11 +29,11 @@ class Visits:
     entered: Array
 
 
-def visits(steps: Steps, limit: int | None = None, hint: str | None = None) -> Visits:
+def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each: str = "") -> Visits:
     """The states of all episodes, whatever the actions and draws. Steps out of the state space are passed over.
 
     Raises:
-        SpecError: (E712) beyond `limit` states, with a hint at how to raise that, and where it takes too long.
+        SpecError: (E712) beyond `limit` states (and what `each` costs), with a hint, and where it takes too long.
     """
     horizon = steps.task.horizon
     level = distinct(steps.starts()[0])
@@ -41,21 +41,22 @@ def visits(steps: Steps, limit: int | None = None, hint: str | None = None) -> V
     entered.add(level)
     budget, cost = Budget("the steps until episodes find no new state"), Cost(steps.roots)
     t = 0
-    _check_few(entered.size, limit, hint)
+    _check_few(entered.size, limit, hint, each)
     while len(level) and (horizon is None or t < horizon):
         budget.spend(cost, len(level) * steps.actions.size, LEVEL)
         acting.add(level)
         going, ended = _successors(steps, level, t)
         entered.add(union([going, ended]))
-        _check_few(entered.size, limit, hint)
+        _check_few(entered.size, limit, hint, each)
         level = going if steps.uses_time else acting.without(going)
         t += 1
     return Visits(acting.all(), entered.all())
 
 
-def _check_few(entered: int, limit: int | None, hint: str | None) -> None:
+def _check_few(entered: int, limit: int | None, hint: str | None, each: str) -> None:
     if limit is not None and entered > limit:
-        refuse(f"more than {limit:,} states can be reached", f"choose smaller parameters, or: {hint}" if hint else None)
+        told = f"more than {limit:,} states can be reached{each and ', '}{each}"
+        refuse(told, f"choose smaller parameters, or: {hint}" if hint else None)
 
 
 def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
