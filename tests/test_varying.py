@@ -186,6 +186,13 @@ def test_values_are_checked_where_they_are_known() -> None:
             params.replace(**changes)
         assert found.value.diagnostics[0].code == code
     assert params.replace(max_steps_in_episode=6) == params
+    for name, told in (
+        ("L", r"L is bound when the task is loaded(.|\n)*load\(task, L=\.\.\.\)"),
+        ("max_steps_in_episode", "max_steps_in_episode is the horizon of the task"),
+        ("slipp", r"E702(.|\n)*the task has no parameter 'slipp'(.|\n)*slip"),
+    ):
+        with pytest.raises(SpecError, match=told):
+            params.replace(**{name: 9})
 
 
 def test_a_task_with_modifiers_is_refused() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from jax.custom_batching import custom_vmap
 
 from taskspec.backends.jax.program import compile_required
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.lang.types import INT_MAX
 from taskspec.task.task import Parameter, Task
 
@@ -27,6 +27,7 @@ class OpenParameters:
     """What a task leaves open, and the conditions that the spec has for it, each with what to say where it does not hold."""
 
     varying: tuple[Parameter, ...]
+    bound: tuple[str, ...] = ()
     key: str = ""
     messages: tuple[str, ...] = ()
     conditions: Callable[..., tuple[Array, ...]] = field(default=lambda *given: (), compare=False, repr=False)
@@ -35,14 +36,17 @@ class OpenParameters:
     def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
         """Those of a task that is built with them open."""
         messages = tuple(message for _, message in task.required)
-        return cls(varying, repr(task.required), messages, compile_required(task)) if messages else cls(varying)
+        bound = tuple(p.name for p in task.parameters if p.name not in {open_one.name for open_one in varying})
+        if not messages:
+            return cls(varying, bound)
+        return cls(varying, bound, repr(task.required), messages, compile_required(task))
 
     def default(self, task: Task) -> Any:
         """A named tuple of the horizon, `max_steps_in_episode`, and of the values: a pytree for `vmap` and `jit`.
 
         Its `replace(slip=0.3)` is the same with other values of these parameters. Values that are known are checked: SpecError
-        E703 for one that the spec does not allow, E704 for some that it does not allow together, E713 for another horizon or
-        parameter. Within `vmap` they are known, within `jit` they are not.
+        E703 for one that the spec does not allow, E704 for some that it does not allow together, E713 for another horizon, or
+        for a parameter that is not open, E702 for a name that is none. Within `vmap` they are known, within `jit` they are not.
         """
         return _params(self)(INT_MAX if task.horizon is None else task.horizon, *(p.value for p in self.varying))
 
@@ -98,14 +102,28 @@ def _params(opened: OpenParameters) -> Any:
                 if name in known:
                     _check(known[name], value)
                 elif name not in self._fields or changes[name] != getattr(self, name):
-                    hint = f"`Functional(load(task, L=5))` is another task; `Functional(task, varying=['{name}'])` leaves it open"
-                    message = f"{name} is bound when the task is loaded"
-                    raise SpecError([Diagnostic("E713", None, message, hint)])
+                    raise SpecError([_refused(name, opened)])
             replaced = self._replace(**changes)
             opened.check(replaced)
             return replaced
 
     return Params
+
+
+def _refused(name: str, opened: OpenParameters) -> Diagnostic:
+    """Why something cannot be replaced."""
+    if name == "max_steps_in_episode":
+        return Diagnostic(
+            "E713", None, "max_steps_in_episode is the horizon of the task", "another horizon makes another task"
+        )
+    if name not in opened.bound:
+        known = [*(p.name for p in opened.varying), *opened.bound]
+        hint = suggest(name, known) or (f"it has {', '.join(known)}" if known else None)
+        return Diagnostic("E702", None, f"the task has no parameter '{name}'", hint)
+    hint = (
+        f"`Functional(load(task, {name}=...))` is another task; `Functional(task, varying=['{name}'])` leaves it open"
+    )
+    return Diagnostic("E713", None, f"{name} is bound when the task is loaded", hint)
 
 
 def _known(value: Any) -> Array | None:
