@@ -31,6 +31,7 @@ FORMS = [
     ("s = 1", "E301", 3, "'=' is not an operator", "`==` compares"),
     ("!s", "E301", 1, "'!' is not an operator", "`not x`"),
     ("s ? 1 : 0", "E301", 3, "'?' is not an operator", "`x if condition else y`"),
+    ("1 if s", "E301", 1, "expected 'else' after 'if' expression", "`x if condition else y`"),
     ("1 + 2s", "E301", 5, "'2s' is neither a number nor a name", "`2 * s`"),
     ("s ≤ 3", "E301", 3, "invalid character '≤'", "`<=`"),
     ("1 + (s", "E301", 5, "this '(' is never closed", None),

@@ -55,6 +55,8 @@ def explain(value: str, error: Exception) -> NoReturn:
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
     advice = "a label of several words stands in quotes of its own" if _WORDS.fullmatch(value) else None
+    if message.startswith("expected 'else'"):
+        advice = "write `x if condition else y`"
     if message.startswith("invalid character") and value[start] in _CHARACTERS:
         advice = f"write {_CHARACTERS[value[start]]}"
     raise SyntaxFailure(start, max(end, start + 1), message, advice)
