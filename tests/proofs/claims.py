@@ -22,7 +22,7 @@ OFF = tuple(
 ROUGHLY = tuple(map(Fraction, ("1e-4", "1e-3", "1/7", "1")))
 DIGITS = 120
 LARGEST = 10**300
-"""Numbers up to this are sometimes written as decimals."""
+"""Numbers up to this, and down to its inverse, are sometimes written as decimals: smaller floats have fewer digits."""
 
 
 class Unclear(Exception):
@@ -183,7 +183,7 @@ class Maker:
 
     def written(self, value: Fraction) -> Number:
         """A constant in as many digits as may be; sometimes a decimal, which is read as such or as the float."""
-        if self.rng.random() < 0.15 and abs(value) < LARGEST:
+        if self.rng.random() < 0.15 and (not value or Fraction(1, LARGEST) < abs(value) < LARGEST):
             text = f"{float(value):.6g}"
             readings = [Fraction(text), Fraction(float(text))]
             return Number(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 import traceback
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -132,6 +133,7 @@ def judged(about: Subject, made: list[Claim], outcome: Outcome) -> None:
 
 
 def main(first: int, last: int, count: int) -> None:
+    warnings.simplefilter("error")  # nothing that warns goes unnoticed
     for number in range(first, last):
         say({"begun": number})
         begun = time.process_time()
