@@ -121,7 +121,7 @@ def test_scores_claims_and_figure_are_those_of_the_values(tmp_path: Path) -> Non
     rows = {words(row[0]): [words(cell) for cell in row[1:]] for row in scores.table.rows}
     assert scores.table.header == ("", "L = 10, B = 2", "L = 3, B = 3", "L = 4")
     assert rows["random return"] == [f"{2**-10}", "1/27", f"{2**-4}"]
-    assert rows["states that can be reached"] == ["21", "10", "9"]
+    assert rows["reachable states"] == ["21", "10", "9"]
     printed = {words(line.content): [words(v) for v in line.values] for line in stated.lines}
     assert printed["random return = B^(−L) proved"] == ["random return = 3⁻³ proved", "random return = 2⁻⁴ proved"]
     write([task], ["svg", "markdown"], tmp_path, columns=[{"L": 3, "B": 3}])
@@ -155,7 +155,7 @@ def test_the_abstraction_is_printed_and_its_states_are_called_abstract() -> None
     lines = [words(line.content) for line in section.lines]
     assert lines[0] == "s\u0302 = argsort(argsort(s)) ∈ {0, … , L − 1}^L: rank of every element"
     assert lines[1] == "initial state: s\u0302 ∼ Perm(L)"
-    assert words(scores.lines[-1].content) == "abstract states that can be reached 24"
+    assert words(scores.lines[-1].content) == "reachable abstract states 24"
     assert "number of abstract states = 24 proved" in [words(line.content) for line in stated.lines]
 
 

@@ -12,6 +12,25 @@ import pytest
 from taskspec.appendix import write
 
 FAMILY = [f"derail/{name}-v0" for name in ("Branching", "BranchingSeals", "Sort")]
+WIDE = """\
+taskspec: 1
+name: Wide
+state:
+  x: {type: int, low: 0, high: 4}
+  y: {type: int, low: 0, high: 4}
+action:
+  move: {type: choice, values: {up: [0, -1], down: [0, 1], left: [-1, 0], right: [1, 0]}}
+horizon: 10
+initial: {x: 0, y: 0}
+dynamics:
+  x': clip(x + move[0], 0, 4)
+  y': clip(y + move[1], 0, 4)
+reward: REWARD
+expert: {move: right}
+figure: {kind: grid, at: [x, y]}
+"""
+LONG = """\
+[{if: "x' == 4 and (y' == 0 or y' == 1) and not (x == 4 and y > 3)", then: 1}, {if: "x' == 2 and y == 3", then: -1}, {else: 0}]"""
 TEX = pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdfinfo") is None, reason="no TeX")
 
 
@@ -86,3 +105,23 @@ def test_the_document_has_numbered_captions_and_metadata(tmp_path: Path) -> None
     numbers = [int(x) for x in re.findall(r"Figure (\d+): ", text)]
     assert numbers == [1, 2, 3]
     assert "Overfull" not in (tmp_path / "document.log").read_text(encoding="latin-1")
+
+
+@pytest.mark.slow
+@TEX
+@pytest.mark.parametrize(("reward", "is_above"), [("x' == 4", False), (LONG, True)], ids=["short", "long"])
+def test_figures_make_room_for_formulas_that_would_shrink_too_far(reward: str, is_above: bool, tmp_path: Path) -> None:
+    (tmp_path / "wide.yaml").write_text(WIDE.replace("REWARD", reward), encoding="utf-8")
+    path = write([tmp_path / "wide.yaml"], ["pdf"], tmp_path)[-1]
+    text = subprocess.run(["pdftotext", path, "-"], capture_output=True, text=True, check=True).stdout
+    assert (text.index("Figure 1") < text.index("State space")) == is_above
+    assert "Overfull" not in (tmp_path / "document.log").read_text(encoding="latin-1")
+
+
+def test_a_variant_shows_the_parameters_alone_that_have_other_values(tmp_path: Path) -> None:
+    write(["seals/CliffWorld-v0", "seals/CliffWorldXY-v0"], ["latex"], tmp_path)
+    first, second = (
+        (tmp_path / "cliff-world.tex").read_text(encoding="utf-8").split(r"\noindent\texttt{CliffWorldXY}: ")
+    )
+    assert "number of columns" in first and "number of columns" not in second
+    assert r"Configurable parameters: $\mathrm{xy} = \mathrm{true}$" in second

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from taskspec import load, make_vec
 from taskspec.diagnostics import SpecError
 from taskspec.envs.window import Frames
 from taskspec.figures import Overlay, render_frame, scene, undrawn
@@ -146,6 +147,28 @@ def test_frames_of_numbers_without_a_figure_and_without_bounds() -> None:
     assert np.array_equal(again, first) and not np.array_equal(second, first)  # another episode begins
     lost = {"x": math.nan, "v": 0.0}
     assert np.array_equal(render_frame(one, lost, size=size, seen={0: lost}), render_frame(one, lost, size=size))
+
+
+def test_a_lane_draws_the_series_of_its_own_episode(tmp_path: Path) -> None:
+    path = tmp_path / "spring.yaml"
+    path.write_text(f"{SPRING}figure: {{kind: series}}\n", encoding="utf-8")
+    lanes = make_vec(path, num_envs=2, render_mode="rgb_array", autoreset_mode="Disabled")
+    single = load(path).make(render_mode="rgb_array")
+    lanes.reset(seed=0)
+    single.reset(seed=1)
+    for number in range(4):
+        (first, second), alone = lanes.render() or (), single.render()
+        assert np.array_equal(second, alone)
+        assert np.array_equal(first, second) == (number == 0)
+        lanes.step(np.array([0, 2]))
+        single.step(2)
+    mask = np.array([False, True])
+    lanes.reset(options={"reset_mask": mask})
+    lanes.step(np.array([0, 2]))
+    fresh = make_vec(path, num_envs=2, render_mode="rgb_array")
+    fresh.reset(seed=0)
+    fresh.step(np.array([0, 2]))
+    assert np.array_equal((lanes.render() or ())[1], (fresh.render() or ())[1])  # nothing is kept of the last episode
 
 
 @pytest.mark.parametrize("angles", [(0.0, 0.0), (math.pi / 2, math.pi / 2), (math.pi, 0.0)])

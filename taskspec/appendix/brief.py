@@ -51,5 +51,14 @@ def families(pages: Iterable[Page]) -> list[Family]:
 
 
 def _differing(head: Page, page: Page) -> tuple[Section, ...]:
-    """The sections of a page that its head has not, or has with other content."""
-    return tuple(section for section in page.sections if head.section(section.key) != section)
+    """The sections of a page that its head has not, or has with other content; of its parameters, those at other values."""
+    found = (section for section in page.sections if head.section(section.key) != section)
+    same = [p.name for p in page.task.parameters] == [p.name for p in head.task.parameters]
+    return tuple(_changed(head, section) if same and section.key == "parameters" else section for section in found)
+
+
+def _changed(head: Page, section: Section) -> Section:
+    """A section with the lines alone that differ from those of the head."""
+    known = head.section(section.key)
+    kept = tuple(line for line in section.lines if known is None or line not in known.lines)
+    return replace(section, lines=kept, lead=section.lead or len(kept) == 1)

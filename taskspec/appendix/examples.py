@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import groupby
 
+from taskspec.appendix import lines
 from taskspec.appendix.prose import CellTable, Formula, Inlines, Mark, Text, inlines
 from taskspec.appendix.writing import Writing
 from taskspec.lang import syntax as s
@@ -30,8 +31,7 @@ def _mark(wrong: bool) -> Inlines:
 
 
 def _cases(w: Writing, example: Example) -> Inlines:
-    shown = "; ".join(", ".join(f"{k} = {v}" for k, v in case.items()) for case in example.cases)
-    return (Text(shown),) if shown else ()
+    return lines.cases(w, example.cases)
 
 
 def _given(role: Role) -> Callable[[Writing, Example], Inlines]:

@@ -43,10 +43,20 @@ def parameters(w: Writing) -> Iterator[Inlines]:
     """`L = 10`: what it is, and its range."""
     for p in w.task.parameters:
         content: list[Inline] = [formula(w.symbol(p.name), m.Sym("="), setting(w.values.get(p.name, p.value)))]
-        if w.symbol(p.name) != m.Ident(p.name):
+        if w.symbol(p.name) not in (m.Ident(p.name), m.upright(p.name)):
             content += [Text(" ("), CodeSpan(p.name), Text(")")]
         content += [Text(", "), *inlines(p.doc)] if p.doc else []
         yield (*content, *_range(w, p.name))
+
+
+def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
+    """Values of parameters that something is said of: `L = 3, B = 5; L = 6, B = 3`."""
+    found = [[formula(w.symbol(name), m.Sym("="), setting(x)) for name, x in case.items()] for case in given]
+    out: list[Inline] = []
+    for case in found:
+        out += [Text("; ")] if out else []
+        out += [piece for each in case for piece in (Text(", "), each)][1:]
+    return tuple(out)
 
 
 def setting(value: Any) -> m.Math:

@@ -6,6 +6,7 @@ every renderer escapes in its own way. Links keep only addresses that are safe t
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -100,6 +101,8 @@ class Verbatim:
 
 
 Block = Paragraph | Bullets | Verbatim
+_MINUS = re.compile(r"(?<![^\s([{,;:=])-(?=\d)")
+"""The sign of a negative number in prose."""
 
 
 @lru_cache(maxsize=1)
@@ -166,7 +169,7 @@ def _inlines(tokens: Iterator[Token], close: str | None) -> Iterator[Inline]:
             return
         match token.type:
             case "text" | "text_special":
-                yield Text(token.content)
+                yield Text(_MINUS.sub("−", token.content))
             case "softbreak" | "hardbreak":
                 yield Text(" ")
             case "code_inline":

@@ -42,8 +42,8 @@ def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
     for name, score in facts.scores.items():
         yield name, _score(score)
     if facts.states is not None:
-        states = "states" if task.spec.abstraction is None else "abstract states"
-        yield f"{states} that can be reached", (Formula(number(facts.states)),)
+        states = "reachable states" if task.spec.abstraction is None else "reachable abstract states"
+        yield states, (Formula(number(facts.states)),)
 
 
 def _score(score: ScoreFact) -> Inlines:

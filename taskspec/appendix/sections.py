@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 from taskspec.appendix import claims, examples, lines, modifiers, scores
 from taskspec.appendix.abstraction import abstraction
@@ -88,22 +87,12 @@ def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
     for i, claim in enumerate(w.task.claims):
         found = verdicts[i] if i < len(verdicts) else None
         about_others = w if not claim.cases else replace(w, values={})  # it says itself which values it is about
-        content: list[Inline] = [*claims.claim(about_others, claim), *_cases(claim.cases)]
+        cases = (Text(" (for "), *lines.cases(w, claim.cases), Text(")")) if claim.cases else ()
+        content: list[Inline] = [*claims.claim(about_others, claim), *cases]
         if found is not None and found.holds is not None:
             words = found.words if found.holds or about_others.values == {} else "not for these values"
             content += [Text(" "), Mark(found.holds, words)]
         yield SectionLine(tuple(content))
-
-
-def _cases(cases: tuple[Mapping[str, Any], ...]) -> Inlines:
-    if not cases:
-        return ()
-    shown = "; ".join(", ".join(f"{k} = {_setting(v)}" for k, v in case.items()) for case in cases)
-    return (Text(f" (for {shown})"),)
-
-
-def _setting(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 # -- where it comes from ----------------------------------------------------------------------------------------------

@@ -123,7 +123,7 @@ class Environment(gymnasium.Env[Any, Any]):
             case "ansi":
                 return picture.text(self.task, self.state, self.time)
             case "rgb_array":
-                return self._drawing.draw(self.task, self.state, self.time)
+                return self._drawn()
             case "rgb_array_list":
                 return self._taken()
             case "human":
@@ -136,6 +136,10 @@ class Environment(gymnasium.Env[Any, Any]):
         self._window = None
         super().close()
 
+    def _drawn(self) -> window.Frame:
+        state, clock = self.state, self._clock
+        return self._drawing.draw(self.task, state, clock.time, episode=clock.episodes)
+
     def _taken(self) -> list[window.Frame]:
         if self._seed is None:
             raise NotRunningError("E707: there is nothing to see before the first reset()")
@@ -145,11 +149,11 @@ class Environment(gymnasium.Env[Any, Any]):
     def _show(self) -> None:
         if self.render_mode == "rgb_array_list":
             kept = [] if self.time == 0 else self._frames
-            self._frames = [*kept, self._drawing.draw(self.task, self.state, self.time)]
+            self._frames = [*kept, self._drawn()]
             return
         if self._window is None:
             self._window = window.Window(self.task.id, self.metadata["render_fps"])
-        self._window.show(self._drawing.draw(self.task, self.state, self.time))
+        self._window.show(self._drawn())
 
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:
         """Keys, by the numbers of their characters, to actions, as `gymnasium.utils.play` wants them.

@@ -29,6 +29,7 @@ class LaneView:
     number: int
     render_mode: str | None
     started: bool
+    drawing: window.Frames
 
     @property
     def state(self) -> dict[str, Any]:
@@ -57,7 +58,8 @@ class LaneView:
             case "ansi":
                 return picture.text(self.task, self.state, self.time)
             case "rgb_array":
-                return window.frame(self.task, self.state, self.time)
+                episode = int(self.engine.buffers.episodes[self.number])
+                return self.drawing.draw(self.task, self.state, self.time, episode=episode)
         return None
 
     def get_keys_to_action(self) -> dict[tuple[int, ...], Any]:

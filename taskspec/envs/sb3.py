@@ -8,6 +8,7 @@ the episode was cut short without a terminal state: exactly when both flags are 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,6 +23,7 @@ from taskspec.envs.errors import ActionError, NotRunningError
 from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
 from taskspec.envs.options import positive, seed_of, uncopied
 from taskspec.envs.spaces import space
+from taskspec.envs.window import Frames
 from taskspec.exact.model.failure import misused
 from taskspec.exact.scoring.experts import Expert
 from taskspec.extras import need
@@ -62,6 +64,7 @@ class Sb3VecEnv(VecEnv):
         self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}
         self.render_mode: str | None = rendered(render_mode)
         self._started = False
+        self._drawings: defaultdict[int, Frames] = defaultdict(Frames)
         super().__init__(num_envs, space(self._engine.observation), space(self._engine.action))
         self._first_seed: int | None = seed_of(seed)
         self._actions: Any = None
@@ -138,7 +141,8 @@ class Sb3VecEnv(VecEnv):
             LaneError: lanes have nothing of that name.
         """
         made = (
-            LaneView(self.task, self._engine, i, self.render_mode, self._started) for i in self._get_indices(indices)
+            LaneView(self.task, self._engine, i, self.render_mode, self._started, self._drawings[i])
+            for i in self._get_indices(indices)
         )
         return [asked(lane, method_name, *args, **kwargs) for lane in made]
 

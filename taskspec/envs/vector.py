@@ -7,6 +7,7 @@ every number of lanes. Needs Gymnasium 1.1 or later.
 from __future__ import annotations
 
 import os
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -38,6 +39,7 @@ from taskspec.envs.options import (
 )
 from taskspec.envs.spaces import space
 from taskspec.envs.told import states, told
+from taskspec.envs.window import Frames
 from taskspec.extras import install_package
 from taskspec.modifiers import with_options
 from taskspec.registry import load
@@ -113,6 +115,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._set_spaces()
         self._same_step, self._reuse = mode == AutoresetMode.SAME_STEP, reuse
         self._seeded = False
+        self._drawings: defaultdict[int, Frames] = defaultdict(Frames)
 
     def _set_spaces(self) -> None:
         self.single_observation_space: gymnasium.Space[Any] = space(self._engine.observation)
@@ -203,7 +206,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         unset(name)
 
     def _lane(self, number: int) -> LaneView:
-        return LaneView(self.task, self._engine, number, self.render_mode, self._seeded)
+        return LaneView(self.task, self._engine, number, self.render_mode, self._seeded, self._drawings[number])
 
     @property
     def spec(self) -> EnvSpec | None:

@@ -38,9 +38,12 @@ class Frames:
 
     def __init__(self) -> None:
         self._seen: dict[int, dict[str, Any]] = {}
+        self._episode = 0
 
-    def draw(self, task: Task, state: dict[str, Any], time: int, note: str | None = None) -> Frame:
-        """The present state; an earlier time than before begins another episode."""
+    def draw(self, task: Task, state: dict[str, Any], time: int, note: str | None = None, *, episode: int = 0) -> Frame:
+        """The present state; another number, or an earlier time than before, begins another episode."""
+        if episode != self._episode:
+            self._seen, self._episode = {}, episode
         kept = {t: s for t, s in self._seen.items() if time - KEPT <= t < time}
         self._seen = kept | {time: state}
         return frame(task, state, time, note, self._seen)

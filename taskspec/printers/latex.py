@@ -25,6 +25,7 @@ _MATH_CHAR = {"{": r"\{", "}": r"\}", "#": r"\#", "%": r"\%", "&": r"\&", "$": r
 _WORD = re.compile(r"[A-Za-z0-9]+")
 LONG = 16.0
 """From this width on, in letters, a list may break after its commas."""
+_RELATIONS = frozenset(c.TEX_SYMBOL) - {"∞"}
 _NAMES = {"arg min": r"\arg\min", "arg max": r"\arg\max"}
 
 
@@ -113,7 +114,9 @@ def _ident(node: m.Ident) -> str:
     if style == "upright" and text in _NAMES:
         return f"{_NAMES[text]} "
     if style == "italic":
-        return _glyph(text) if len(text) == 1 else rf"\mathit{{{_safe(text)}}}"
+        if len(text) == 1:  # an arrow that names an action is no relation
+            return f"{{{_glyph(text)}}}" if text in _RELATIONS else _glyph(text)
+        return rf"\mathit{{{_safe(text)}}}"
     if style == "upright" and (" " in text or "-" in text or not text.isascii()):
         return rf"\text{{{escape(text)}}}"
     return rf"{_STYLE[style]}{{{_safe(text)}}}"

@@ -6,7 +6,7 @@ import re
 
 from taskspec.printers.characters import GREEK
 from taskspec.printers.tex import read
-from taskspec.printers.tree import Ident, Math, Num, Script, Words, upright
+from taskspec.printers.tree import Ident, Math, Num, Script, Sym, Words, upright
 
 _NUMBERED = re.compile(r"([^\W\d_]+?)_?(\d+)")
 _CONSTANTS = {"inf": "∞", "nan": "NaN"}
@@ -51,7 +51,8 @@ def _base(name: str) -> Math:
 def label(name: str, given: str | None = None) -> Math:
     """The symbol of a label of a choice: the author's, or the word itself."""
     if given is not None:
-        return _given(given)
+        found = _given(given)
+        return Ident(found.text) if isinstance(found, Sym) else found
     if re.fullmatch(r"-?\d+(\.\d+)?", name):
         return Num(name.replace("-", "−"))
     return Words(name.replace("_", " "))

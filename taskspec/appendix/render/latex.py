@@ -30,7 +30,7 @@ from taskspec.appendix.sections import Section, SectionLine
 from taskspec.figures import tikz
 from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.printers import tree as m
-from taskspec.printers.latex import escape, latex
+from taskspec.printers.latex import LONG, escape, latex
 
 BESIDE = frozenset({
     "parameters", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
@@ -195,16 +195,29 @@ def formula(math: m.Math, room: float, display: bool = False) -> str:
     """Mathematics in a line; what cannot break and may be too wide is put on a line of its own and fitted."""
     if display or (_is_rigid(math) and m.width(math) > room):
         return rf"\taskspecwide{{{latex(math)}}}"
-    return f"${latex(math)}$"
+    style = r"\displaystyle " if any(isinstance(part, m.Frac) and _has_fraction(part) for part in _parts(math)) else ""
+    return f"${style}{latex(math)}$"
+
+
+def _parts(math: m.Math) -> Iterator[m.Math]:
+    yield math
+    for child in m.children(math):
+        yield from _parts(child)
+
+
+def _has_fraction(math: m.Math) -> bool:
+    """Whether there is a fraction within: in the style of a line, one in another is too small to read."""
+    return any(isinstance(part, m.Frac) for child in m.children(math) for part in _parts(child))
 
 
 def _is_rigid(math: m.Math) -> bool:
     """Whether some part of a formula cannot be broken across lines."""
-    if isinstance(math, m.Cases | m.Matrix):
-        return True
-    if isinstance(math, m.Fence) and m.is_tall(math.body):
-        return True
-    return any(_is_rigid(child) for child in m.children(math))
+    return any(
+        isinstance(part, m.Cases | m.Matrix)
+        or (isinstance(part, m.Fence) and m.is_tall(part.body))
+        or (isinstance(part, m.Script) and part.sub is not None and m.width(part.sub) > LONG)
+        for part in _parts(math)
+    )
 
 
 def _address(address: str) -> str:
