@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -17,6 +18,7 @@ from taskspec.exact.planning.certified.rational import Chances
 from taskspec.exact.planning.certified.readings import Inexact, Reader
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, draws, reads
+from taskspec.lang.variates.outcomes import once
 from taskspec.task.task import Task
 
 Array = np.ndarray[Any, Any]
@@ -202,22 +204,13 @@ class _Laws:
             own, other = _ranges(self.first[rows], counts), _ranges(others.first[theirs], counts)
             wrong = np.zeros(len(own), np.bool_)
             for name in ("to", "ends", "reward", "weight"):
-                wrong |= _unlike(getattr(self, name)[own], getattr(others, name)[other])
+                wrong |= once(operator.ne, getattr(self, name)[own], getattr(others, name)[other]).astype(np.bool_)
             apart = np.bincount(np.repeat(np.arange(len(rows)), counts), wrong, len(rows)) > 0
         return int(rows[np.flatnonzero(apart)[0]]) if apart.any() else None
 
     def law(self, row: int) -> Law:
         here = range(int(self.first[row]), int(self.first[row + 1]))
         return {(self.to[i].item(), self.ends[i].item(), self.reward[i].item()): self.weight[i] for i in here}
-
-
-def _unlike(mine: Array, others: Array) -> Array:
-    """Where two arrays differ; of objects, of which many are the same, each pair of two is compared once."""
-    if mine.dtype != object:
-        return np.asarray(mine != others)
-    pairs = [np.unique(np.fromiter(map(id, x), np.int64, len(x)), return_inverse=True)[1] for x in (mine, others)]
-    _, at, back = np.unique(pairs[0] * (len(others) + 1) + pairs[1], return_index=True, return_inverse=True)
-    return np.asarray((mine[at] != others[at]).astype(np.bool_)[back])
 
 
 def _ranges(first: Array, counts: Array) -> Array:
