@@ -12,6 +12,7 @@ from scipy import stats
 
 from taskspec import draws
 from taskspec.backends.interpreter import Interpreter
+from taskspec.draws import GAMMA_WORDS, variates
 from taskspec.envs.conformance import Agreement
 from taskspec.exact.model.expectation import expected
 from taskspec.source import read_text
@@ -116,3 +117,11 @@ def test_the_mean_is_exact() -> None:
     task = build(read_text(SPEC.replace("sum(e' * (3, 5))", "d'[0] + 4 * d'[1]"), "shares.yaml"))
     found = expected(task.reward, task.builder, ())
     assert float(found.value) == pytest.approx(5 / 3, rel=1e-15)  # type: ignore[union-attr]
+
+
+def test_variates_below_the_normal_float32_are_0() -> None:
+    """Some machines would flush those to 0, and others not; down to there all are kept."""
+    words = np.random.default_rng(0).integers(0, 2**32, (GAMMA_WORDS, 40_000), np.uint32)
+    found = variates.gammas(words, np.full((1, 40_000), 0.02))[0]
+    assert np.count_nonzero(found == 0) > 100
+    assert 2.0**-126 < found[found > 0].min() < 2.0**-125

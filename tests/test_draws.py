@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -88,6 +88,17 @@ def test_lanes_agree(seed: int, phase: int, n: list[int], count: int) -> None:
             block = draws.lanes_block(lane_seeds, phase, np.array(n, np.int64), count)
         assert block.shape == (count, len(n))
         assert list(map(tuple, block.T.tolist())) == expected
+
+
+@pytest.mark.parametrize("first", [[5] * 70, [*range(70)], [*[TOP - 1] * 69, 0]])
+@pytest.mark.parametrize("lanes", [1, 70])
+def test_steps_ahead_are_those_of_each_lane(lanes: int, first: list[int]) -> None:
+    """Whether lanes are at one step or not, and few or many."""
+    lane_seeds, n = draws.lane_seeds(7, lanes), np.array(first[:lanes], np.uint32)
+    found = threefry.lanes_ahead(lane_seeds, n, 3, 5)
+    for d, i in product(range(3), range(lanes)):
+        step = (first[i] + d) % (TOP + 1)
+        assert tuple(found[:, d * lanes + i].tolist()) == draws.words(int(lane_seeds[i]), draws.STEP, step, 5)
 
 
 @pytest.mark.parametrize(("lanes", "count"), [(40_000, 3), (1000, 41), (3, 70_001)])

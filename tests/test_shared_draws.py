@@ -19,7 +19,9 @@ import taskspec
 from taskspec.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import extract, soundness
+from taskspec.exact.model.extract import MANY
 from taskspec.exact.model.transitions import Steps
+from taskspec.exact.planning import solve
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
@@ -167,7 +169,17 @@ def test_a_subset_has_as_many_outcomes_as_there_are_choices(how: str) -> None:
     assert np.flatnonzero(model.start).size == math.comb(16, 2)
     assert model.start[model.start > 0] == pytest.approx(1 / math.comb(16, 2))
     assert soundness(made) == []
-    assert float(taskspec.exact.scores(mines(10, 2, how)).random.value) == pytest.approx(2 / 10)
+    assert float(taskspec.exact.scores(made).random.value) == pytest.approx(2 / 16)
+
+
+def test_models_leave_out_states_where_episodes_enter_few_of_them() -> None:
+    """Boards of 16 places with 2 mines are 120 of 65,536; with any number of mines they are all."""
+    few, every = mines(16, 2, "Subset({n}, {k})"), mines(10, 5, "[Bernoulli(1/2) for i in range({n})]")
+    assert extract(few).n_states == math.comb(16, 2) * 16
+    assert extract(every).n_states == 2**10 * 10 >= MANY
+    whole, part = extract(mines(12, 2, "Subset({n}, {k})"), reachable=False), extract(mines(12, 2, "Subset({n}, {k})"))
+    assert (whole.n_states, part.n_states) == (2**12 * 12, math.comb(12, 2) * 12)
+    assert whole.start @ solve.best(whole).value == pytest.approx(part.start @ solve.best(part).value)
 
 
 # -- draws that lines of `initial` share --------------------------------------------------------------------------

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from taskspec.exact.model.cost import Cost, duration
-from taskspec.exact.model.failure import refuse, scipy_sparse
+from taskspec.exact.model.failure import NoModel, refuse, scipy_sparse
 from taskspec.exact.model.model import Model, Step
 from taskspec.exact.model.outcomes import count
 from taskspec.exact.model.reach import visits
@@ -22,6 +23,8 @@ from taskspec.task.task import TaskLike
 
 Array = np.ndarray[Any, Any]
 WHOLE = 4_000_000
+MANY, FEW = 10_000, 50
+"""Of so many states it is tried whether episodes enter less than one in so many, such as on boards with two mines."""
 MOST_ACTIONS = 10_000_000
 SWEEP = 1e9
 """Non-zeros that are gone through in a second, nominally: all of them in a sweep for each step of an episode."""
@@ -34,7 +37,7 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
 
     Args:
         reachable: only states that episodes enter (True), or all declared ones (False); None takes
-            all where that is cheap.
+            all where that is cheap, and episodes enter more than a few of them.
         limit: how many non-zeros the matrices may have, 12 bytes each; checked, as the time is, before it is spent.
 
     Raises:
@@ -46,11 +49,7 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
     _check_finite(steps)
     times = task.horizon or 1 if steps.uses_time else 1
     room = _Room(steps, times, limits().transitions if limit is None else limit)
-    if reachable is None:
-        reachable = steps.states.size > min(WHOLE, room.states)
-    if not reachable:
-        room.check(steps.states.size)
-    codes = visits(steps, room.states, room.hint, room.each).entered if reachable else np.arange(steps.states.size)
+    codes = _codes(steps, room, reachable)
     room.check(len(codes))
     start = np.zeros(len(codes))
     first, weight = steps.starts()
@@ -59,6 +58,20 @@ def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = N
     _check_inside(model)
     _check_rewards(model)
     return model
+
+
+def _codes(steps: Steps, room: _Room, reachable: bool | None) -> Array:
+    """The states of the model, in order."""
+    size = steps.states.size
+    if reachable is None:
+        reachable = size > min(WHOLE, room.states)
+        if not reachable and size >= MANY:
+            with suppress(NoModel):
+                return visits(steps, size // FEW).entered
+    if reachable:
+        return visits(steps, room.states, room.hint, room.each).entered
+    room.check(size)
+    return np.arange(size)
 
 
 class _Room:
