@@ -124,5 +124,8 @@ def test_numbers_too_long_are_rounded_outwards(x: int, y: int, sign: int) -> Non
     assert found.low < value < found.high
     assert (found.high - found.low) < abs(value) / 2**15_000
     assert max(abs(found.low.numerator), found.low.denominator) < 2**40_000
+    moderate = long / 2**16_000
+    square = arithmetic("**", Enclosure.exactly(moderate), Enclosure.exactly(2))
+    assert square.low < moderate**2 < square.high and (square.high - square.low) < moderate**2 / 2**9_000
     with pytest.raises(NoNumber, match="too small"):
         arithmetic("*", arithmetic("*", found, found), found)
