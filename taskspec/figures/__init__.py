@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -60,7 +59,7 @@ HINT = (
 def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
     """W523 where the figure that a spec asks for cannot be drawn."""
     task = load(task)
-    if task.figure is None or _drawn(task, _NOTHING) is not None:
+    if task.figure is None or _drawn(task, Overlay()) is not None:
         return ()
     place = merge(task.document, task.variant).key_span(("figure",))
     hint = NEEDED.get(task.figure.kind, NEEDED_OTHERWISE)
@@ -74,7 +73,7 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     parameters becomes a frame that says so. It shows the task as its spec has it: modifiers change none. What is laid
     over it is told below it: how it is drawn, or else what is known of the state that the figure shows.
     """
-    task, over = load(task).unmodified, over or _NOTHING
+    task, over = load(task).unmodified, over or Overlay()
     found = _drawn(task, over)
     if found is None and task.figure is not None and over.here is None:
         found = stated(task, NEEDED.get(task.figure.kind, NEEDED_OTHERWISE))
@@ -97,20 +96,7 @@ def _legend(task: Task, found: Scene, over: Overlay) -> Iterator[str]:
             yield f"not drawn: {what}"
 
 
-_NOTHING = Overlay()
-_BARE: WeakKeyDictionary[Task, Scene | None] = WeakKeyDictionary()
-"""Figures with nothing over them, of tasks that are in use: those of pages are asked for more than once."""
-
-
 def _drawn(task: Task, over: Overlay) -> Scene | None:
-    if over is not _NOTHING:
-        return _made(task, over)
-    if task not in _BARE:
-        _BARE[task] = _made(task, over)
-    return _BARE[task]
-
-
-def _made(task: Task, over: Overlay) -> Scene | None:
     if task.figure is None:
         return KINDS["graph"](task, over)
     found = KINDS[task.figure.kind](task, over)
