@@ -129,3 +129,10 @@ def test_numbers_too_long_are_rounded_outwards(x: int, y: int, sign: int) -> Non
     assert square.low < moderate**2 < square.high and (square.high - square.low) < moderate**2 / 2**9_000
     with pytest.raises(NoNumber, match="too small"):
         arithmetic("*", arithmetic("*", found, found), found)
+
+
+def test_numbers_are_written_in_ten_digits_and_whole_ones_in_full() -> None:
+    assert [str(Enclosure.exactly(Fraction(x))) for x in (12345678901, "1/3", 10**17)] == [
+        "12345678901", "0.3333333333", "1e+17",
+    ]  # fmt: skip
+    assert str(Enclosure(Fraction(1), Fraction(2))) == "between 1 and 2"

@@ -259,3 +259,31 @@ def test_returns_of_episodes_that_never_terminate_are_known_to_the_last_step(dis
     assert verdict(f"random_return == {float(total) * (1 + 1e-6)!r}", text).status == "contradicted"
     assert verdict(f"random_return > {float(total + 1)!r}", text).status == "contradicted"
     assert verdict(f"random_return < {float(total - 1)!r}", text).status == "contradicted"
+
+
+ENDING = """
+taskspec: 1
+name: Ending
+state: {s: {type: int, low: 0, high: 2}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 5
+initial: {s: 0}
+dynamics: {s': "min(s + [1, 1][a], 2)"}
+reward: a if t < 2 else 1 - a
+terminal: END
+claims:
+  - CLAIM
+"""
+
+
+def test_what_is_preferred_after_every_episode_has_ended_is_not_asked() -> None:
+    """The states of the last steps would prefer the other action at a time when no episode is in them."""
+    text = ENDING.replace("END", "s' == 2")
+    assert verdict("prefers(optimal, a == 1)", text).status == "proved"
+    assert verdict("prefers(optimal, a == 1)", text.replace("s' == 2", "false")).status == "false"
+
+
+def test_an_action_that_decides_only_about_the_end_influences_no_component() -> None:
+    text = ENDING.replace("END", "a == 1")
+    assert verdict("not influences(a, s)", text).status == "proved"
+    assert verdict("influences(a, s)", text).status == "false"

@@ -12,6 +12,7 @@ from taskspec import exact, source
 from taskspec.diagnostics import Collector
 from taskspec.exact.abstraction.abstraction import Abstraction, abstraction
 from taskspec.exact.abstraction.faith import examined
+from taskspec.exact.abstraction.homomorphism import compare
 from taskspec.exact.abstraction.homomorphism.linear import Normal
 from taskspec.exact.abstraction.homomorphism.order import How, dependence
 from taskspec.exact.claims.claims import verdicts
@@ -43,6 +44,14 @@ def found(given: Task) -> Abstraction:
 
 def statuses(text: str, *claims: str) -> list[str]:
     return [v.status for v in verdicts(task(text + "claims:\n" + "".join(f"  - {c}\n" for c in claims)))]
+
+
+def test_what_has_too_many_steps_to_compare_is_tested(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = found(shipped("sort"))
+    assert examined(given).is_proved
+    monkeypatch.setattr(compare, "MOST", 100)
+    faith = examined(given)
+    assert faith.problem is None and faith.episodes > 0 and faith.why == "there are too many steps to compare"
 
 
 SHIPPED = [

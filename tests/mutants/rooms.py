@@ -23,7 +23,10 @@ ROOMS = {
         "refused_forms",
     )),
     "draws": Room("taskspec/draws", ("draws*", "dirichlet", "seeding*")),
-    "exact": Room("taskspec/exact", ("exact_*", "enclosures", "reach", "lint*", "accept", "examples", "proofs")),
+    "exact": Room("taskspec/exact", (
+        "exact_*", "enclosures", "reach", "lint*", "accept", "examples", "proofs", "yardsticks", "symmetries*", "difficulty*",
+        "shared_draws", "api_expert",
+    )),
     "printers": Room("taskspec/printers", ("printers_*", "printed_mathematics", "appendix_page")),
 }  # fmt: skip
 

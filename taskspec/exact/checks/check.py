@@ -38,11 +38,6 @@ class Check:
     guards: tuple[Node, ...] = ()
     what: str = ""
 
-    @property
-    def finite(self) -> bool:
-        """Whether an infinite value is wrong even where the range has no end."""
-        return self.node.type.kind is Kind.REAL
-
     def wrong(self, value: Array) -> Array:
         """Where a value (*shape, M) is not allowed: (M,)."""
         shape = self.node.type.shape

@@ -97,7 +97,11 @@ def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed
     problem: str | None = None
     levels = _levels(model)
     for t, policy in solver.policies(rule):
-        level = np.unpackbits(levels[t], count=model.n_states).astype(np.bool_) if t < len(levels) else settled & False
+        level = (
+            np.unpackbits(levels[t], count=model.n_states).astype(np.bool_)
+            if t < len(levels)
+            else np.zeros_like(settled)
+        )
         here = level if at is None else level & at(t)
         if here.any():
             found = solver.numbers.preference(policy, wanted(t))
