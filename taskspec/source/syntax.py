@@ -58,6 +58,8 @@ def _escape(text: str, syntax: Syntax) -> TextProblem | None:
     if "quoted" not in syntax.context:  # tags have escapes of their own
         return None
     at = text.rfind("\\", 0, syntax.at + 1)
+    if at + 1 == len(text):
+        return None  # the quote is never closed
     message = f"`{text[at : at + 2]}` means nothing between double quotes"
     return TextProblem("E117", at, at + 2, message, "use single quotes, or write the backslash twice")
 
