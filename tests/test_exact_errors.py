@@ -9,7 +9,10 @@ import pytest
 
 from taskspec.cli.checking import check_file
 from taskspec.cli.targets import File
-from taskspec.diagnostics import CODES
+from taskspec.diagnostics import CODES, SpecError
+from taskspec.exact import extract
+from taskspec.source import read_text
+from taskspec.task.build import build
 
 FOLDER = Path(__file__).parent / "errors"
 FILES = sorted([*FOLDER.glob("W5*.yaml"), *FOLDER.glob("E6*.yaml")])
@@ -36,3 +39,24 @@ def test_a_stand_in_that_starts_outside_its_states_is_an_error(tmp_path: Path) -
     (tmp_path / "sort.yaml").write_text(text, encoding="utf-8")
     found = [d for d in check_file(File(tmp_path / "sort.yaml", "")).diagnostics if d.severity == "error"]
     assert {d.code for d in found} == {"E602", "E604"}
+
+
+WALK = """
+taskspec: 1
+name: Walk
+state: {s: {type: int, low: 0, high: 3}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 3
+initial: {s: 0}
+dynamics:
+  s': clip(floor(s + DRAWN), 0, 3)
+reward: s
+"""
+
+
+def test_the_draw_with_infinitely_many_outcomes_is_named() -> None:
+    """Whichever of the draws of a step it is."""
+    for drawn in ("UniformInt(0, 1) + Normal()", "Normal() + UniformInt(0, 1)", "Poisson(2) + Exponential()"):
+        text = WALK.replace("DRAWN", drawn)
+        with pytest.raises(SpecError, match=r"a step draws from a (normal|exponential) distribution"):
+            extract(build(read_text(text, "walk.yaml")))
