@@ -6,6 +6,7 @@ The true values are worked out by hand: InitShift is a tree of two choices, Risk
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,11 @@ import pytest
 import taskspec
 from taskspec.diagnostics import SpecError
 from taskspec.exact import Expert, normalised, score
-from taskspec.exact.scoring.returns import Results
+from taskspec.exact.scoring.returns import Results, Return
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.commands import Done
 
 RISKY = taskspec.load("RiskyPath")
 TREE = """
@@ -215,3 +217,26 @@ def test_a_return_that_is_no_number_has_no_score_not_the_lowest() -> None:
     assert math.isnan(normalised(math.nan, 0.0, 2.0))
     with pytest.raises(SpecError, match=r"E713.*return number 2 of 2 is nan"):
         score("RiskyPath", returns=[1.0, math.nan])
+
+
+def test_the_mean_of_returns_near_the_largest_float_is_none_too_large(tmp_path: Path) -> None:
+    found = Return.estimated([1e308, 1.5e308, 1.25e308])
+    assert found.value == pytest.approx(1.25e308) and found.error == pytest.approx(0.25e308 / 3**0.5)
+    text = SUMS.replace("REWARD", "1e308 * b")
+    (tmp_path / "sums.yaml").write_text(text, encoding="utf-8")
+    assert "95 % CI" in Done("solve", tmp_path / "sums.yaml").out
+    (tmp_path / "more.yaml").write_text(text.replace("horizon: 1", "horizon: 9"), encoding="utf-8")
+    (line,) = (x for x in Done("solve", tmp_path / "more.yaml").out.splitlines() if "random" in x)
+    assert line.split() == ["random", "∞", "(1,000", "episodes)"]
+
+
+SUMS = """
+taskspec: 1
+name: Sums
+state: {b: {type: real, low: 0, high: 1}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 1
+initial: {b: "Uniform(1/2, 1)"}
+dynamics: {b': "Uniform(1/2, 1)"}
+reward: REWARD
+"""

@@ -238,6 +238,8 @@ def _return(value: Return | None) -> tuple[str, str]:
         off = f"± {value.bound:.2g}, " if value.bound > 1e-10 * abs(value.value) else ""
         return f"{value.value:.10g}".replace("-", "−"), off + sure
     mean, half = measured(value.value, value.half)
+    if not math.isfinite(value.value):
+        return mean, f"({value.episodes:,} episodes)"
     return mean, f"± {half} (95 % CI, {value.episodes:,} episodes)"
 
 

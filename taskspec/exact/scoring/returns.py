@@ -38,6 +38,8 @@ UNENDING = 2_000
 """Steps after which hardly any episode of many has ended: then not all are expected to."""
 WORDS = 4_000_000
 CONFIDENCE = 0.95
+LARGE = 1e100
+"""Beyond this returns are scaled before they are added up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +81,11 @@ class Return:
     def estimated(cls, returns: Sequence[float] | Array) -> Return:
         """From the returns of episodes (N,)."""
         found = np.asarray(returns, dtype=np.float64)
+        largest = float(np.abs(found).max(initial=0.0))
+        scale = largest if LARGE < largest < math.inf else 1.0  # squares and sums of large ones would be infinite
         with np.errstate(invalid="ignore", over="ignore"):  # of infinite returns the mean is one, and the error is nan
-            mean, deviation = float(found.mean()), float(found.std(ddof=1)) if len(found) > 1 else math.inf
+            mean = float((found / scale).mean()) * scale
+            deviation = float((found / scale).std(ddof=1)) * scale if len(found) > 1 else math.inf
         error = deviation / math.sqrt(len(found))
         return cls(mean, error if error == error else math.inf, len(found))
 

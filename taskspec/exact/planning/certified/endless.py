@@ -26,7 +26,7 @@ from taskspec.exact.planning.certified.enclosure import Enclosure
 from taskspec.exact.planning.certified.following import Bound, Policy
 from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.certified.search import REST, Search
-from taskspec.exact.planning.certified.slack import UNIT
+from taskspec.exact.planning.certified.slack import QUIET, UNIT
 
 Array = np.ndarray[Any, Any]
 ROUNDS = 200
@@ -57,6 +57,7 @@ class Endless(Bounded):
         found = self.settled(-1)
         return self.at_start(Bound(-found.value, found.error))
 
+    @QUIET
     def value(self, rule: Rule) -> Enclosure:
         """The expected return of a policy."""
         if rule.is_best:
@@ -73,6 +74,7 @@ class Endless(Bounded):
         chain = Chain(matrix * gamma, lambda x: self._image(policy, x, gamma), inside)
         return self.at_start(self._signed(chain.enclosed(gain)))
 
+    @QUIET
     def probability(self, rule: Rule, states: Array) -> Enclosure:
         """How likely an episode is ever in one of the states (S,)."""
         policy = rule.settled(self)
@@ -87,6 +89,7 @@ class Endless(Bounded):
     def policies(self, rule: Rule) -> Iterator[tuple[int, Policy]]:
         yield 0, rule.settled(self)
 
+    @QUIET
     def settled_best(self, shift: Fraction = Fraction(0)) -> Bound:
         """Action values (A, S) of the best policy, for the reward plus a constant."""
         return self.backup(0, self.settled(1, float(shift)), shift)
@@ -131,6 +134,7 @@ class Endless(Bounded):
 
     # -- the best policy ----------------------------------------------------------------------------------------------
 
+    @QUIET
     def settled(self, sign: int, shift: float = 0.0) -> Bound:
         """The largest values (S,) of the reward times `sign`, plus a constant.
 
@@ -230,6 +234,7 @@ class Endless(Bounded):
 
     # -- soft values --------------------------------------------------------------------------------------------------
 
+    @QUIET
     def settled_soft(self, beta: float) -> Bound:
         """Action values (A, S) of the causal maximum-entropy policy."""
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node
 from taskspec.lang.variates import VARIATES
@@ -15,6 +17,8 @@ UNIT = 2.0**-53
 """The relative error of one rounded operation."""
 COMPUTED = 8 * UNIT
 """The error allowed for a probability that an expression computes, as `1 - s / 10`."""
+QUIET = np.errstate(over="ignore", invalid="ignore")
+"""Values that no float holds are infinite, or none, and have no finite bounds: that is told of the answer."""
 TAIL = 1e-20
 """More than the probability of the outcomes that are left out of a draw of infinitely many."""
 

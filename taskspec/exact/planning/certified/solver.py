@@ -15,6 +15,7 @@ from taskspec.exact.planning.certified.enclosure import Enclosure
 from taskspec.exact.planning.certified.rational import Rational
 from taskspec.exact.planning.certified.readings import Inexact, Reader
 from taskspec.exact.planning.certified.rule import Rule
+from taskspec.exact.planning.certified.slack import QUIET
 from taskspec.extras import is_installed
 from taskspec.progress import tell
 
@@ -39,10 +40,6 @@ class ValueArithmetic(Protocol):
     def followed(self, policy: Any, t: int, value: Any) -> Any: ...
     def at_start(self, value: Any) -> Enclosure: ...
     def preference(self, policy: Any, wanted: Array) -> Array: ...
-
-
-QUIET = np.errstate(over="ignore", invalid="ignore")
-"""Values that no float holds are infinite, or none, and have no finite bounds: that is told of the answer."""
 
 
 class Solver(Protocol):
