@@ -17,6 +17,8 @@ from tests.mutants.rooms import ROOT, Room, asked, is_own
 
 BUDGETS = (20.0, 40.0)
 """Seconds of tests of the room, and of all others, that a change is put through. Under coverage they took about twice as long."""
+AGAIN = 3
+"""How many times as many for a change that they have not noticed, and that is asked about again."""
 
 
 class Timed(NamedTuple):
@@ -41,13 +43,15 @@ class Seen:
 def chosen(mutant: Mutant, room: Room, seen: Sequence[Seen], again: bool = False) -> list[Timed]:
     """Tests that are asked about a change: those about the room, then all others, files with little to run first.
 
-    A line of a table runs once, when the module is read: what runs anything of its file is asked then, or of the room. So it is
-    for a change that is asked about `again`.
+    A line of a table runs once, when the module is read: what runs anything of its file is asked then, or of the room. Where a
+    change is asked about `again`, these tests come as well, last: a test that finds a result in a cache does not run the line.
     """
-    ways = [(mutant.line, mutant.line), mutant.span] if mutant.place and not again else []
+    ways = [(mutant.line, mutant.line), mutant.span] if mutant.place else []
     for first, last in (*ways, (1, sys.maxsize)):
         found = [(s, s.of(mutant.file, first, last)) for s in seen]
         if any(tests for _, tests in found):
+            rest = [s.of(mutant.file, 1, sys.maxsize) if again else [] for s in seen]
+            found = [(s, list(dict.fromkeys([*tests, *more]))) for (s, tests), more in zip(found, rest, strict=True)]
             break
     else:
         files = sorted({file for s in seen for file in s.lines if file.startswith(room.folder)})
@@ -56,7 +60,7 @@ def chosen(mutant: Mutant, room: Room, seen: Sequence[Seen], again: bool = False
     return [
         test
         for half, budget in zip(halves, BUDGETS, strict=True)
-        for tests in _affordable(half, budget)
+        for tests in _affordable(half, budget * (AGAIN if again else 1))
         for test in tests
     ]
 
