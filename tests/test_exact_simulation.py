@@ -9,11 +9,14 @@ import pytest
 
 from taskspec.diagnostics import SpecError
 from taskspec.exact import extract
+from taskspec.exact.model.cost import Cost
 from taskspec.exact.planning import solve
 from taskspec.exact.scoring.returns import Results, simulate
-from taskspec.exact.simulation.rollout import at_random
+from taskspec.exact.simulation.rollout import _affordable, at_random
 from taskspec.registry import load
 from tests.shared.tasks import model_of, shipped, spec
+
+ROOT = Path(__file__).parent.parent
 
 EVERY = [
     ("risky_path", None), ("early_term", "EarlyTermPos"), ("early_term", "EarlyTermNeg"), ("branching", None),
@@ -59,3 +62,11 @@ def test_episodes_that_seldom_end_are_given_up_early(tmp_path: Path) -> None:
     )
     with pytest.raises(SpecError, match="after 2,000 steps"):
         simulate(load(path), at_random(load(path)), 50)
+
+
+def test_a_poisson_draw_is_charged_for_every_count_that_is_searched() -> None:
+    """Its rate is known only at run time, so that each of its words is compared with a sum for each count."""
+    path = ROOT / "tests" / "specs" / "epidemic.yaml"
+    found = [Cost(load(path, N=n).next, simulated=True).seconds(64, 1) for n in (10, 1000)]
+    assert found[1] > 5 * found[0]
+    assert 5 * _affordable(load(path)) < _affordable(spec("queue"))

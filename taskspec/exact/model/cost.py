@@ -16,8 +16,8 @@ RATE = 3e8
 CALL = 1e-5
 """Seconds that an operation of NumPy takes, however few numbers there are."""
 BYTES = 8
-WORD, SORTED = 5, 60
-"""How many operations a random word is worth, and one of a draw that sorts them."""
+WORD, SORTED, PASS = 5, 60, 3
+"""How many operations a random word is worth, and one of a draw that sorts them; and one that is gone through once more."""
 
 
 class Cost:
@@ -31,7 +31,9 @@ class Cost:
         sizes = [node.type.size for node in nodes]
         self.calls, self.numbers = max(1, len(sizes)), max(1, sum(sizes))
         if simulated:
-            self.numbers += sum(_sampling(node) for node in nodes if isinstance(node, Draw))
+            drawn = [node for node in nodes if isinstance(node, Draw)]
+            self.numbers += sum(words_of(draw) * _operations(draw) for draw in drawn)
+            self.calls += sum(PASS * _more_passes(draw) for draw in drawn)
 
     def seconds(self, points: float, batches: float = 1) -> float:
         """How long so many points take, in so many batches."""
@@ -46,8 +48,13 @@ class Cost:
         return max(1, int(min(most, limits().megabytes * 1e6 / (BYTES * self.numbers))))
 
 
-def _sampling(draw: Draw) -> int:
-    return words_of(draw) * (SORTED if VARIATES[draw.base].sorts else WORD)
+def _operations(draw: Draw) -> int:
+    """What sampling takes for each word of a draw."""
+    return (SORTED if VARIATES[draw.base].sorts else WORD) + PASS * _more_passes(draw)
+
+
+def _more_passes(draw: Draw) -> int:
+    return VARIATES[draw.base].passes(draw) - 1
 
 
 class Budget:

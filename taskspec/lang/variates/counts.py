@@ -65,6 +65,12 @@ def _poisson_words(draw: Draw) -> int:
     return draw.type.size * (1 if bound is None else draws.poisson_words(bound))
 
 
+def _poisson_passes(draw: Draw) -> int:
+    """A word is searched for count by count where the rate is known only at run time."""
+    bound = poisson_bound(draw)
+    return 1 if bound is None else draws.poisson_terms(bound)
+
+
 def _poisson(draw: Draw, args: list[Flat], words: Words) -> Flat:
     n, bound = draw.type.size, poisson_bound(draw)
     rates = stretched(args[0], n)
@@ -174,7 +180,7 @@ TABLE = (
             steps=lambda draw: draw.type.size * 6 * poisson_terms(draw.args[-1]),  # products of as many ratios as counts
             tail=True,
         ),
-        words=_poisson_words, one=_poisson, many=_poissons, kernel=_poisson_kernel,
+        words=_poisson_words, one=_poisson, many=_poissons, kernel=_poisson_kernel, passes=_poisson_passes,
     ),
     Variate(  # uniform: the stable order of n words
         name="permutation", kind=Kind.INT, bounds=lambda draw, args: (0, max(0, draw.type.shape[-1] - 1)), sorts=True,

@@ -154,8 +154,8 @@ class Variate:
     the elements as comparisons of words (ints, less a bias) with known thresholds, where it can.
 
     `mean` is what a draw is replaced by where a reward is linear in it; variates with `outcomes` are gone through.
-    `sorts` says that it sorts its words, which is costly. `cut`: its bounds are where the way it is made ends, and
-    nothing in mathematics.
+    `sorts` says that it sorts its words, which is costly; `passes`, how many times `many` goes through them. `cut`: its bounds
+    are where the way it is made ends, and nothing in mathematics.
     """
 
     name: str
@@ -171,6 +171,7 @@ class Variate:
     loop: str | None = None
     compared: Comparison = lambda b, draw, words, bias: None
     sorts: bool = False
+    passes: Callable[[Draw], int] = lambda draw: 1
     cut: bool = False
 
 
