@@ -32,6 +32,20 @@ def update_golden(request: pytest.FixtureRequest) -> bool:
     return bool(request.config.getoption("--update-golden"))
 
 
+@pytest.fixture
+def set_limits(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Sets limits by their names, for one test."""
+    from taskspec import limits
+
+    def set_them(**values: int) -> None:
+        monkeypatch.setenv(limits.VARIABLE, ",".join(f"{k}={v}" for k, v in values.items()))
+        limits.limits.cache_clear()
+
+    yield set_them
+    monkeypatch.undo()
+    limits.limits.cache_clear()
+
+
 # -- Gymnasium before 1.1 has no `AutoresetMode`, and we no vector environments ----------------------------------------
 
 

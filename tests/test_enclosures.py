@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable
 from fractions import Fraction
@@ -71,6 +72,18 @@ def test_powers(one: tuple[Enclosure, Fraction], n: int) -> None:
     assert found.low >= 0 or n % 2
 
 
+@settings(max_examples=200, deadline=None)
+@given(st.fractions(Fraction(1, 100), 100, max_denominator=10**6), st.integers(-60, 60), st.integers(2, 5))
+def test_roots(base: Fraction, p: int, q: int) -> None:
+    """x is at least the q-th root of b**p where x**q is at least b**p."""
+    if p % q == 0:
+        return
+    found = arithmetic("**", Enclosure.exactly(base), Enclosure.exactly(Fraction(p, q)))
+    low, high = Fraction(found.low), Fraction(found.high)
+    assert low > 0 and low**q <= base**p <= high**q
+    assert high - low < low / 2**40
+
+
 @settings(max_examples=100, deadline=None)
 @given(known(), known())
 def test_signs_and_hulls(one: tuple[Enclosure, Fraction], other: tuple[Enclosure, Fraction]) -> None:
@@ -113,6 +126,15 @@ def test_of_exact_numbers_every_comparison_is_decided(x: Fraction, y: Fraction) 
     for op, holds_of in COMPARISONS.items():
         assert compare(op, a, b) is holds_of(x, y)
     assert compare("==", a, b) is (abs(x - y) <= EQUAL * max(abs(x), abs(y)))
+
+
+@given(known())
+def test_infinity_equals_itself_alone(one: tuple[Enclosure, Fraction]) -> None:
+    infinite = Enclosure.exactly(math.inf)
+    assert compare("==", infinite, infinite) is True
+    assert compare("==", infinite, one[0]) is False
+    assert compare("==", infinite, Enclosure(Fraction(1), math.inf)) is None
+    assert compare("<", one[0], infinite) is compare("<=", infinite, infinite) is True
 
 
 @given(x=st.integers(1, 2**64), y=st.integers(1, 2**64), sign=st.sampled_from([1, -1]))

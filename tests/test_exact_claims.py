@@ -112,6 +112,7 @@ FALSE = [
     ("optimal_return == 2", "optimal_return is 1"),
     ("optimal_return < 1", "optimal_return is 1"),
     ("random_return >= 1", "random_return is 0.65625"),
+    ("random_return / 9 == 1", "random_return / 9 is 0.07291666667"),
     ("reachable(side == right)", "no episode is ever in such a state"),
     ("prefers(optimal, a == stay, at=s == 2)", "it takes a = go"),
     ("prefers(optimal, a == go, at=s == n)", "no episode acts where this is asked"),

@@ -142,3 +142,25 @@ def test_size_is_bounded_before_memory_is_spent() -> None:
         extract(shipped("branching", L=1000, B=100), limit=10_000)
     with pytest.raises(SpecError, match="'s' has infinitely many values"):
         extract(shipped("largest_sum"))
+
+
+def test_a_step_may_have_as_many_outcomes_as_the_limit_says(set_limits: Any) -> None:
+    from taskspec.diagnostics import SpecError
+
+    task = build(read_text(text(dynamics='{"s\'": "UniformInt(0, 9)"}')))
+    set_limits(outcomes=10)
+    assert len(extract(task).step(0).going.data) > 0
+    set_limits(outcomes=9)
+    with pytest.raises(SpecError, match="up to 10 outcomes; the limit is 9"):
+        extract(task)
+
+
+def test_what_reads_the_time_in_vain_is_kept_once() -> None:
+    model = extract(build(read_text(text(reward='"0 * t"'))))
+    assert not model.is_timed and model.horizon is not None and model.horizon > 1
+
+
+def test_what_is_left_over_is_the_float_nearest_to_it() -> None:
+    task = build(read_text(text(dynamics='{"s\'": "0 if Bernoulli(1/3) else 1"}')))
+    assert set(extract(task).step(0).going.data) == {float(Fraction(1, 3)), float(Fraction(2, 3))}
+    assert float(Fraction(2, 3)) != 1 - 1 / 3

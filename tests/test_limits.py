@@ -51,17 +51,6 @@ def first(error: Any) -> tuple[str, str, str | None]:
     return d.code, d.message, d.hint
 
 
-@pytest.fixture
-def set_limits(monkeypatch: pytest.MonkeyPatch) -> Any:
-    def set_them(**values: int) -> None:
-        monkeypatch.setenv(limits.VARIABLE, ",".join(f"{k}={v}" for k, v in values.items()))
-        limits.limits.cache_clear()
-
-    yield set_them
-    monkeypatch.undo()
-    limits.limits.cache_clear()
-
-
 def lanes(number: int) -> Any:
     vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
     return vector.VectorEnvironment(written(), number, backend="numpy")

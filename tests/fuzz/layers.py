@@ -34,6 +34,7 @@ from taskspec.task.merge import variant_names
 from taskspec.task.schema import check_shape
 from taskspec.task.task import Task
 
+PACKAGE = Path(appendix.__file__).parents[1]
 FOLDER = next((p for p in (Path("/dev/shm"),) if os.access(p, os.W_OK)), Path(tempfile.gettempdir()))
 SHARES = {"step": 0.5, "check": 0.07, "pages": 0.05}
 """How many of the inputs that get so far go through a layer that takes longer."""
@@ -127,9 +128,9 @@ class Run:
 
 
 def fault(layer: str, error: BaseException) -> Fault:
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if "/taskspec/" in f.filename] or [None]
-    last = frames[-1]
-    where = "outside" if last is None else f"{last.filename.rsplit('/taskspec/')[-1]} {last.name}"
+    frames = traceback.extract_tb(error.__traceback__)
+    ours = [f for f in frames if Path(f.filename).is_relative_to(PACKAGE)]
+    where = f"{Path(ours[-1].filename).relative_to(PACKAGE).as_posix()} {ours[-1].name}" if ours else "outside"
     detail = "".join(traceback.format_exception(error))
     return Fault(layer, type(error).__name__, where, detail[-3000:])
 
