@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 ENDINGS = {
     "terminated": "reached a terminal state",
-    "truncated": "came to the horizon",
+    "truncated": "reached the horizon",
     "script": "ran out of script",
     "cut": "were cut by --max-steps",
 }
