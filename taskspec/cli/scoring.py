@@ -215,7 +215,10 @@ def _seen_rows(seen: Yardsticks) -> Iterator[tuple[str, str, str, str]]:
     """Rows for the best of those who see observations only: name, return, how sure it is, a remark."""
     from taskspec.exact import Return
 
-    told = (("remembering", seen.remembering, "given all observations and actions so far"), ("memoryless", seen.memoryless, ""))
+    told = (
+        ("remembering", seen.remembering, "given all observations and actions so far"),
+        ("memoryless", seen.memoryless, ""),
+    )
     for name, value, remark in told:
         if value is None:
             yield f"  {name}", "unknown", "", seen.why_not or ""

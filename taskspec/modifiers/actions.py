@@ -114,7 +114,7 @@ _P = ModifierArgument("probability", "real", "how likely it is in each step", lo
 SEED = ModifierArgument("seed", "int", "which permutation", 0, low=0, high=2**32 - 1)
 TABLE = (
     ModifierEntry(
-        "sticky", (_P,), "With this probability the action executed in the step before is executed again (Machado et al., 2018).",
+        "sticky", (_P,), "With this probability the previously executed action is repeated (Machado et al., 2018).",
         _sticky,
         lambda task, given: f"with probability ${given['probability']:g}$ the action executed in the step before is executed "
         "again, in place of the one chosen; the state keeps that action, which is not observed",
@@ -124,13 +124,13 @@ TABLE = (
         _random,
         lambda task, given: f"with probability ${given['probability']:g}$ a uniformly random action is executed in place of "
         "the one chosen",
-        needs="actions that have ranges with ends", abstraction=as_well,
+        needs="bounded actions", abstraction=as_well,
     ),
     ModifierEntry(
         "permuted_actions", (
             SEED, ModifierArgument("per_state", "bool", "whether each state has a permutation of its own", False),
         ),
-        "What the actions do is permuted by a seed: once for all states, or in each state anew.",
+        "The effects of the actions are permuted at random: once for all states, or separately in each state.",
         _permuted, _says_permuted, keeps="all returns",
         abstraction=lambda given: "lost" if given["per_state"] else "modified as well",
         needs="finite actions; finite states as well where each has its own",

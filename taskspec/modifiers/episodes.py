@@ -79,7 +79,7 @@ TABLE = (
                              sample=lambda task: (task.horizon or 20) // 2 + 1),
         ),
         "Episodes are longer or shorter.",
-        _horizon, _says_horizon, needs="a task that does not depend on the time, unless it is given first and shortens episodes",
+        _horizon, _says_horizon, needs="a task that does not depend on the time, unless it comes first and shortens episodes",
         abstraction=as_well,
     ),
     ModifierEntry(
@@ -90,7 +90,7 @@ TABLE = (
         abstraction=as_well,
     ),
     ModifierEntry(
-        "absorbing", (), "Terminal states last until the horizon, and pay the absorbing reward, in place of ending the episode.",
+        "absorbing", (), "Terminal states do not end the episode, but last until the horizon and pay the absorbing reward.",
         _absorbing,
         lambda task, given: "a terminal state lasts until the horizon, where it pays the absorbing reward, and ends no episode",
         claims=True,

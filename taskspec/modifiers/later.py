@@ -122,14 +122,14 @@ def undiscounted(task: Task, given: Arguments) -> bool:
 _STEPS = ModifierArgument("steps", "int", "how many steps later", low=1, high=10_000, sample=lambda task: 2)
 TABLE = (
     ModifierEntry(
-        "delay", (_STEPS,), "Rewards are paid some steps later, and what is outstanding when the episode ends is paid then.",
+        "delay", (_STEPS,), "Rewards are paid some steps later; those still outstanding when the episode ends are paid then.",
         _delayed,
         lambda task, given: f"each reward is paid {_times(given['steps'])} later; what is outstanding when the episode ends is "
         "paid then",
         keeps="every policy's return", when=undiscounted, condition="the discount is 1",
     ),
     ModifierEntry(
-        "reward_at_end", (), "Nothing is paid before the end of the episode, and then the sum of all rewards.",
+        "reward_at_end", (), "All rewards are 0 until the end of the episode, where their sum is paid.",
         _at_end, lambda task, given: "nothing is paid before the episode ends, and then the sum of all its rewards",
         keeps="every policy's return", when=undiscounted, condition="the discount is 1",
     ),

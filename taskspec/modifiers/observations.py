@@ -104,11 +104,11 @@ _entry = partial(ModifierEntry, keeps="every policy's return", abstraction=unaff
 _LAWS = {"normal": r"\mathcal{N}(0, 1)", "uniform": r"\operatorname{Unif}(-1, 1)"}
 TABLE = (
     _entry(
-        "relabelled", (SEED,), "What is observed is one number, and a seed deals out which; nothing tells that two are alike.",
+        "relabelled", (SEED,), "Each observation becomes one number, assigned at random, which tells nothing about similarity.",
         _relabelled, _says_relabelled, needs="finite observations",
     ),
     _entry(
-        "distractors", (_COUNT, _KIND), "Numbers that mean nothing are observed as well, drawn anew in every step.",
+        "distractors", (_COUNT, _KIND), "Meaningless numbers are observed as well, drawn again in every step.",
         _distractors,
         lambda task, given: f"${given['count']}$ more numbers are observed, independently drawn from ${_LAWS[given['kind']]}$ "
         "in every step",
@@ -120,7 +120,7 @@ TABLE = (
     ),
     _entry(
         "dropout", (
-            ModifierArgument("probability", "real", "how likely each number is lost", low=0, high=1, sample=lambda task: 0.25),
+            ModifierArgument("probability", "real", "how likely each number is 0", low=0, high=1, sample=lambda task: 0.25),
         ),
         "Each number observed is 0 with this probability.",
         _dropout,

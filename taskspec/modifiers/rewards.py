@@ -76,7 +76,7 @@ TABLE = (
         "potential", (
             ModifierArgument("of", "expression", "the potential of a state, in the task language", sample=_some_state),
         ),
-        "What a step gains in a potential is added to its reward (Ng, Harada and Russell, 1999); the end has potential 0.",
+        "The increase of a potential is added to each reward (Ng, Harada and Russell, 1999); the end has potential 0.",
         _shaped,
         lambda task, given: rf"$\gamma\, \Phi(s') - \Phi(s)$ is added to the reward, where $\Phi$ is `{given['of']}`, and 0 when "
         "the episode has ended",

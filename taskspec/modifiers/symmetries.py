@@ -172,7 +172,7 @@ TABLE = (
             ModifierArgument("name", "word", "which symmetry of the spec",
                              sample=lambda task: task.symmetries[0].name if task.symmetries else "none"),
         ),
-        "The task is seen and steered in another way, one that its spec declares under `symmetries`.",
+        "Observations or actions are transformed as the spec declares under `symmetries`.",
         _twin, _says, keeps="all returns", abstraction=as_well, needs="a spec that declares it",
     ),
 )  # fmt: skip

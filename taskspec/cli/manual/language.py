@@ -35,7 +35,7 @@ def language() -> str:
 
 def _operators() -> str:
     rows = [(i.precedence, code(i.symbol), i.doc) for i in INFIX.values()]
-    rows += [(0, "`x if c else y`", "x where the condition c holds, else y."), (7, "`-x`, `+x`", "Negation; nothing.")]
+    rows += [(0, "`x if c else y`", "x where the condition c holds, else y."), (7, "`-x`, `+x`", "Negation; identity.")]
     rows += [(9, "`x[i]`, `f(x)`", "Element, call.")]
     # The table of operators has no entry for what is grammar; a stable sort keeps the rest in its order.
     rows.sort(key=lambda row: row[0])

@@ -11,7 +11,7 @@ _HEAD = """\
 # Modifiers
 
 A modifier makes a task harder, or just different, without editing its spec. Each is a function from tasks to tasks, so that
-environments, backends, exact models, pages and the content hash all follow from what it gives:
+environments, backends, exact models, pages and the content hash all belong to the modified task:
 
 ```python
 import taskspec
@@ -27,7 +27,7 @@ print(scores(task).optimal)
 Return(value=4.0, error=0.0, episodes=0)
 ```
 
-Modifiers are applied one after the other, and the order means something: a shift before a scale is scaled as well. They are
+Modifiers are applied one after the other, and the order matters: a shift before a scale is scaled as well. They are
 written
 
 | where | how |
@@ -38,13 +38,13 @@ written
 | in ids | `derail/RiskyPath-v0+sticky=0.25+delay=2` |
 | in YAML | `modifiers: [{sticky: 0.25}, time_observed, {distractors: {count: 3, kind: uniform}}]` |
 
-The first argument needs no name. What a spec says about its task goes where it may no longer be true: claims and examples with
-all modifiers but `absorbing` and `time_observed`, and an expert that is written out where it need no longer be a best one; one
-that is `optimal` or `soft(b)` is planned for the task as modified. What a modifier draws comes after the draws of the task, which
-stay what they are for a seed. Figures show the task as written.
+The first argument needs no name. Parts of a spec that may no longer hold are dropped: claims and examples with all modifiers
+except `absorbing` and `time_observed`, and a written expert where it may no longer be optimal; an expert that is `optimal` or
+`soft(b)` is planned for the modified task. The draws of a modifier come after those of the task, which are the same as before
+for each seed. Figures show the task as written.
 
-What a modifier keeps is proved by the tests, on the exact models of finite tasks: *every policy's return* is that of all
-functions of the state, as it was before, and the time.
+The tests prove, on the exact models of finite tasks, what each modifier keeps. *Every policy's return* means that of every
+function of the original state and the time.
 
 ## The table
 

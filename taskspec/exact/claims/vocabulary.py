@@ -59,16 +59,16 @@ RESULTS: dict[str, Word] = {
 FUNCTIONS: dict[str, Word] = {
     w.name: w
     for w in (
-        Word("reachable", "reachable(condition)", "Some episode is ever in a state that fulfils the condition."),
+        Word("reachable", "reachable(condition)", "Some episode visits a state that fulfils the condition."),
         Word(
             "probability", "probability(condition, under=model)",
-            "How likely an episode is ever in such a state; of uniformly random actions unless `under` says otherwise.",
+            "How likely an episode visits such a state; under uniformly random actions unless `under` says otherwise.",
         ),
         Word(
             "prefers", "prefers(model, condition, at=condition)",
-            "In every state that fulfils `at` and in which an episode acts, the actions that the model takes most often "
-            "fulfil the condition. Nothing is asked where it is indifferent (within 10⁻⁹), as when nothing depends on the last "
-            "action, but in each such state it must prefer at some time. Both conditions may use `t`.",
+            "In every state that fulfils `at` and in which an action is taken, the actions that the model takes most often "
+            "fulfil the condition. Times at which it is indifferent (within 10⁻⁹) are left out, such as a last action that "
+            "changes nothing, but it must have a preference in each such state at some time. Both conditions may use `t`.",
         ),
         Word(
             "influences", "influences(action, state)",
@@ -82,12 +82,12 @@ MODELS: dict[str, Word] = {
     w.name: w
     for w in (
         Word(
-            "optimal", "optimal", "Takes the best actions, all of them alike where several are best.",
+            "optimal", "optimal", "Takes the best actions, each equally often where several are best.",
             "an optimal agent",
         ),
         Word(
             "soft", "soft(beta)",
-            "Causal maximum entropy: actions in proportion to exp(beta Q), where Q counts entropy as well.",
+            "Causal maximum entropy: actions in proportion to exp(beta Q), where Q includes the entropy.",
             "a causal maximum-entropy agent", "with inverse temperature",
         ),
         Word(
@@ -98,7 +98,7 @@ MODELS: dict[str, Word] = {
         ),
         Word(
             "zero_terminal_value", "zero_terminal_value, zero_terminal_value(shift)",
-            "Optimal for the reward plus a constant, with nothing to come after a terminal state. A learner that knows "
+            "Optimal for the reward plus a constant, with a value of 0 after a terminal state. A learner that knows "
             "rewards up to a constant cannot tell the shifts apart.",
             "a learner that values every terminal state at zero", "with rewards shifted by",
         ),

@@ -67,7 +67,7 @@ def _branching(model: Model) -> float:
 
 def _hidden_bits(results: Results) -> float:
     if results.abstraction is not None and not results.task.observation.is_state:
-        refuse("what is seen is not told of an abstraction")
+        refuse("the abstraction does not say what is observed")
     return 0.0 if results.task.observation.is_state else hidden_bits(_model(results))
 
 
@@ -82,7 +82,7 @@ def _soft_gap(results: Results) -> float:
 def _episodes_to_reward(results: Results) -> float:
     chance = reward_chance(_model(results))
     if chance == 0:
-        refuse("random actions are never paid")
+        refuse("random actions never get a reward")
     return 1 / chance
 
 
@@ -105,27 +105,27 @@ MEASURES: dict[str, Measure] = _table([
         "actions", "", "How many actions there are.",
         r"\lvert A \rvert", "", _on_model(lambda model: model.n_actions)),
     Measure(
-        "entries", "", "How many transitions have a positive probability, at all times that differ.",
+        "entries", "", "How many transitions have a positive probability, counted separately where they depend on the time.",
         r"\lvert \{(s, a, s') : P(s' \mid s, a) > 0\} \rvert", "", _on_model(lambda model: model.entries)),
     Measure(
         "branching", "states",
-        "How many states can come next, on average over the states in which episodes act, by the dynamics of the first step.",
+        "How many next states are possible at the first step's dynamics, on average over the states in which actions are taken.",
         r"\operatorname{mean}_s \lvert \{s' : \exists a\, P(s' \mid s, a) > 0\} \rvert", "", _on_model(_branching)),
     Measure(
         "random_length", "steps", "The expected length of an episode of uniformly random actions.",
         r"\mathbb{E}_{\text{random}}[T]", "", _on_model(lambda model: mean_length(model, uniform_plan(model)))),
     Measure(
-        "optimal_length", "steps", "The expected length of an episode of the optimal policy, all best actions alike.",
+        "optimal_length", "steps", "The expected length of an episode of the optimal policy, uniform over the best actions.",
         r"\mathbb{E}_{\pi^*}[T]", "", _on_model(lambda model: mean_length(model, optimal_plan(model)))),
     Measure(
         "solution_length", "steps",
-        "The least expected number of steps in which an optimal policy comes to where nothing is left to earn or lose.",
+        "The least expected number of steps in which an optimal policy reaches a state from which no further reward is possible.",
         r"\min_{\pi \in \Pi^*} \mathbb{E}_\pi[\min \{t : \text{no reward is possible from } s_t\}]", "",
         _on_model(solution_length)),
     Measure(
         "best_at_random", "probability",
-        "How likely an episode of uniformly random actions returns at least what the optimal policy is expected to from the "
-        "same first state: in a deterministic task, the best return that is possible.",
+        "How likely an episode of uniformly random actions returns at least the optimal value of its first state, which is "
+        "the best possible return in a deterministic task.",
         r"P_{\text{random}}(G \geq V^*(s_0))", LAIDLAW, _on_model(best_chance)),
     Measure(
         "episodes_to_reward", "episodes",
@@ -133,22 +133,22 @@ MEASURES: dict[str, Measure] = _table([
         r"1 / P_{\text{random}}(\exists t\, r_t \neq 0)", "", _episodes_to_reward),
     Measure(
         "soft_gap", "",
-        "What the soft-optimal policy at inverse temperature 1 falls short of the optimal return, where random actions are at 1.",
+        "How far the soft-optimal policy at inverse temperature 1 is below the optimal return; random actions have a gap of 1.",
         r"(J(\pi^*) - J(\pi_{\text{soft}})) / (J(\pi^*) - J(\text{random}))", ZIEBART, _soft_gap),
     Measure(
         "hidden_bits", "bits",
-        "The information about the state that is lost on the way to the observation, in the states that random actions come by: "
-        "0 where observations tell the state.",
+        "The information about the state that the observation does not contain, in the states that random actions visit: "
+        "0 where observations identify the state.",
         r"H(S) - I(S; O)", SHANNON, _hidden_bits),
     Measure(
         "lookahead", "steps",
-        "The least k by which acting greedily by k - 1 Bellman backups of the action values of random actions is optimal.",
+        "The least k such that acting greedily on the action values of random actions, after k - 1 Bellman backups, is optimal.",
         r"\min \{k : \operatorname{greedy}(Q^k) \subseteq \Pi^*\}, \; Q^1 = Q^{\text{random}}, \; Q^{k+1} = \mathcal{T} Q^k",
         LAIDLAW, _on_model(least_lookahead)),
     Measure(
         "effective_horizon", "steps",
-        "A bound on the effective horizon of a deterministic task: as many steps of exhaustive search take as many episodes as "
-        "looking k steps ahead does, each time with enough random episodes to choose rightly.",
+        "A bound on the effective horizon of a deterministic task: exhaustive search over this many steps takes as many episodes "
+        "as looking k steps ahead, with enough random episodes each time to choose correctly.",
         r"\min_k k + \log_{\lvert A \rvert} \max_{t, s}"
         r" \lceil \tfrac{28}{3} v_{t,s} d_{t,s}^{-2} \log(2 T \lvert A \rvert^k) \rceil",
         LAIDLAW, _on_model(effective_horizon)),

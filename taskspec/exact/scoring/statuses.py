@@ -29,17 +29,17 @@ CLAIMS: dict[OfClaim, Status] = {
         "tested", "Simulated episodes do not contradict it; or it is proved of an abstraction that was tested on episodes.",
         "tested in {episodes} episodes"),
     "undecided": Status(
-        "undecided", "It is neither proved nor contradicted: the task has no exact model, or errors leave it open.",
+        "undecided", "It is neither proved nor contradicted: the task has no exact model, or error bounds leave it open.",
         "not decided", "E602"),
     "false": Status("false", "Exact results contradict it.", "does not hold", "E601"),
     "contradicted": Status(
         "contradicted", "Simulated episodes contradict it at 99.9 % confidence, whatever the distribution of their returns.",
         "does not hold", "E604"),
-    "broken": Status("broken", "It is no claim.", "does not hold", "E603"),
+    "broken": Status("broken", "It is not a valid claim.", "does not hold", "E603"),
 }  # fmt: skip
 
 NUMBERS: dict[OfNumber, Status] = {
-    "exact": Status("exact", "Computed from an exact model, to within an error that is computed as well.", ""),
+    "exact": Status("exact", "Computed from an exact model, with a computed error bound.", ""),
     "tested": Status(
         "tested", "Computed from the exact model of an abstraction that was tested on episodes, and not proved.",
         "tested in {episodes} episodes"),

@@ -138,7 +138,7 @@ FUNCTIONS = (
              brackets=Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True)),
     Function("norm1", ("x",), r"\lVert {0} \rVert_1", "Sum of absolute values.", ((INTS,), (MIXED,)), _norm1),
     Function("norm2", ("x",), r"\lVert {0} \rVert_2", "Euclidean length.", ((INTS,), (MIXED,)), _norm2),
-    Function("concat", ("x", "*rest"), r"({*})", "Vectors (or single values) laid end to end.",
+    Function("concat", ("x", "*rest"), r"({*})", "Vectors (or single values) joined into one.",
              ((INTS, INTS), (INTS, 7), (1.5, INTS)), _concat),
     Function("reverse", ("x",), r"\operatorname{reverse}({0})", "Elements in the opposite order.", ((INTS,),), _reverse),
     Function("swap", ("x", "i", "j"), r"\operatorname{swap}_{{1},{2}}({0})", "The vector with elements i and j exchanged.",

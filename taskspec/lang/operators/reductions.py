@@ -88,14 +88,14 @@ TABLE = (
         name="any", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=any,
         samples=MASKS, elementwise=False,
         scalar=Scalar("any({0})", chain=(" or ", "False")), array=Array("rt.any({0})"),
-        function=Function("any", ("x",), r"\exists\,{0}", "Whether some element holds.", (((True, False),),), applies("any"),
+        function=Function("any", ("x",), r"\exists\,{0}", "Whether any element is true.", (((True, False),),), applies("any"),
                           brackets=_QUANTIFIED),
     ),
     Operator(
         name="all", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=all,
         samples=MASKS, elementwise=False,
         scalar=Scalar("all({0})", chain=(" and ", "True")), array=Array("rt.all({0})"),
-        function=Function("all", ("x",), r"\forall\,{0}", "Whether every element holds.", (((True, False),), ((True, True),)),
+        function=Function("all", ("x",), r"\forall\,{0}", "Whether all elements are true.", (((True, False),), ((True, True),)),
                           applies("all"), brackets=_QUANTIFIED),
     ),
     Operator(
@@ -103,7 +103,7 @@ TABLE = (
         samples=MASKS, elementwise=False,
         scalar=Scalar("sum_({0})", chain=(" + ", "0")), array=Array("rt.count({0})"),
         bounds=lambda args, node: (0, node.args[0].type.size),
-        function=Function("count", ("x",), r"\#\{{0}\}", "How many elements hold.", (((True, False, True),),), applies("count")),
+        function=Function("count", ("x",), r"\#\{{0}\}", "Number of true elements.", (((True, False, True),),), applies("count")),
     ),
     Operator(
         name="min", rule=reduction(number, empty=False), reference=min_,

@@ -99,15 +99,15 @@ class ExampleEntry(Strict):
         None, description="The first state, or some of it; state and action are left out then."
     )
     next: dict[Name, Expression] | None = Field(None, description="The next state, or some of it.")
-    reward: Expression | None = Field(None, description="What the step pays.")
+    reward: Expression | None = Field(None, description="The reward of the step.")
     terminal: Expression | None = Field(None, description="Whether the step ends the episode.")
     truncated: bool | None = Field(None, description="Whether the horizon is reached with it.")
     observation: dict[Name, Expression] | None = Field(
-        None, description="What the agent then sees: of the next state where there is an action, else of the state."
+        None, description="What the agent sees: in the next state where there is an action, else in the state."
     )
     expert: dict[Name, Expression] | None = Field(None, description="What the expert does in the state.")
     probability: Expression | None = Field(
-        None, description="How likely all this together is. Without it: certain, or as the distributions say."
+        None, description="The joint probability of all this. Without it: 1, or as the distributions say."
     )
 
     @model_validator(mode="after")
@@ -167,7 +167,7 @@ class FigureEntry(Strict):
 class AbstractionEntry(Strict):
     """A finite stand-in for a continuous state, with the same rewards and dynamics."""
 
-    state: dict[Name, ComponentEntry] = Field(description="Components of the stand-in state.")
+    state: dict[Name, ComponentEntry] = Field(description="Components of the abstract state.")
     map: dict[Name, Expression] = Field(description="Each of them as a function of the state.")
     initial: dict[Name, Expression] | None = Field(None, description="Their initial values.")
     dynamics: dict[Primed, Expression] | None = Field(
@@ -184,11 +184,11 @@ class SymmetryEntry(Strict):
     doc: str | None = Field(None, description="What is exchanged or turned, in a few words.")
     observation: dict[Name, Expression] | None = Field(
         None,
-        description="What is seen then, as a function of what the task shows. What is neither named nor used stays.",
+        description="What is seen then, as a function of the task's observation. What is neither named nor used stays.",
     )
     action: dict[Name, Expression] | None = Field(
         None,
-        description="The action that does then what an action of the task did. Components that are not named stay.",
+        description="The action that then has the effect of the task's action. Components that are not named stay.",
     )
 
     @model_validator(mode="after")
@@ -244,7 +244,7 @@ class Sections(Strict):
     )
     dynamics: dict[Primed, Expression] = Field(
         default_factory=dict,
-        description="Next value of each state component: `s': s + 1`. Those not named stay.",
+        description="Next value of each state component: `s': s + 1`. Those not named do not change.",
     )
     reward: Expression = Field(None, description="Reward of a step; `s` is the state left, `s'` the state reached.")
     absorbing_reward: Expression = Field(0, description="Reward per step after the end, when terminal states absorb.")
@@ -257,7 +257,7 @@ class Sections(Strict):
     )
     info: list[Literal["old_state", "new_state"]] = Field(
         default_factory=list,
-        description="What the info of a step holds, of `old_state`, the state left, and `new_state`, the state reached.",
+        description="What the info of a step holds: `old_state`, the state left, and `new_state`, the state reached.",
     )
     roles: Roles | None = Field(None, description="Which variants expert and learner act in.")
     claims: list[Annotated[ClaimEntry, Shorthand("claim")]] = Field(
@@ -270,7 +270,7 @@ class Sections(Strict):
         default_factory=dict, description="Warnings that are meant to be, by code, each with the reason."
     )
     abstraction: AbstractionEntry | None = Field(
-        None, description="A finite stand-in for a continuous state, to solve the task exactly."
+        None, description="A finite substitute for a continuous state, to solve the task exactly."
     )
     symmetries: dict[Name, SymmetryEntry] = Field(
         default_factory=dict,

@@ -99,9 +99,9 @@ class ComponentEntry(Typed):
 class MemoryEntry(ComponentEntry):
     """Something that the expert remembers: a component with a first value and a next one."""
 
-    initial: Expression = Field(description="Its value at first, of what is first seen, by its name.")
+    initial: Expression = Field(description="Its initial value, an expression over the first observation.")
     next: Expression = Field(
-        description="Its value after a step, of itself, the action and what is then seen, written with a prime."
+        description="Its value after a step, over itself, the action and the next observation, written with a prime."
     )
 
 

@@ -80,7 +80,7 @@ Variant = _partial(
     ),
     extends=(
         str | None,
-        Field(None, description="The file of another spec to start from, as seen from this one: `../grid.yaml`."),
+        Field(None, description="The file of another spec to start from, relative to this one: `../grid.yaml`."),
     ),
     base=(
         str | None,
@@ -107,4 +107,4 @@ class Spec(Head, Sections):
 class Extension(Head, Variant):  # type: ignore[valid-type, misc]
     """A spec that says how it differs from that of another file."""
 
-    extends: str = Field(description="The file of another spec, as seen from this one, which this one is laid over.")
+    extends: str = Field(description="The file of another spec to start from, relative to this one.")
