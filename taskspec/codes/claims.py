@@ -28,9 +28,9 @@ The claim needs an exact model, and the task has none: its state space is infini
 claim about returns can be tested by simulation; give it `episodes`, or an `abstraction` that makes
 the task finite.
 
-Or the numbers are too close: what is known of them, with the error that was computed, neither proves
-nor contradicts the claim, as `optimal_return <= 1` where ten times 0.1 is paid, which floats add up to
-a little more than 1. A `tolerance` says how closely a claim is meant.
+Or the numbers are too close: with the computed error bounds, the results neither prove nor contradict the claim, such
+as `optimal_return <= 1` where a reward of 0.1 is paid ten times, because the float 0.1 is a little more than 1/10.
+Give the claim a `tolerance`.
 """,
     ),
     Code(
@@ -61,14 +61,15 @@ at the stated confidence. The message gives the estimate and its interval.
         "not-a-symmetry",
         "a symmetry that does not keep returns",
         """
-A symmetry maps what is seen, or what is done, one-to-one, so that every policy has another one that earns the same. This map is
-not: two observations look alike, or two actions become one, or an action becomes something that is none; the message shows them.
-Or it is not known to be: it does more than move elements about and change their signs, there are too many values to try, and
-random ones do not come back when it is applied again and again.
+A symmetry maps observations, or actions, one-to-one, so that for every policy there is another one with the same
+return. This map does not: two observations become equal, or two actions become one, or an action becomes something
+that is not an action; the message shows them. Or it could not be shown: the map does more than permute elements and
+change their signs, there are too many values to try, and random ones do not return to themselves when the map is
+applied repeatedly.
 
 ```yaml
 symmetries:
-  mirror: {observation: {x: abs(x)}}    # wrong: -1 and 1 look alike
+  mirror: {observation: {x: abs(x)}}    # wrong: -1 and 1 become equal
   mirror: {observation: {x: -x}}        # right
 ```
 """,
@@ -78,8 +79,8 @@ symmetries:
         "example-false",
         "an example that does not hold",
         """
-What an example says does not follow from the equations of the task. The message gives what does. One of the two is wrong; both
-were written by hand, so look at both.
+An example contradicts the equations of the task. The message gives the correct result of the equations. Either the
+example or the equations are wrong; check both.
 
 ```yaml
 dynamics: {s': s + a}
@@ -93,9 +94,9 @@ examples:
         "example-not-decidable",
         "an example that cannot be decided",
         """
-What follows is drawn from a distribution without end (`Normal`, `Uniform` between two reals), or one with too many outcomes.
-Such a distribution is compared as it is written: write it in the example as it stands in the spec, or ask for something that
-does not depend on it. An expert is looked at where it is given by expressions.
+The result is drawn from a distribution with infinitely many outcomes (`Normal`, `Uniform` between two reals), or with
+too many. Such a distribution is compared as text: write it in the example exactly as in the spec, or leave out
+everything that depends on it. An expert can only be checked where it is given by expressions.
 """,
     ),
     Code(
@@ -103,8 +104,8 @@ does not depend on it. An expert is looked at where it is given by expressions.
         "bad-example",
         "an example that does not say enough, or something impossible",
         """
-The state or the action of an example lies outside its range, or leaves out a component on which what follows depends; or the
-example is about a step that no episode takes.
+The state or the action of an example lies outside its range, or leaves out a component that the result depends on; or
+the example is about a step that no episode takes.
 
 ```yaml
 dynamics: {s': s + a}

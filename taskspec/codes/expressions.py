@@ -8,7 +8,7 @@ TABLE = (
     Code(
         "E301",
         "syntax",
-        "this is not an expression",
+        "text that is not an expression",
         """
 Expressions follow Python's grammar for a single expression: balanced brackets, an operand on each
 side of an operator, `**` for powers, `and`, `or` and `not` for conditions, `a if c else b` for a
@@ -25,9 +25,9 @@ reward: 2*(s + 1)      # right
         "unknown-name",
         "a name that is not defined here",
         """
-A name in an expression is a parameter, a constant, a definition, a state or action component, a
-noise, a label of a choice, `t`, `T`, `pi` or `inf`. Which of them can be read depends on the place:
-`initial` knows no action, and a constant knows no state.
+A name in an expression is a parameter, a constant, a definition, a state or action component, a noise, a label of a
+choice, `t`, `T`, `pi` or `inf`. Which of them can be used depends on the section: `initial` has no action, and a
+constant has no state.
 
 ```yaml
 dynamics: {s': "paht + a"}    # wrong
@@ -80,11 +80,11 @@ s': Normal(mean=s, std=1)      # right
     Code(
         "E306",
         "type-mismatch",
-        "a value of a type that cannot stand here",
+        "a value of a type that is not allowed here",
         """
-Values are `bool`, `int`, `real`, or a label of a choice. A `bool` counts as 0 or 1 in arithmetic,
-and an `int` may stand where a `real` is asked for; nothing else converts by itself. Use `floor`,
-`ceil` or `round` to turn a `real` into an `int`.
+Values are `bool`, `int`, `real`, or a label of a choice. A `bool` counts as 0 or 1 in arithmetic, and an `int` can be
+used where a `real` is expected; nothing else is converted automatically. Use `floor`, `ceil` or `round` to turn a
+`real` into an `int`.
 
 ```yaml
 s': s / 2     # wrong when s is an int: / gives a real
@@ -131,11 +131,10 @@ expert: {a: "s < L"}     # right
     Code(
         "E309",
         "name-taken",
-        "a name that is defined twice, or that the language uses",
+        "a name that is defined twice, or reserved",
         """
-All parameters, constants, definitions, noises, state and action components share one set of names,
-so that a reader never has to ask which of two is meant. The names of functions, of distributions,
-and `t`, `T`, `pi` and `inf` are taken by the language.
+All parameters, constants, definitions, noises, state and action components share one set of names, so that it is
+always clear which one is meant. The names of functions and distributions, and `t`, `T`, `pi` and `inf`, are reserved.
 
 ```yaml
 parameters: {T: {type: int, default: 10}}    # wrong: T is the horizon
@@ -146,10 +145,10 @@ parameters: {L: {type: int, default: 10}}    # right
     Code(
         "E310",
         "cycle",
-        "definitions that need each other",
+        "definitions that depend on each other",
         """
-A definition, a constant, or a primed value may use others, but following these uses must never lead
-back to where it began. The message lists the circle.
+A definition, a constant, or a primed value may use others, but not itself, directly or through others. The message
+lists the cycle.
 
 ```yaml
 definitions: {f: "g + 1", g: "f - 1"}    # wrong
@@ -162,9 +161,9 @@ definitions: {f: "g + 1", g: "s - 1"}    # right
         "draw-not-allowed",
         "a random draw where none is allowed",
         """
-Draws may stand in `noise`, `initial`, `dynamics`, `reward`, `terminal`, `observation` and `expert`,
-and in `constants` that are drawn once per instance. Definitions, bounds, parameters, claims and the
-horizon are functions of what they read.
+Draws are allowed in `noise`, `initial`, `dynamics`, `reward`, `terminal`, `observation` and `expert`, and in
+`constants` that are drawn once per instance. Definitions, bounds, parameters, claims and the horizon are
+deterministic.
 
 ```yaml
 definitions: {kick: "Normal(0, 1)"}    # wrong: would each use be a new draw?
@@ -191,8 +190,8 @@ horizon: 2*L    # right when L is a parameter
         "unknown-label",
         "a label that the choice does not have",
         """
-A choice takes the labels in its `values` and no others. They are case-sensitive. In the same way, a table whose column is a
-component has rows only for values within the bounds that are written as numbers.
+A choice takes the labels in its `values` and no others. They are case-sensitive. Similarly, a table over a component
+has rows only for values within its numeric bounds.
 
 ```yaml
 state: {s: {type: choice, values: [start, goal]}}
@@ -204,16 +203,16 @@ terminal: s == goal    # right
     Code(
         "E314",
         "too-costly",
-        "a spec that would cost more than it may",
+        "a spec that is too expensive",
         """
-An expression may be at most so long, so deep, and so large once its sets and comprehensions are
-written out; a state so wide; a spec so rich in variants and claims. The [limits](language.md#limits) are far above what a
-readable spec needs, and the message says how to raise the one that was reached; a set that grows past them is usually better
-written as a distribution over each of its coordinates.
+There are limits on the length and depth of an expression, on its size once sets and comprehensions are written out,
+on the size of the state, and on the numbers of variants and claims. The [limits](language.md#limits) are far above
+what a readable spec needs, and the message says how to raise the one that was reached; a set that exceeds them is
+usually better written as a distribution over each of its coordinates.
 
 ```yaml
 initial: {x: "Uniform({p for p in box(0, 999, 4)})"}    # wrong: 10^12 points
-initial: {x: "UniformInt(0, 999, shape=4)"}             # right: the same law
+initial: {x: "UniformInt(0, 999, shape=4)"}             # right: the same distribution
 ```
 """,
     ),
@@ -237,9 +236,9 @@ reward: x[2]    # right
         "unsupported-syntax",
         "Python that is not part of the language",
         """
-The language is a small part of Python's expressions. Attributes, methods, lambdas, `is`,
-assignment, bit operators and formatted text are left out on purpose: each spec must compile to
-every backend and print as mathematics.
+The language is a small subset of Python's expressions. Attributes, methods, lambdas, `is`, assignment, bitwise
+operators and formatted strings are left out on purpose: each spec must compile to every backend and print as
+mathematics.
 
 ```yaml
 reward: x.sum()    # wrong
@@ -252,8 +251,8 @@ reward: sum(x)     # right
         "no-next-rule",
         "a primed value read before it is known",
         """
-A line of `dynamics` may read the next value of another component, as long as that one does not
-itself need the first, and an initial value may only read what stands above it.
+A line of `dynamics` may read the next value of another component, as long as that one does not itself need the first,
+and an initial value may only read those above it.
 
 ```yaml
 initial: {x: "y", y: "0"}    # wrong: y comes later
@@ -266,13 +265,13 @@ initial: {y: "0", x: "y"}    # right
         "int-too-wide",
         "an int that may not fit in 64 bits",
         """
-Ints have 64 bits on every backend. Bounds of what is read, and of constants, tell how large a result
-can become; one that may leave the range is refused, because it would differ from backend to backend.
-(A state component that is an int without bounds stops at 2147483647 either way.)
+Ints have 64 bits on every backend. The bounds of components and constants tell how large a result can become; one
+that may leave the range is rejected, because it would differ between backends. (A state component that is an
+unbounded int stays between -2147483647 and 2147483647.)
 
 ```yaml
 reward: s**20         # wrong when s can be 100
-reward: (1.0*s)**20   # right: reals reach further
+reward: (1.0*s)**20   # right: reals have a larger range
 ```
 """,
     ),

@@ -8,10 +8,10 @@ TABLE = (
     Code(
         "E101",
         "duplicate-key",
-        "a key that stands twice in one mapping",
+        "a key that occurs twice in one mapping",
         """
-Most YAML readers silently keep the last of two equal keys. Here both places are an error: one of
-them would be lost.
+Most YAML parsers silently keep the last of two equal keys. Here this is an error, because one of the values would be
+lost.
 
 ```yaml
 dynamics:
@@ -23,11 +23,11 @@ dynamics:
     Code(
         "E102",
         "special-first-character",
-        "a value that starts with a character YAML keeps for itself",
+        "a value that starts with a special character of YAML",
         """
-`*`, `&`, `!`, `|`, `>`, `%`, `@`, `` ` ``, `,`, `]`, `}` and `- ` have a meaning of their own at
-the start of a value. Put the value in quotes. Specs have no anchors, aliases or tags: a value that
-is needed twice is a definition or a constant.
+`*`, `&`, `!`, `|`, `>`, `%`, `@`, `` ` ``, `,`, `]`, `}` and `- ` have a special meaning at the start of a value. Put
+the value in quotes. Specs have no anchors, aliases or tags: write a value that is needed twice as a definition or a
+constant.
 
 ```yaml
 reward: *s        # wrong: an alias
@@ -40,8 +40,8 @@ reward: "-s"      # right: quotes make it text
         "starts-with-brace",
         "an expression that starts with a brace",
         """
-A value that starts with `{` is a YAML mapping, so a set or the start of an expression must be in
-quotes. A distribution over values, `{value: probability}`, is a mapping and needs none.
+A value that starts with `{` is a YAML mapping, so an expression that starts with a set needs quotes. A distribution
+over values, `{value: probability}`, is a mapping and needs none.
 
 ```yaml
 s': {1, 2, 3}          # wrong: a mapping of three keys without values
@@ -55,8 +55,8 @@ s': {goal: 1/2, trap: 1/2}    # right: a mapping from values to probabilities
         "unquoted-colon",
         "a colon followed by a space inside a value",
         """
-`: ` ends a key, so a value that has one inside must be in quotes. This happens most often with
-`Categorical` and with text meant for people.
+`: ` ends a key, so a value that contains it must be in quotes. This happens most often with `Categorical` and with
+prose.
 
 ```yaml
 s': Categorical({0: 1/2, 1: 1/2})      # wrong
@@ -67,20 +67,20 @@ s': "Categorical({0: 1/2, 1: 1/2})"    # right
     Code(
         "E105",
         "tab",
-        "a tab where YAML wants spaces",
+        "a tab where YAML needs spaces",
         """
-YAML is indented with spaces only. Tell your editor to insert spaces in YAML files.
+YAML is indented with spaces only. Configure your editor to insert spaces in YAML files.
 """,
     ),
     Code(
         "E106",
         "split-by-comma",
-        "a text cut in pieces by a comma or a bracket",
+        "a value split by a comma or a bracket",
         """
-Between `{` and `}`, or `[` and `]`, a comma ends an entry, whatever round brackets stand around it,
-and `[`, `{` begin a new list or mapping. YAML reads `{x: clip(a, 0, 1)}` as three entries, and
-`{type: int, doc: keys, boxes and doors}` as one with a key `boxes and doors`. Put the text in quotes, as
-the hint shows it, or give it a line of its own. A comprehension is quoted with its brackets.
+Between `{` and `}`, or `[` and `]`, a comma ends an entry, even inside round brackets, and `[`, `{` begin a new list
+or mapping. YAML reads `{x: clip(a, 0, 1)}` as three entries, and `{type: int, doc: keys, boxes and doors}` as one
+with a key `boxes and doors`. Put the text in quotes, as the hint shows, or on a line of its own. A comprehension is
+quoted with its brackets.
 
 ```yaml
 dynamics: {x': clip(a, 0, 1)}      # wrong: three entries
@@ -104,8 +104,8 @@ parameters: {L: {type: int, default:10}}     # wrong: one key, named `default:10
 parameters: {L: {type: int, default: 10}}    # right
 ```
 
-A single word without a value may also be the rest of a text with a comma: `{doc: keys, boxes}`. Then the
-text goes in quotes.
+A single word without a value may also be the rest of a text with a comma: `{doc: keys, boxes}`. Then put the text in
+quotes.
 """,
     ),
     Code(
@@ -113,9 +113,8 @@ text goes in quotes.
         "key-not-text",
         "a key that is not a word, number or expression",
         """
-A key is a single piece of text: the name of a section or component, a label, a number, or an
-expression. It cannot be empty, a list or a mapping. A vector used as a key is written with round
-brackets, in quotes.
+A key is a single piece of text: the name of a section or component, a label, a number, or an expression. It cannot be
+empty, a list or a mapping. Write a vector as a key with round brackets, in quotes.
 
 ```yaml
 rows: {[0, 1]: goal}      # wrong
@@ -170,9 +169,8 @@ s: {type: int, low: 0}     # right
         "not-yaml",
         "text that YAML cannot read",
         """
-The text is not YAML, in a way that no other code describes. The place is where the reader gave up;
-the mistake is there or just above. A line without a colon among `key: value` lines is the usual
-reason.
+The text is not YAML, in a way that no other code describes. The position is where the parser gave up; the mistake is
+there or just above. A line without a colon among `key: value` lines is the usual reason.
 
 ```yaml
 horizon 10     # wrong
@@ -194,15 +192,14 @@ the character that the message names.
         "too-large",
         "a file that is too large, too deep, or has too large a number",
         """
-Limits keep a damaged or hostile file from using up the machine: the size of the file, the number of
-its values, the depth of nested values, the digits of a number. They are far above what a readable
-spec needs.
+Limits prevent a damaged or malicious file from exhausting the machine's resources: the size of the file, the number
+of its values, the depth of nested values, the digits of a number. They are far above what a readable spec needs.
 """,
     ),
     Code(
         "E115",
         "empty",
-        "a file with nothing in it",
+        "an empty file",
         """
 The file has no content, or comments only. The smallest spec has `taskspec: 1`, a name, a state, an
 action, initial values, dynamics and a reward.

@@ -8,7 +8,7 @@ TABLE = (
     Code(
         "E201",
         "not-a-mapping",
-        "a list or a single value where named entries belong",
+        "a list or a single value where named entries are needed",
         """
 The file as a whole, and each section that holds named things, is a mapping: `name: value` lines.
 
@@ -21,10 +21,10 @@ state: {s: {type: int, low: 0, high: 9}}    # right
     Code(
         "E202",
         "unknown-key",
-        "a key that means nothing here",
+        "a key that is not known here",
         """
-Every key is checked, so that a typing mistake never silently changes a task. The message lists the
-keys that can stand here when no one of them is near.
+Every key is checked, so that a typing mistake never silently changes a task. If no known key is similar, the message
+lists those that are possible here.
 
 ```yaml
 s: {type: int, lo: 0}     # wrong
@@ -35,10 +35,9 @@ s: {type: int, low: 0}    # right
     Code(
         "E203",
         "missing-key",
-        "a key that is needed and absent",
+        "a required key that is missing",
         """
-An entry lacks something it cannot do without, such as the `type` of a component or the `default` of
-a parameter.
+An entry lacks a required key, such as the `type` of a component or the `default` of a parameter.
 
 ```yaml
 L: {type: int}                 # wrong: a parameter needs a default
@@ -51,9 +50,8 @@ L: {type: int, default: 10}    # right
         "wrong-kind",
         "a value of the wrong kind",
         """
-Each key takes one kind of value: a number, a text, a yes or no (`true`, `false`), a list, named
-entries, or an expression. YAML reads `no`, `on` and `yes` as words; only `true` and `false` are
-truth values.
+Each key takes one kind of value: a number, a text, a truth value (`true`, `false`), a list, named entries, or an
+expression. YAML reads `no`, `on` and `yes` as words; only `true` and `false` are truth values.
 
 ```yaml
 version: one    # wrong
@@ -66,9 +64,9 @@ version: 1      # right
         "bad-name",
         "a name that cannot be used in expressions",
         """
-Names start with a letter and go on with letters, digits and underscores, so that expressions can
-use them; Python's own words (`if`, `in`, `lambda`, ...) are not names. A function is named with its
-arguments in quotes: `"p(x)"`. How a name looks in print is set with `symbol`.
+Names start with a letter and continue with letters, digits and underscores, so that expressions can use them;
+Python's keywords (`if`, `in`, `lambda`, ...) are not names. A function is named with its arguments in quotes:
+`"p(x)"`. `symbol` sets how a name is printed.
 
 ```yaml
 state: {max-speed: {type: real}}    # wrong: reads as max minus speed
@@ -102,9 +100,9 @@ s: {type: int}        # right
         "bad-table",
         "a decision table that is not complete",
         """
-A table has `by`, what it looks at (a list, when more than one), and `rows`, whose keys are the
-values of the first of them. A row holds one cell for everything deeper, or the rows of the next.
-Rows are never nested deeper than `by` is long.
+A table has `by`, one expression or a list of several, and `rows`, whose keys are the values of the first expression.
+A row holds one cell for everything deeper, or the rows of the next expression. Rows cannot be nested deeper than `by`
+is long.
 
 ```yaml
 reward: {by: [s], rows: [1, 0]}                # wrong: rows have keys
@@ -117,8 +115,8 @@ reward: {by: [s], rows: {goal: 1, else: 0}}    # right
         "bad-pieces",
         "a value by cases that is not complete",
         """
-A value by cases is a list of entries `if` and `then`, tried from above, with one last entry `else`,
-so that a value exists whatever happens.
+A value by cases is a list of entries `if` and `then`, tried from above, with one last entry `else`, so that there is
+always a value.
 
 ```yaml
 reward:
@@ -130,7 +128,7 @@ reward:
     Code(
         "E210",
         "missing-section",
-        "a section that a task cannot do without",
+        "a required section that is missing",
         """
 A task has a `state`, an `action`, `initial` values for the state, `dynamics`, a `reward` and a
 `horizon`, which may be `none`. A spec may leave some of them to its variants; then each variant must
@@ -165,7 +163,7 @@ itself. So must `extends` from file to file, at a spec that extends no other.
         "bad-default",
         "a default that the parameter does not allow",
         """
-The default of a parameter obeys its own type, bounds and values, as every other value of it must.
+Like every other value of a parameter, its default must satisfy the type, bounds and values.
 
 ```yaml
 L: {type: int, default: 0, low: 1}    # wrong
@@ -176,7 +174,7 @@ L: {type: int, default: 1, low: 1}    # right
     Code(
         "E214",
         "keys-conflict",
-        "keys that do not go together",
+        "keys that cannot be combined",
         """
 Bounds belong to numbers, `values` and `symbols` to a choice, and the low end is not above the high
 end. An entry of a value by cases has `if` and `then`, or `else` alone.
@@ -192,8 +190,8 @@ s: {type: bool}                     # right
         "no-prime",
         "dynamics for a value without its prime",
         """
-`dynamics` says what the *next* value of a component is, so its keys are primed; in `initial`,
-`state` and `action` the same names stand without a prime.
+`dynamics` says what the *next* value of a component is, so its keys are primed; in `initial`, `state` and `action`
+the same names have no prime.
 
 ```yaml
 dynamics: {s: s + 1}     # wrong
@@ -220,7 +218,7 @@ initial: {s: 0}    # right
         "missing-initial",
         "a state component without an initial value",
         """
-Every component of the state needs a line in `initial`, unless it can take one value only.
+Every component of the state needs a line in `initial`, unless it has only one possible value.
 
 ```yaml
 state: {s: {type: int}, u: {type: bool}}
@@ -246,10 +244,10 @@ terminal: s == goal    # right
     Code(
         "E219",
         "nothing-to-change",
-        "a variant that changes or removes what is not there",
+        "a variant that changes or removes something that does not exist",
         """
-An entry of a variant that has no `type`, or that is `null`, changes or removes the entry of the same
-name in what the variant is based on. Here there is none of that name: a typing mistake, most often.
+An entry of a variant that has no `type`, or that is `null`, changes or removes the entry of the same name in the spec
+or variant that it is based on. Here there is no entry of that name, most often because of a typing mistake.
 
 ```yaml
 parameters: {length: {type: int, default: 5}}
@@ -258,7 +256,7 @@ variants:
   short: {parameters: {length: {default: 2}}}   # right
 ```
 
-A claim that is to be dropped, `claims: {drop: [...]}`, is written as it is there.
+A claim to drop, `claims: {drop: [...]}`, is written exactly as it is there.
 """,
     ),
 )

@@ -37,9 +37,9 @@ hit: Bernoulli(min(s/5, 1))       # right, if that is what is meant
         "next-state-outside",
         "a next state outside the state space",
         """
-The dynamics lead from an allowed state, by an allowed action, to a value that the component cannot
-have. The message shows one such step. Widen the bounds, stop at them with `clip`, or end the
-episode before. (An environment that is run all the same moves an int to the nearest bound.)
+The dynamics lead from an allowed state, by an allowed action, to a value that the component cannot have. The message
+shows one such step. Widen the bounds, stop at them with `clip`, or end the episode earlier. (If the environment is
+run anyway, it moves an int to the nearest bound.)
 
 ```yaml
 state: {s: {type: int, low: 0, high: 9}}
@@ -67,8 +67,8 @@ initial: {s: 1}    # right
         "observation-outside",
         "an observation outside its space",
         """
-An observed value is not inside the space that the environment declares. The space follows from the
-bounds of what the observation is made of; the message shows a state in which they do not hold.
+An observed value is not inside the space that the environment declares. The space is derived from the bounds of the
+observed values; the message shows a state in which they do not hold.
 """,
     ),
     Code(
@@ -76,8 +76,8 @@ bounds of what the observation is made of; the message shows a state in which th
         "reward-not-finite",
         "a reward that is not a finite number",
         """
-The reward of some step is infinite or not a number, as after a division by zero or the logarithm of
-a negative number. Returns and values would not exist.
+The reward of some step is infinite or not a number, for example after a division by zero or the logarithm of a
+negative number. Returns and values are then undefined.
 
 ```yaml
 reward: 1/d             # wrong when d can be 0
@@ -88,13 +88,13 @@ reward: 1/max(d, 1)     # right, if that is what is meant
     Code(
         "E407",
         "empty-domain",
-        "a component without a single value",
+        "a component without any possible value",
         """
 For these parameters the low end of a component is above its high end, or a finite set has no
 element, so that no value can be chosen.
 
 ```yaml
-s: {type: int, low: 0, high: L - 1}    # wrong for L = 0: let L be at least 1
+s: {type: int, low: 0, high: L - 1}    # wrong for L = 0: require L to be at least 1
 ```
 """,
     ),
@@ -131,11 +131,11 @@ expert: {a: "min(s, 1)"}       # right
         "table-gap",
         "a table without a row for a value that occurs",
         """
-A decision table must give a cell for every combination of the values it looks at. Add the missing
-rows, or one row `else`.
+A decision table must have a cell for every combination of values that occurs. Add the missing rows, or one row
+`else`.
 
 ```yaml
-reward: {by: [s], rows: {goal: 1}}             # wrong: and elsewhere?
+reward: {by: [s], rows: {goal: 1}}             # wrong: what about other states?
 reward: {by: [s], rows: {goal: 1, else: 0}}    # right
 ```
 """,

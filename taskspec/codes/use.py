@@ -10,7 +10,7 @@ TABLE = (
         "unknown-task",
         "a task that does not exist",
         """
-No registered task, and no file, has this name. `taskspec list` shows the tasks that exist.
+There is no registered task and no file of this name. `taskspec list` shows the tasks that exist.
 
 ```python
 taskspec.load("Branchng")     # wrong
@@ -47,10 +47,10 @@ taskspec.load("Branching", L=1)    # right
     Code(
         "E704",
         "requirement-violated",
-        "parameters that do not go together",
+        "parameters that cannot be combined",
         """
-Each value is allowed alone, but a condition under `require` does not hold for all of them together.
-The message is the spec's own.
+Each value is allowed, but a condition under `require` does not hold for their combination. The message comes from the
+spec.
 """,
     ),
     Code(
@@ -79,7 +79,7 @@ env.step(2)    # wrong when the space is Discrete(2): 0 or 1
         "step-before-reset",
         "a step before the first reset",
         """
-An environment has no state until `reset` was called.
+An environment has no state until `reset` is called.
 
 ```python
 env = gym.make("derail/Branching-v0")
@@ -101,8 +101,8 @@ After `terminated` or `truncated` the episode is over. Call `reset` before the n
         "invalid-state",
         "a state that the task does not have",
         """
-A state given to `reset`, `set_state` or a command line option lacks a component, has one too many,
-or holds a value outside its domain.
+A state given to `reset`, `set_state` or a command-line option lacks a component, has an unknown one, or has a value
+outside its range.
 """,
     ),
     Code(
@@ -118,8 +118,8 @@ There is no file at this path. Relative paths start at the current folder.
         "file-unreadable",
         "a file that cannot be read",
         """
-The path exists, but it is a folder, or it may not be read. The message gives the reason that the
-operating system gives. A spec `extends` files that end in `.yaml` only.
+The path exists, but it is a folder, or you have no permission to read it. The message has the reason that the
+operating system gives. `extends` only accepts files that end in `.yaml`.
 """,
     ),
     Code(
@@ -127,10 +127,9 @@ operating system gives. A spec `extends` files that end in `.yaml` only.
         "no-exact-model",
         "a task without an exact model",
         """
-Exact results need a finite state space, finitely many outcomes per step, and a size that fits in
-memory and in the time that an analysis has. The message says which of them fails, and which of the
-[limits](language.md#limits) to raise where that helps. Choose smaller parameters, or give the spec an
-`abstraction`.
+Exact results need a finite state space, finitely many outcomes per step, and a size that is within the limits of
+memory and time. The message says which of these fails, and which of the [limits](language.md#limits) to raise if that
+helps. Choose smaller parameters, or give the spec an `abstraction`.
 """,
     ),
     Code(
@@ -151,8 +150,8 @@ taskspec.make("Branching", ending="terminate")    # right
         "stale-scores",
         "scores of another version of a task",
         """
-Scores kept in a file belong to the task whose content hash they carry: its spec and its parameter
-values. Work them out anew.
+Scores in a file belong to the task with the content hash that the file has: to its spec and its parameter values.
+Compute them again.
 
 ```python
 taskspec.exact.scores(task).save("scores.json")
@@ -162,10 +161,10 @@ taskspec.exact.scores(task).save("scores.json")
     Code(
         "E715",
         "int-too-wide-for-jax",
-        "an int that may not fit in the 32 bits that JAX has",
+        "an int that may not fit in JAX's 32 bits",
         """
-Without its 64-bit mode JAX computes with ints of 32 bits, and what passes 2147483647 becomes negative.
-A task in which that may happen is refused there; the other backends have 64 bits.
+Without its 64-bit mode, JAX computes with ints of 32 bits, and values above 2147483647 become negative. A task in
+which this may happen is rejected; the other backends have 64 bits.
 
 ```python
 taskspec.make_vec("Hash", num_envs=8, backend="jax")      # wrong where s' is (s * 31 + a) % 1000000007
@@ -178,8 +177,8 @@ taskspec.make_vec("Hash", num_envs=8, backend="numba")    # right
         "file-unwritable",
         "a file that cannot be written",
         """
-The disk is full, the folder may not be written to, or a file that was to be new exists. The message gives the
-reason that the operating system gives. What was there before is as it was.
+The disk is full, you have no permission to write to the folder, or a file that must be new exists. The message has
+the reason that the operating system gives. Existing files are unchanged.
 """,
     ),
     Code(
@@ -187,8 +186,8 @@ reason that the operating system gives. What was there before is as it was.
         "no-display",
         "a window where there is no display",
         """
-`taskspec play` opens a window, and there is nowhere to show it: a machine without a screen, or a connection
-that does not carry one. A film needs none.
+`taskspec play` opens a window, but there is no display: a machine without a screen, or a connection without graphics.
+A video needs no display.
 
 ```console
 taskspec run Branching --render gif --output branching.gif
@@ -200,7 +199,8 @@ taskspec run Branching --render gif --output branching.gif
         "unknown-modifier",
         "a modifier that does not exist",
         """
-No modifier has this name; `taskspec reference modifiers` has them all. One is written as a text or as a mapping of its name.
+No modifier has this name; `taskspec reference modifiers` lists all of them. A modifier is written as a string or as a
+mapping from its name.
 
 ```python
 taskspec.load("Branching", modifiers=["stiky=0.25"])    # wrong
@@ -226,23 +226,23 @@ taskspec.load("Branching", modifiers=["distractors=3,kind=normal"])    # right
     Code(
         "E720",
         "inapplicable-modifier",
-        "a modifier that the task cannot be given",
+        "a modifier that does not apply to the task",
         """
-The modifier needs something that this task does not have, such as finite actions or a component of that name; the message
-says what. Modifiers are applied in order, so that one may also be in the way of another.
+The modifier needs something that this task does not have, such as finite actions or a component of that name; the
+message says what. Modifiers are applied in order, so one may also make another inapplicable.
 
 ```python
-taskspec.load("Parabola", modifiers=["relabelled"])    # wrong: what is observed has infinitely many values
+taskspec.load("Parabola", modifiers=["relabelled"])    # wrong: the observation has infinitely many values
 ```
 """,
     ),
     Code(
         "E721",
         "not-results",
-        "a file that holds no results of this version",
+        "a file without results of this version",
         """
-Results are kept in a file that taskspec made itself, with tables of one version. The file is another program's, or that of
-another version of taskspec. It is left as it is.
+Results are stored in a database that taskspec creates, in a format of one version. This file belongs to another
+program, or to another version of taskspec. It is left unchanged.
 """,
     ),
     Code(
@@ -250,8 +250,8 @@ another version of taskspec. It is left as it is.
         "results-in-use",
         "a file of results that another process is writing to",
         """
-One run at a time writes to a file of results; any number may read it. Wait until the other run is done, or give this one
-another file. A run that was killed holds nothing back.
+Only one run at a time can write to a file of results; any number can read it. Wait until the other run is finished,
+or give this one another file. A run that was killed does not block the file.
 """,
     ),
     Code(
@@ -259,8 +259,8 @@ another file. A run that was killed holds nothing back.
         "no-cluster",
         "a Dask cluster that does not answer",
         """
-No scheduler answers at the address, it has no workers, or it was lost in the middle of a run. Workers need taskspec and loky
-installed, in the same versions. What was done is kept, and the same command goes on from there.
+No scheduler answers at the address, it has no workers, or it was lost in the middle of a run. Workers need taskspec
+and loky installed, in the same versions. Finished results are kept, and the same command resumes from there.
 
 ```console
 dask scheduler
@@ -272,10 +272,10 @@ taskspec sweep noise.yaml --cluster tcp://10.0.0.1:8786
     Code(
         "E724",
         "cannot-learn",
-        "a learner that is not made for a task",
+        "a learner that does not support a task",
         """
-Some learners need something that not every task has: an exact model, a horizon, observations that are one number. An exam leaves
-the task out, and says so. A learner of your own raises `taskspec.exam.CannotLearn` to say the same.
+Some learners need something that not every task has: an exact model, a horizon, observations that are one number. An
+exam leaves the task out, and says so. Your own learner can raise `taskspec.exam.CannotLearn` for this.
 
 ```python
 def train(case):

@@ -12,10 +12,10 @@ HEAD = """\
 
 Every message of taskspec has a code and a name. This page has an entry for each; `taskspec explain E302` prints one in
 a terminal. Codes that begin with E stop a spec from being used, codes that begin with W only say that something looks
-wrong; `taskspec check --strict` treats both alike. A spec is not read further than it can be: mistakes in its YAML (E1)
-hide those in its shape (E2), which hide the rest. Within one pass, all mistakes are reported together.
+wrong; `taskspec check --strict` treats both alike. A spec is read in stages: mistakes in its YAML (E1) hide those in its
+shape (E2), which hide the rest. Within one stage, all mistakes are reported together.
 
-Entries show a wrong line and a right one where that says more than words.
+Where it helps, entries show a wrong line and a right one.
 """
 
 
