@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from taskspec.diagnostics import SpecError
+from taskspec.draws import finite
 from taskspec.exact import extract
 from taskspec.exact.model.cost import Cost
 from taskspec.exact.planning import solve
 from taskspec.exact.scoring.returns import Results, simulate
 from taskspec.exact.simulation.rollout import _affordable, at_random
 from taskspec.registry import load
+from taskspec.source import read_text
+from taskspec.task.build import build
 from tests.shared.tasks import model_of, shipped, spec
 
 ROOT = Path(__file__).parent.parent
@@ -70,3 +73,19 @@ def test_a_poisson_draw_is_charged_for_every_count_that_is_searched() -> None:
     found = [Cost(load(path, N=n).next, simulated=True).seconds(64, 1) for n in (10, 1000)]
     assert found[1] > 5 * found[0]
     assert 5 * _affordable(load(path)) < _affordable(spec("queue"))
+
+
+def test_rows_of_a_table_of_probabilities_become_words_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In fractions that takes a millisecond a row, and episodes look rows up in thousands of steps."""
+    rows = "{s': 'Categorical(P[s])'}"
+    task = build(
+        read_text(
+            "taskspec: 1\nname: Rows\nconstants: {P: '[[1/3, 1/3, 1/3], [1/2, 1/4, 1/4], [1/7, 2/7, 4/7]]'}\nhorizon: 50\n"
+            "state: {s: {type: int, low: 0, high: 2}}\naction: {a: {type: bool}}\n"
+            f"initial: {{s: 0}}\ndynamics: {rows}\nreward: s\n"
+        )
+    )
+    found, made = [], finite.thresholds
+    monkeypatch.setattr(finite, "thresholds", lambda row: found.append(row) or made(row))
+    simulate(task, at_random(task), episodes=500, seed=1)
+    assert 1 <= len(found) <= 3

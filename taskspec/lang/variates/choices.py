@@ -106,7 +106,8 @@ def _outcomes(x: Draws, draw: Draw, args: Sequence[Array], words: Array) -> Arra
     looked_up = row_table(p)
     if looked_up is not None:
         present, which = np.unique(args[0], axis=1, return_inverse=True)
-        table, last = draws.threshold_table([_exact_row(looked_up[0], row) for row in present.T.tolist()])
+        found = [_row_limits(looked_up[0], tuple(row)) for row in present.T.tolist()]
+        table, last = (np.concatenate(parts) for parts in zip(*found, strict=True))
         return draws.row_categoricals(words, np.broadcast_to(which.reshape(-1), words.shape[1:]), table, last)
     return x.weighted_categoricals(words, args[0].reshape(-1, 1, args[0].shape[-1]))
 
@@ -117,9 +118,16 @@ def _limits(p: Const) -> Array:
     return draws.reachable(draws.thresholds(p.flat))
 
 
-def _exact_row(table: Const, row: list[float]) -> tuple[Any, ...]:
-    """The row of a table of probabilities, in the exact numbers it was written with."""
-    return next(r for r in _table_rows(table) if [float(plain(v)) for v in r] == row)
+@lru_cache(maxsize=1024)
+def _row_limits(table: Const, row: tuple[float, ...]) -> tuple[Array, Array]:
+    """The `threshold_table` of a row of a table of probabilities, by the floats that were looked up."""
+    return draws.threshold_table([_exact_rows(table)[row]])
+
+
+@lru_cache(maxsize=16)
+def _exact_rows(table: Const) -> dict[tuple[float, ...], tuple[Any, ...]]:
+    """The rows of a table of probabilities in the exact numbers they were written with, by their floats."""
+    return {tuple(float(plain(v)) for v in row): row for row in reversed(_table_rows(table))}
 
 
 def _reached_limits(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[Node] | None:
