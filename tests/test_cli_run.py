@@ -62,7 +62,7 @@ PLANNED = [path for path in sorted(SPECS.glob("*.yaml")) if "\nexpert: optimal" 
 def test_planned_experts_act_on_the_exact_model(path: Path) -> None:
     pytest.importorskip("scipy")
     solved = Done("solve", path, "--json").data
-    rolled = Done("run", path, "--policy", "expert", "-n", 200, "--json").data
+    rolled = Done("run", path, "--policy", "expert", "-n", 50, "--max-steps", 300, "--json").data  # 0.9**300 is nothing
     low, high = rolled["confidence_95"]
     slack = high - low + 1e-9  # twice the confidence interval: the seed is fixed, and it is not an unlucky one
     assert low - slack <= solved["optimal"]["value"] <= high + slack
