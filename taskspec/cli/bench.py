@@ -17,7 +17,7 @@ Tasks = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[TASK|FOLDER]...",
-        help="Ids, specs, suites or folders of specs; the project's own table unless given.",
+        help="Ids, specs, suites or folders of specs; the project's own benchmarks if omitted.",
         autocompletion=complete_targets,
         show_default=False,
     ),
@@ -28,7 +28,7 @@ Only = Annotated[
 Programs = Annotated[
     list[str] | None,
     typer.Option(
-        "--backend", "-b", metavar="NAME", help=f"What steps a TASK: {', '.join(PROGRAMS)}; may be repeated.",
+        "--backend", "-b", metavar="NAME", help=f"The programs to measure a TASK with: {', '.join(PROGRAMS)}; may be repeated.",
         autocompletion=lambda: PROGRAMS, show_default=False,
     ),
 ]  # fmt: skip
@@ -36,13 +36,13 @@ Lanes = Annotated[
     list[int] | None,
     typer.Option(
         "--lanes", "-l", metavar="N", min=1, max=Limits.lanes, show_default=False,
-        help="How many environments of a TASK are stepped together; 1, 64, 1024 and 4096 by default.",
+        help="Number of environments of a TASK that are stepped together; 1, 64, 1024 and 4096 by default.",
     ),
 ]  # fmt: skip
 Threads = Annotated[int, typer.Option("--num-threads", metavar="N", min=1, max=1024, help="Threads of Numba.")]
-Rounds = Annotated[int, typer.Option("--rounds", min=1, help="How often each side is measured, taking turns.")]
-Seconds = Annotated[float, typer.Option("--seconds", min=0.001, help="How long a measurement takes, about.")]
-Starts = Annotated[bool, typer.Option("--start/--no-start", help="Also measure the start of a process, and memory.")]
+Rounds = Annotated[int, typer.Option("--rounds", min=1, help="How often each side is measured, alternately.")]
+Seconds = Annotated[float, typer.Option("--seconds", min=0.001, help="Approximate duration of a measurement.")]
+Starts = Annotated[bool, typer.Option("--start/--no-start", help="Also measure start-up time and memory.")]
 Chart = Annotated[
     Path | None,
     typer.Option("--chart", metavar="FILE", help=f"Draw a chart: {', '.join(CHARTS)}.", dir_okay=False, show_default=False),
@@ -59,7 +59,7 @@ def seals(
         int | None,
         typer.Option(
             "--lanes", "-l", metavar="N", min=1, max=Limits.lanes, show_default=False,
-            help="Vector environments instead: ours beside SyncVectorEnv.",
+            help="Vector environments instead: ours compared with SyncVectorEnv.",
         ),
     ] = None,
     backend: Annotated[
@@ -70,7 +70,7 @@ def seals(
     strict: Strict = False,
     json: Json = False,
 ) -> None:  # fmt: skip
-    """Environments as gym.make gives them, against the same tasks of seals 0.2.1."""
+    """Environments of gym.make, compared with the same tasks of seals 0.2.1."""
     from taskspec.cli import bench_seals
     from taskspec.cli.failures import misuse
     from taskspec.cli.targets import checked_choice
@@ -93,9 +93,9 @@ def vector(
     strict: Strict = False,
     json: Json = False,
 ) -> None:
-    """Vector environments on every backend, any task; the start of a process; memory.
+    """Vector environments of any task on every backend; start-up time; memory.
 
-    Without a TASK: the suite on all backends that are installed, with targets and beside seals, and games beside
+    Without a TASK: the suite on all installed backends, with targets and compared with seals, and games compared with
     Gymnasium, gymnax and EnvPool where these are installed. Takes about three minutes.
     """
     from taskspec.cli import bench_vector
@@ -108,11 +108,11 @@ def vector(
 
 
 def exact(
-    rounds: Annotated[int, typer.Option("--rounds", min=1, help="The best of so many runs.")] = 3,
+    rounds: Annotated[int, typer.Option("--rounds", min=1, help="Number of runs; the best one counts.")] = 3,
     strict: Strict = False,
     json: Json = False,
 ) -> None:
-    """Exact models of large grids, beside Storm where it is installed, and plain loops."""
+    """Exact models of large grids, compared with Storm if it is installed, and with plain loops."""
     from taskspec.cli import bench_exact
 
     _end(bench_exact.bench(rounds, json), strict)

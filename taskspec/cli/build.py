@@ -31,7 +31,7 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
     """Check specs and write everything that comes from them.
 
     An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
-    (html), for a paper (latex) and for a repository (markdown). Nothing is written while a spec has an error.
+    (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
     from taskspec.cli.check import verdict
     from taskspec.cli.checking import check_file, counts

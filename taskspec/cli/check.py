@@ -35,7 +35,7 @@ Format = Annotated[
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")]
 Quick = Annotated[
-    bool, typer.Option("--quick", help="Soundness for the given parameters only; no sanity checks, no claims.")
+    bool, typer.Option("--quick", help="Only soundness for the given parameters; no sanity checks, no claims.")
 ]
 
 
@@ -50,12 +50,12 @@ def check(
     quick: Quick = False,
     limits: LimitsGiven = None,
 ) -> None:
-    """Prove specs right, or say exactly what is wrong and where.
+    """Prove that specs are correct, or say exactly what is wrong and where.
 
-    Every task and variant of the given files and folders: the shape of the spec, the meaning of every expression,
-    soundness (with a counterexample where it fails) for the default parameters and at the ends of their ranges, sanity
-    checks, and the claims that are made. With [green]-p[/], soundness and sanity checks for those parameters. Of
-    experiments, that every instance exists; of exams and findings, that every rule means something.
+    For every task and variant of the given files and folders, it checks the shape of the spec, the meaning of every
+    expression, soundness (with a counterexample where it fails) for the default parameters and at the ends of their
+    ranges, sanity checks, and the claims. With [green]-p[/], it checks soundness and sanity for those parameters. For
+    experiments, it checks that every instance exists; for exams and findings, that every rule is meaningful.
 
     Exit status 1 if there is an error.
     """

@@ -23,7 +23,12 @@ Episodes = Annotated[
 ]
 Steps = Annotated[
     int | None,
-    typer.Option("--transitions", min=1, help="Whole episodes, until there are so many steps.", show_default=False),
+    typer.Option(
+        "--transitions",
+        min=1,
+        help="Generate whole episodes, until there are at least this many steps.",
+        show_default=False,
+    ),
 ]
 Seed = Annotated[
     int,
@@ -36,15 +41,15 @@ Output = Annotated[Path, typer.Option("--output", "-o", metavar="OUT", help="The
 Format = Annotated[
     str | None,
     typer.Option(
-        "--format", metavar="npz|parquet|imitation|minari", help="By the suffix unless given.", show_default=False,
+        "--format", metavar="npz|parquet|imitation|minari", help="File format; by default from the suffix.", show_default=False,
         autocompletion=lambda: ("npz", "parquet", "imitation", "minari"),
     ),
 ]  # fmt: skip
-Pairs = Annotated[int, typer.Option("--pairs", "-n", min=1, help="How many the teacher is shown.")]
+Pairs = Annotated[int, typer.Option("--pairs", "-n", min=1, help="How many pairs the teacher is shown.")]
 Length = Annotated[
     int | None,
     typer.Option(
-        "--length", min=1, metavar="K", help="Steps of a segment; whole episodes unless given.", show_default=False
+        "--length", min=1, metavar="K", help="Steps of a segment; whole episodes by default.", show_default=False
     ),
 ]
 TeacherName = Annotated[
@@ -72,8 +77,8 @@ def demos(
 ) -> None:
     """Write demonstrations: episodes of a policy, for imitation and offline learning.
 
-    As arrays of NumPy ([green].npz[/]), as a table ([green].parquet[/]), or as a folder that imitation or Minari loads. Where the
-    spec gives roles, they come from where its expert acts.
+    As NumPy arrays ([green].npz[/]), as a table ([green].parquet[/]), or as a folder that imitation or Minari loads. Where the
+    spec gives roles, they come from the variant in which the expert acts.
     """
     from taskspec.cli.targets import tasks_of
     from taskspec.data import demonstrations
@@ -101,8 +106,8 @@ def preferences(
 ) -> None:
     """Write preferences: pairs of trajectories or segments, labelled by their true returns.
 
-    The teacher is noiseless, or errs as those of B-Pref do. Temperature and thresholds are in units of the exact range
-    of returns. Where the spec gives roles, trajectories come from where its learner acts.
+    The teacher is noiseless, or makes errors as in B-Pref. Temperature and thresholds are in units of the exact range of
+    returns. Where the spec gives roles, trajectories come from the variant in which the learner acts.
     """
     from taskspec.cli.targets import tasks_of
     from taskspec.data import preferences as compared

@@ -28,15 +28,20 @@ Format = Annotated[
 Output = Annotated[
     Path, typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where to write.", file_okay=False)
 ]
-Results = Annotated[bool, typer.Option("--results/--no-results", help="Scores, and what became of the claims.")]
-Brief = Annotated[
-    bool, typer.Option("--brief", help="Half a page for each task: what defines it, its figure and its scores.")
+Results = Annotated[bool, typer.Option("--results/--no-results", help="Scores, and the verdicts on claims.")]
+Brief = Annotated[bool, typer.Option("--brief", help="Half a page for each task: its definition, figure and scores.")]
+Title = Annotated[
+    str, typer.Option("--title", help="Title of the document; the suite's name by default.", show_default=False)
 ]
-Title = Annotated[str, typer.Option("--title", help="Of the whole; the suite's name by default.", show_default=False)]
 FigureFile = Annotated[
     Path,
     typer.Option(
-        "--output", "-o", metavar="FILE", help="Ends in .svg, .tex, .png or .pdf.", dir_okay=False, show_default=False
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="Output file, ending in .svg, .tex, .png or .pdf.",
+        dir_okay=False,
+        show_default=False,
     ),
 ]
 Overlays = Annotated[
@@ -62,11 +67,11 @@ def docs(
 ) -> None:
     """Write the appendix of a paper: every task with its figure.
 
-    Of an experiment, its tasks with all its settings side by side. With [green]-p[/], equations, scores, claims and
-    figures at these values as well.
+    For an experiment, its tasks with all its settings side by side. With [green]-p[/], also equations, scores, claims and
+    figures at these values.
 
-    As a static site (html), files to include in a paper and a document of their own (latex, pdf), or for a
-    repository (markdown); what is known of the tasks' returns and claims is worked out now.
+    As a static site (html), files to include in a paper and a standalone document (latex, pdf), or for a repository
+    (markdown). Returns and verdicts on claims are computed for this.
     """
     from taskspec import appendix
     from taskspec.cli.check import plural
@@ -100,7 +105,7 @@ def figure(
 ) -> None:
     """Draw the figure of a task, as SVG, TikZ, PNG or PDF.
 
-    Over the states may lie their optimal values, the optimal or the expert's actions, and how often they are visited.
+    The states can be overlaid with their optimal values, the optimal or the expert's actions, and how often they are visited.
     """
     from taskspec import appendix
     from taskspec.cli.targets import beside, tasks_of

@@ -59,7 +59,7 @@ Twins = Annotated[
 Probes = Annotated[
     bool | None,
     typer.Option("--probes/--no-probes", show_default=False,
-                 help="Whether it is tried if the learner looks at rewards that are withheld; it is unless given."),
+                 help="Whether to test if the learner uses rewards that are withheld; on by default."),
 ]  # fmt: skip
 LearnsFrom = Annotated[
     list[str] | None,
@@ -70,17 +70,17 @@ LearnsFrom = Annotated[
 ]  # fmt: skip
 Output = Annotated[
     Path | None,
-    typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where results are kept; build/exams/NAME unless given.",
+    typer.Option("--output", "--out", "-o", metavar="FOLDER", help="Where results are stored; build/exams/NAME by default.",
                  file_okay=False, show_default=False),
 ]  # fmt: skip
 Against = Annotated[
     Path | None,
     typer.Option("--against", metavar="FOLDER", show_default=False,
-                 help="An earlier exam, or one that comes with a suite (derail/bc): what has become worse since is flagged."),
+                 help="An earlier exam, or one that comes with a suite (derail/bc): regressions since then are flagged."),
 ]  # fmt: skip
 TimeLimit = Annotated[
     float | None,
-    typer.Option("--time-limit", metavar="SECONDS", help="The longest that one seed, or block of seeds, may take on a task.",
+    typer.Option("--time-limit", metavar="SECONDS", help="Time limit for one seed, or block of seeds, on a task.",
                  show_default=False),
 ]  # fmt: skip
 
@@ -106,13 +106,13 @@ def exam(
 ) -> None:
     """Examine a learner: train it on every task, and on twins of them, and say which capability fails.
 
-    Results are kept in OUT as they come: an exam that was stopped goes on where it was. OUT/exam.json has all of them, and
-    OUT/report.html shows them. A learner that fails on a task, or takes too long, is reported, and the others go on.
+    Results are saved in OUT as they arrive: an exam that was stopped resumes where it was. OUT/exam.json has all of them,
+    and OUT/report.html shows them. A learner that fails on a task, or takes too long, is reported, and the others continue.
 
-    Of an experiment, every learner is examined on all instances, in a folder of its own; options overrule the file.
+    For an experiment, every learner is examined on all instances, each in its own folder; options override the file.
 
-    Flagged are regressions against an earlier exam, twins on which scores differ, learners that look at rewards that
-    are withheld from them, and failures. Exit status 1 if something is.
+    It flags regressions against an earlier exam, twins on which scores differ, learners that use rewards that are
+    withheld from them, and failures. Exit status 1 if anything is flagged.
     """
     from taskspec.exam import Running
     from taskspec.experiments.reading import read_if_experiment

@@ -33,7 +33,7 @@ def explain(
         str | None,
         typer.Argument(
             metavar="[CODE]",
-            help="A code or its name; all are listed unless given.",
+            help="A code or its name; lists all if omitted.",
             autocompletion=complete_codes,
             show_default=False,
         ),

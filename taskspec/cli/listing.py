@@ -24,7 +24,7 @@ ROOM = 40
 def list_tasks(targets: Targets = None, json: Json = False) -> None:
     """List tasks with their parameters, size and horizon.
 
-    The size is states × actions, and the order is by the capability that tasks isolate.
+    The size is states × actions, and tasks are grouped by the capability that they isolate.
     """
     tasks: list[Task] = []
     problems: list[Diagnostic] = []

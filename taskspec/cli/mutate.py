@@ -23,11 +23,9 @@ ALWAYS = ("silent", "slow")
 Jobs = Annotated[int | None, typer.Option("--jobs", "-j", min=1, help="Processes.", show_default="all processors")]
 Shown = Annotated[
     list[str] | None,
-    typer.Option(
-        "--list", metavar="CLASS", help="Changes to list besides those that nothing notices; may be repeated."
-    ),
+    typer.Option("--list", metavar="CLASS", help="Also list the changes of this class; may be repeated."),
 ]
-Strict = Annotated[bool, typer.Option("--strict", help="Exit with status 1 if nothing notices some change.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with status 1 if some change is not noticed.")]
 
 
 def mutate(
@@ -37,11 +35,11 @@ def mutate(
     strict: Strict = False,
     json: Json = False,
 ) -> None:
-    """Find out how well claims and examples pin specs down.
+    """Find out which mistakes in specs the checks would not notice.
 
     Every small change of the given specs (an operator, a number off by one, a name of the same type, a prime, a label, a
-    row, a bound left out) is put through the whole check. What an error, a warning, a claim or an example notices is
-    well; what nothing notices could be a mistake that stays.
+    row, a bound left out) is put through the whole check. Changes that no error, warning, claim or example notices show
+    which mistakes could stay undetected.
     """
     from taskspec.cli.bench_print import Progress
     from taskspec.cli.targets import checked_choice

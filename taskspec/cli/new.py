@@ -55,7 +55,7 @@ claims:                              # statements that `taskspec check` holds yo
 
 
 def new(
-    name: Annotated[str, typer.Argument(help="The name of the task, such as RiskyPath.", show_default=False)],
+    name: Annotated[str, typer.Argument(help="Name of the task, such as RiskyPath.", show_default=False)],
     output: Annotated[
         Path | None,
         typer.Option(

@@ -146,7 +146,7 @@ Targets = Annotated[
     list[str] | None,
     typer.Argument(
         metavar="[TASK|FOLDER]...",
-        help="Ids, specs, suites or folders of specs; all known tasks unless given.",
+        help="Ids, specs, suites or folders of specs; all known tasks if omitted.",
         autocompletion=complete_targets,
         show_default=False,
     ),
@@ -167,14 +167,14 @@ Modifiers = Annotated[
     list[str] | None,
     typer.Option(
         "-m", "--modifier", metavar="NAME=VALUE", autocompletion=complete_modifiers,
-        help="A change of the task, such as [green]-m sticky=0.25[/]; may be repeated, the order counts.",
+        help="A modifier of the task, such as [green]-m sticky=0.25[/]; may be repeated; the order matters.",
     ),
 ]  # fmt: skip
 LimitsGiven = Annotated[
     list[str] | None,
     typer.Option(
         "--limit", metavar="NAME=VALUE", callback=_set_limits, autocompletion=complete_limits, show_default=False,
-        help="What an analysis may cost: [green]--limit seconds=60[/], or [green]seconds=0[/] not to try; may be repeated.",
+        help="Limit the cost of an analysis: [green]--limit seconds=60[/], or [green]seconds=0[/] to skip it; may be repeated.",
     ),
 ]  # fmt: skip
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]

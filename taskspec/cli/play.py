@@ -18,7 +18,7 @@ def play(
     variant: Variant = None,
     parameters: Parameters = None,
     modifiers: Modifiers = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Of the first episode; random unless given.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the first episode; random if omitted.")] = None,
     fps: Annotated[int, typer.Option("--fps", min=1, help="Steps per second while a key is held.")] = 4,
 ) -> None:
     """Play a task with the keyboard, in a window; Escape ends it."""

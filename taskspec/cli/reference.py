@@ -13,14 +13,14 @@ from taskspec.files import write_text
 
 
 class ReferencePage(StrEnum):
-    """Which page."""
+    """The page to print."""
 
     language = "language"
     errors = "errors"
     modifiers = "modifiers"
 
 
-Which = Annotated[ReferencePage, typer.Argument(help="Which page.", show_default=False)]
+Which = Annotated[ReferencePage, typer.Argument(help="The page to print.", show_default=False)]
 Output = Annotated[
     Path | None,
     typer.Option("--output", "-o", metavar="FILE", help="Write to this file.", dir_okay=False, show_default=False),

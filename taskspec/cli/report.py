@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 FORMATS = ("html", "png", "pdf", "svg", "parquet")
 Folders = Annotated[
     list[Path],
-    typer.Argument(metavar="FOLDER...", help="What exams left: folders with an exam.json.", show_default=False),
+    typer.Argument(metavar="FOLDER...", help="Results of exams: folders with an exam.json.", show_default=False),
 ]
 Format = Annotated[
     list[str] | None,
@@ -32,21 +32,22 @@ Output = Annotated[
 Suite = Annotated[
     str | None,
     typer.Option("--findings", metavar="SUITE", show_default=False,
-                 help="Evaluate the findings of a suite; a set of results is what lies in one folder."),
+                 help="Evaluate the findings of a suite; the exams in one folder are a set of results."),
 ]  # fmt: skip
 
 
 def report(
     folders: Folders, format: Format = None, output: Output = None, findings: Suite = None, json: Json = False
 ) -> None:
-    """Show what an exam found, and draw it; or several exams side by side.
+    """Show and plot the results of an exam, or of several exams side by side.
 
-    Of one exam: verdicts, scores, diagnoses and flags, and as files a page ([green]html[/]), a picture ([green]png[/],
-    [green]pdf[/], [green]svg[/]), or the scores as a table ([green]parquet[/]). Of several: a heat map of learners and
-    tasks, and as pictures a box plot for each learner and each task as well.
+    For one exam: verdicts, scores, diagnoses and flags, and as files a page ([green]html[/]), a plot ([green]png[/],
+    [green]pdf[/], [green]svg[/]), or the scores as a table ([green]parquet[/]). For several: a heat map of learners and
+    tasks, and as files also a box plot for each learner and each task.
 
-    With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute. Exams in folders
-    side by side, as [cyan]results/paper/bc[/] and [cyan]results/paper/ppo[/], are one set. A folder stands for all below it.
+    With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute. Exams in the
+    same folder, such as [cyan]results/paper/bc[/] and [cyan]results/paper/ppo[/], are one set. A folder includes all exams
+    below it.
     """
     if findings is not None:
         from taskspec.cli.findings import print_findings

@@ -29,24 +29,22 @@ Episodes = Annotated[
         "--episodes", "-n", min=1, help=f"How many; {EPISODES} by default, 1 with --render.", show_default=False
     ),
 ]
-Seed = Annotated[
-    int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="Episodes are a function of it.")
-]
+Seed = Annotated[int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="Seed of the episodes.")]
 Render = Annotated[
     str | None,
     typer.Option(
-        "--render", metavar="ansi|human|gif|mp4", help="Show every state: as text, in a window, or in a film.",
+        "--render", metavar="ansi|human|gif|mp4", help="Show every state: as text, in a window, or as a video.",
         autocompletion=lambda: ("ansi", "human", "gif", "mp4"), show_default=False,
     ),
 ]  # fmt: skip
 FilmFile = Annotated[
     Path | None,
     typer.Option(
-        "--output", "-o", metavar="FILE", help="The film, .gif or .mp4; named after the task by default.", dir_okay=False,
+        "--output", "-o", metavar="FILE", help="The video, .gif or .mp4; named after the task by default.", dir_okay=False,
         show_default=False,
     ),
 ]  # fmt: skip
-MaxSteps = Annotated[int, typer.Option("--max-steps", min=1, help="Cuts episodes that have no end of their own.")]
+MaxSteps = Annotated[int, typer.Option("--max-steps", min=1, help="Stop episodes that do not end by themselves.")]
 
 
 def run(
@@ -62,10 +60,10 @@ def run(
     max_steps: MaxSteps = MAX_STEPS,
     json: Json = False,
 ) -> None:
-    """Roll out a policy and say how it did.
+    """Roll out a policy and print its results.
 
     Mean return with its 95 % confidence interval, lengths of episodes, and how they ended; [green]--json[/] adds every
-    return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o film.gif[/] films them.
+    return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o video.gif[/] records them.
     """
     from taskspec.cli import film
     from taskspec.cli.console import write_records

@@ -19,17 +19,17 @@ Output = Annotated[
 
 def schema(
     output: Output = None,
-    experiment: Annotated[bool, typer.Option("--experiment", help="That of experiments.")] = False,
-    exam: Annotated[bool, typer.Option("--exam", help="That of exams.")] = False,
-    findings: Annotated[bool, typer.Option("--findings", help="That of findings.")] = False,
+    experiment: Annotated[bool, typer.Option("--experiment", help="The schema of experiments.")] = False,
+    exam: Annotated[bool, typer.Option("--exam", help="The schema of exams.")] = False,
+    findings: Annotated[bool, typer.Option("--findings", help="The schema of findings.")] = False,
 ) -> None:
-    """Print the JSON Schema of specs, or of what goes with them, for editors.
+    """Print the JSON Schema of specs or related files, for editors.
 
-    With yaml-language-server (VS Code, Neovim, Helix, Emacs), write it beside your specs:
+    With yaml-language-server (VS Code, Neovim, Helix, Emacs), write it next to your specs:
 
         [cyan]taskspec schema -o taskspec.schema.json[/]
 
-    and let every spec begin with this line, which gives completion, documentation, and marks while typing:
+    and start every spec with this line, which gives completion, documentation, and error marks while typing:
 
         [green]# yaml-language-server: $schema=taskspec.schema.json[/]
     """

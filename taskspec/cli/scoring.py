@@ -20,19 +20,19 @@ if TYPE_CHECKING:
     from taskspec.exact import Difficulty, Return, Score, Scores, Yardsticks
     from taskspec.task.task import Task
 
-Episodes = Annotated[int, typer.Option("--episodes", "-n", min=2, help="For what has to be simulated.")]
+Episodes = Annotated[int, typer.Option("--episodes", "-n", min=2, help="Used where simulation is needed.")]
 Seed = Annotated[
-    int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="For what has to be simulated.")
+    int, typer.Option("--seed", min=0, max=2**64 - 1, metavar="SEED", help="Used where simulation is needed.")
 ]
 Output = Annotated[
     Path | None,
     typer.Option(
-        "--output", "-o", metavar="FILE", help="Keep the scores in this file.", dir_okay=False, show_default=False
+        "--output", "-o", metavar="FILE", help="Save the scores to this file.", dir_okay=False, show_default=False
     ),
 ]
 Known = Annotated[
     Path | None,
-    typer.Option("--scores", metavar="FILE", help="Scores that `solve -o` kept.", dir_okay=False, show_default=False),
+    typer.Option("--scores", metavar="FILE", help="Scores saved by `solve -o`.", dir_okay=False, show_default=False),
 ]
 Returns = Annotated[
     Path,
@@ -60,10 +60,10 @@ def solve(
     json: Json = False,
     limits: LimitsGiven = None,
 ) -> None:
-    """Work out optimal, expert, random and worst return.
+    """Compute optimal, expert, random and worst return.
 
     Exactly where the task has an exact model, else from episodes, with a confidence interval. Where observations hide
-    the state, the best of those who see no more than that are told besides: with memory, and without.
+    the state, also the best returns given observations alone: with memory, and without.
     """
     from taskspec import exact
     from taskspec.cli.console import write_records
@@ -99,7 +99,7 @@ def score(
     scores: Known = None,
     json: Json = False,
 ) -> None:
-    """Score returns: 0 is acting at random, 1 is the expert.
+    """Score returns: 0 is random actions, 1 is the expert.
 
     A score below -1 counts as -1, as in the paper that the derail suite comes from.
     """

@@ -30,13 +30,13 @@ Experiment = Annotated[
 Output = Annotated[
     Path,
     typer.Option(
-        "--output", "--out", "-o", metavar="FOLDER", help="Where results are kept, and looked for.", file_okay=False
+        "--output", "--out", "-o", metavar="FOLDER", help="Where results are stored and looked up.", file_okay=False
     ),
 ]
 Format = Annotated[
     list[str] | None,
     typer.Option(
-        "--format", "-f", metavar="|".join(FORMATS), help="What to write beside the results; may be repeated, or given with "
+        "--format", "-f", metavar="|".join(FORMATS), help="What else to write; may be repeated, or given with "
         "commas. JSON, CSV and, with matplotlib, SVG by default.", autocompletion=lambda: FORMATS, show_default=False,
     ),
 ]  # fmt: skip
@@ -51,9 +51,9 @@ Cluster = Annotated[
 ]  # fmt: skip
 TimeLimit = Annotated[
     float | None,
-    typer.Option("--time-limit", metavar="SECONDS", help="The longest that one instance may take.", show_default=False),
+    typer.Option("--time-limit", metavar="SECONDS", help="Time limit for one instance.", show_default=False),
 ]
-Retry = Annotated[bool, typer.Option("--retry", help="Try again what failed before.")]
+Retry = Annotated[bool, typer.Option("--retry", help="Retry what failed before.")]
 
 
 def sweep(
@@ -70,9 +70,9 @@ def sweep(
 ) -> None:
     """Measure every instance of an experiment: sizes, returns, difficulty, roll-outs.
 
-    Results are kept in one file, OUT/NAME.sqlite, as they come: a sweep that was stopped goes on where it was, and what
-    is known is not worked out again. An instance that fails, or takes too long, is told, and the others go on. With
-    [green]-p[/], at these values instead of those of the file.
+    Results are saved in one file, OUT/NAME.sqlite, as they arrive: a sweep that was stopped resumes where it was, and
+    known results are not computed again. An instance that fails, or takes too long, is reported, and the others
+    continue. [green]-p[/] gives values to use instead of those in the file.
 
     Exit status 1 if an instance failed.
     """

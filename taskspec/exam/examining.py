@@ -77,7 +77,7 @@ def examine(
         twins: of every task that has some.
         probes: whether it is tried if a reward that is withheld makes a difference.
         learns_from: what is granted, some of "reward", "demonstrations", "preferences", in place of what the learner says.
-        against: a folder with an earlier exam: what has become worse since is flagged.
+        against: a folder with an earlier exam: regressions since then are flagged.
         out: a folder for `exam.json`, and for the results on the way to it, from which an exam that was stopped goes on.
         running: for a learner in other processes: how many, time limits, a cluster.
 

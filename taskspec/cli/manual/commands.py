@@ -20,8 +20,8 @@ from taskspec.cli.options import flowed
 
 HEAD = """# Commands
 
-Generated from the program: what `taskspec COMMAND --help` says. The exit status is 0 when all is well, 1 when something was found
-to be wrong or failed, 2 when the command was misused, and 70 for an internal error, which is a fault of taskspec.
+Generated from the program: the output of `taskspec COMMAND --help`. The exit status is 0 on success, 1 if a problem was found or
+something failed, 2 for wrong usage, and 70 for an internal error, which is a bug in taskspec.
 """
 MARKED = re.compile(r"\[(green|cyan|bold)\](.*?)\[/(?:\1)?\]")
 
