@@ -114,10 +114,11 @@ def task_of(text: str) -> Task:
     return build(read(HEAD + text), None, {}, "")
 
 
-QUICK = {("numba", "SameStep", 7), ("jax", "Disabled", 7)}
-"""Compiling takes a while: one case for each of these is enough for every day."""
+QUICK = {("numba", "SameStep", 7), ("jax", "Disabled", 7), *(("numpy", mode, lanes) for mode, lanes in (
+    ("SameStep", 1), ("NextStep", 7), ("Disabled", 64)))}  # fmt: skip
+"""Those of every day: compiling takes a while, and so do 64 scalar environments."""
 CASES = [
-    pytest.param(*case, marks=[pytest.mark.slow] if case[0] != "numpy" and case not in QUICK else [])
+    pytest.param(*case, marks=[] if case in QUICK else [pytest.mark.slow])
     for case in product(BACKENDS, ("SameStep", "NextStep", "Disabled"), (1, 7, 64))
 ]
 

@@ -17,6 +17,7 @@ from taskspec.envs.vector import VectorEnvironment
 from taskspec.source import read
 from taskspec.task.build import build
 from taskspec.task.task import Task
+from tests.shared.sparse import sparse
 
 HEAD = """
 taskspec: 1
@@ -108,7 +109,7 @@ def test_the_scalar_environment_pays_and_shows_what_the_state_was(start: int) ->
                 assert identical(env.reset()[0], reference.reset()[0]), parts
 
 
-@pytest.mark.parametrize("start", range(16))
+@pytest.mark.parametrize("start", sparse(range(16), 2))
 def test_numpy_pays_and_shows_what_the_state_was(start: int) -> None:
     for number, parts in CASES[start::16]:
         agreement = Agreement(task_of(*parts, number), "numpy", 3, MODES[number % 3], number, ReferenceEnv, states=True)

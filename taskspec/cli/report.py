@@ -46,8 +46,7 @@ def report(
     tasks, and as files also a box plot for each learner and each task.
 
     With [green]--findings derail[/]: which findings of the paper the exams confirm and which they refute. Exams in the
-    same folder, such as [cyan]results/paper/bc[/] and [cyan]results/paper/ppo[/], are one set. A folder includes all exams
-    below it.
+    same folder ([cyan]results/paper/bc[/], [cyan]results/paper/ppo[/]) are one set. A folder includes all exams below it.
     """
     if findings is not None:
         from taskspec.cli.findings import print_findings

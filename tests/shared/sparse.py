@@ -1,0 +1,16 @@
+"""Matrices too large for every day."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+
+
+def sparse(cases: Iterable[Any], every: int) -> list[Any]:
+    """Every so many-th case; those between are slow."""
+    return [
+        pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=[pytest.mark.slow] if k % every else [])
+        for k, case in enumerate(cases)
+    ]
