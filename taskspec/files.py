@@ -58,7 +58,7 @@ def whole_folder(place: Path, mark: str) -> Iterator[Path]:
     with refused(place):
         place = place.resolve()
         if place.exists() and not (place.is_dir() and ((place / mark).is_file() or not any(place.iterdir()))):
-            raise _failure(f"{str(place)!r} exists already; it was left as it is", "give another place")
+            raise _failure(f"{str(place)!r} already exists; it was not changed", "give another place")
         place.parent.mkdir(parents=True, exist_ok=True)
         made, old = (place.with_name(f".{os.urandom(8).hex()}") for _ in range(2))
         made.mkdir()
@@ -121,7 +121,7 @@ class Unfinished:
         try:
             self._place.touch(exist_ok=False)
         except FileExistsError:
-            message = f"{str(self._place)!r} exists already; it was left as it is"
+            message = f"{str(self._place)!r} already exists; it was not changed"
             raise _failure(message, "give another place") from None
 
 

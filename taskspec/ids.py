@@ -41,7 +41,7 @@ def parse(text: str) -> InstanceId:
     """
     found = _FORM.fullmatch(text)
     if found is None:
-        raise SpecError([Diagnostic("E713", None, f"'{text}' is no id of a task", _HINT)])
+        raise SpecError([Diagnostic("E713", None, f"'{text}' is not the id of a task", _HINT)])
     values: dict[str, Any] = {}
     for part in (found["values"] or "").split("&"):
         name, sign, value = part.partition("=")

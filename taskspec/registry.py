@@ -167,7 +167,7 @@ def _together(asked: ids.InstanceId, parameters: dict[str, Any]) -> dict[str, An
     """The values that an id gives, and those given beside it."""
     twice = next((name for name in parameters if name in asked.parameters), None)
     if twice is not None:
-        raise SpecError([Diagnostic("E713", None, f"'{twice}' is given in the id and beside it; give it once")])
+        raise SpecError([Diagnostic("E713", None, f"'{twice}' is given in the id and separately; give it once")])
     return {**asked.parameters, **parameters}
 
 

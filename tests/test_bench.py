@@ -113,7 +113,7 @@ def test_targets_are_checked_where_there_are_some(monkeypatch: pytest.MonkeyPatc
 def test_threads_are_measured_by_time_as_it_passes() -> None:
     pytest.importorskip("numba")
     done = Done("vector", "RiskyPath", "-b", "numba", "-l", 64, "--num-threads", 2, "--no-start", *QUICK)
-    assert "2 threads on Numba" in done.out and "time as it passes" in done.out
+    assert "2 threads on Numba" in done.out and "wall-clock time" in done.out
 
 
 @needs_vectors()

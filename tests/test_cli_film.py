@@ -148,7 +148,7 @@ MISUSES = [
     (["--render", "gif", "-o", "film.mp4"], "--output"),
     (["--render", "ansi", "-o", "film.gif"], "--output"),
     (["-o", "film.txt"], "--render is one of"),
-    (["--render", "ansi", "--json"], "do not go together"),
+    (["--render", "ansi", "--json"], "cannot be combined"),
 ]
 
 

@@ -35,7 +35,7 @@ REFUSED = [
     (["mutate", "Branching?L=3"], 1, "without values of parameters"),
     (["mutate", "Branching+sticky=0.25"], 1, "without modifiers"),
     (["check", "--format", "xml"], 2, "text, json, github"),
-    (["run", "Branching", "--json", "--render", "ansi"], 2, "do not go together"),
+    (["run", "Branching", "--json", "--render", "ansi"], 2, "cannot be combined"),
     (["run", "Branching", "--seed", "-1"], 2, "--seed"),
     (["frobnicate"], 2, "frobnicate"),
     (["show"], 2, "TASK"),

@@ -172,7 +172,7 @@ def test_returns_from_csv(text: str, tmp_path: Path) -> None:
 def test_files_without_returns_are_refused(text: str, tmp_path: Path) -> None:
     pytest.importorskip("scipy")
     (tmp_path / "r.json").write_text(text)
-    assert "holds no returns" in " ".join(Done("score", "RiskyPath", tmp_path / "r.json").err.split())
+    assert "contains no returns" in " ".join(Done("score", "RiskyPath", tmp_path / "r.json").err.split())
     (tmp_path / "r.json").write_text("[1, NaN]")
     assert "return number 2 of" in " ".join(Done("score", "RiskyPath", tmp_path / "r.json").err.split())
 

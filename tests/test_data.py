@@ -224,7 +224,7 @@ WRONG = [
     (["demos", "RiskyPath", "-o", "x.npz", "--policy", "m.py:what"], "E713", "def what(observation)"),
     (["demos", "RiskyPath", "-o", "x.npz", "--policy", "m.py:seven"], "E706", "Discrete(2)"),
     (["demos", "RiskyPath", "-o", "x.npz", "--policy", "m.py:fails"], "E713", "ZeroDivisionError"),
-    (["demos", "RiskyPath", "-o", "x.npz", "--episodes", "3", "--transitions", "3"], "E713", "do not go together"),
+    (["demos", "RiskyPath", "-o", "x.npz", "--episodes", "3", "--transitions", "3"], "E713", "cannot be combined"),
     (["preferences", "RiskyPath", "-o", "x.npz", "--teacher", "miopic(0.9)"], "E713", "did you mean 'myopic'"),
     (["preferences", "RiskyPath", "-o", "x.npz", "--teacher", "mistaken(3)"], "E713", "between 0 and 1"),
     (["preferences", "RiskyPath", "-o", "x.npz", "--teacher", "equal(1)+equal(1)"], "E713", "twice"),

@@ -74,7 +74,7 @@ DAMAGED = ["", "null", "[]", "3", "NaN", "{}", "[" * 100_000, '{"id": ' + "9" * 
 def test_what_holds_no_scores_is_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "scores.json"
     path.write_bytes(text.encode("utf-8", "surrogateescape"))
-    with pytest.raises(SpecError, match=r"E713.*holds no scores"):
+    with pytest.raises(SpecError, match=r"E713.*contains no scores"):
         exact.Scores.load(path, shipped("branching"))
 
 

@@ -35,7 +35,7 @@ FAULTS = [
     ("W501", "state", {"state": "{s: {type: int, low: 0, high: n + 1}}"}, "s = 4"),
     ("W501", "state", {"dynamics": "{s': 's + 3 * (a == go and s == 0)'}"}, "s = 1, 2"),
     ("W502", "horizon", {"horizon": "n - 1"}, "within 2 steps every reward is 0"),
-    ("W503", "reward", {"reward": "1"}, "every step that can occur pays 1"),
+    ("W503", "reward", {"reward": "1"}, "every possible step has reward 1"),
     ("W504", "reward", {"reward": "t == 2"}, "both return 1"),
     ("W505", "action", {"dynamics": "{s': 'min(s + 1, n)'}"}, "the action 'a' is read nowhere"),
     ("W505", "action", {"action": "{a: {type: choice, values: [stay, go]}, b: {type: int, low: 0, high: 2}}",

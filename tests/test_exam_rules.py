@@ -289,7 +289,7 @@ def test_an_exam_is_no_spec(tmp_path: Path) -> None:
     assert (SUITE / "exam.yaml", "exam") in registry.files_in(SUITE)
     assert SUITE / "exam.yaml" not in {entry.path for entry in registry.entries(SUITE)}
     done = Done("solve", SUITE / "exam.yaml")
-    assert done.status == 1 and "this is an exam, and no spec" in done.err + done.out
+    assert done.status == 1 and "this is an exam, not a spec" in done.err + done.out
 
 
 def test_the_schema_takes_what_is_taken_and_nothing_else() -> None:

@@ -79,7 +79,7 @@ def test_backends_number_labels_alike(backend: Any) -> None:
         ("dir': x / 2", "E306", "one of the labels north, east, south, west is needed here, not a real"),
         ("dir': a", "E306", "not a choice between other labels"),
         ("dir': dir if x > 0 else a", "E306", "not a choice between other labels"),
-        ("x': x * (dir == a)", "E306", "(north, east, south, west) are no labels of another (left, ahead, right)"),
+        ("x': x * (dir == a)", "E306", "(north, east, south, west) are not labels of another (left, ahead, right)"),
         ("x': x * (dir in {a})", "E306", "no labels of another"),
         ("x': x * (dir in {a, 1})", "E306", "`x + 0 == y + 0`"),
         ("x': x * (dir == (a if y > 0 else 1))", "E306", "no labels of another"),

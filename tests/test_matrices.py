@@ -115,7 +115,7 @@ def test_backends_agree(backend: Any) -> None:
     [
         ("sum(m[:, 3])", "E315", "index 3 is outside a vector of 3"),
         ("sum(m[:, a, 0])", "E307", "cannot take 3 indices"),
-        ("sum(m[(0, 1), :])", "E307", "beside another index, an index is an int or a slice"),
+        ("sum(m[(0, 1), :])", "E307", "each of several indices must be an int or a slice"),
         ("sum(w if a == 1 else m[0, :2])", "E307", "the shapes [3] and [2] do not match"),
         ("m[:, 0]", "E307", "the reward is a single number, but this has shape [2]"),
         ("sum(put(m, (0, 1, 1), 1))", "E306", "`put` needs an int as index, not int vector [3]"),

@@ -232,7 +232,7 @@ def test_what_is_remembered_for_nothing_is_warned_of() -> None:
         "lead: {type: int, low: -9, high: 9, initial: 0, next: lead}\n  idle: {type: bool, initial: true, next: idle}"
     )
     assert [d.message for d in check(tiger(memory=both)).warnings if d.code == "W519"] == [
-        "nothing that the expert does depends on 'idle'"
+        "no action of the expert depends on 'idle'"
     ]
 
 

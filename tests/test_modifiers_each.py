@@ -206,7 +206,7 @@ def test_texts_mappings_and_modifiers_mean_the_same() -> None:
         ("distractors=3,kind=cauchy", "E719", "normal or uniform", None),
         ("absorbing=1", "E719", "it has no arguments", None),
         ("hidden=z", "E720", "'z' is not observed", "s"),
-        ("hidden=s", "E720", "'s' is all that is observed", None),
+        ("hidden=s", "E720", "'s' is the only observed component", None),
         ("potential=s +", "E301", "", None),
         ("potential=zz", "E302", "'zz' is not defined here", None),
         ("potential=a", "E302", "'a' cannot be used in a potential", None),

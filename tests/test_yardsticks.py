@@ -173,7 +173,9 @@ def test_what_is_all_seen_has_no_such_yardsticks() -> None:
         .replace("{o: heard, space: one_hot}", "{o: (tiger == left) == Bernoulli(3/4)}")
     )
     told = yardsticks(Results(build(read_text(noisy))))
-    assert told is not None and told.remembering is None and told.why_not == "what is seen of a state is partly random"
+    assert (
+        told is not None and told.remembering is None and told.why_not == "the observation of a state is partly random"
+    )
 
 
 def test_solve_and_pages_say_what_the_optimum_knows(tmp_path: Path) -> None:

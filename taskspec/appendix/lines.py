@@ -224,8 +224,8 @@ def _when_drawn(w: Writing, noise: str) -> str:
     """When the draws of a noise are made: at the start where `initial` names it, in steps where they do, or both."""
     starts, steps = (_is_named(w, noise, sections) for sections in (("initial",), _OF_STEPS))
     if starts:
-        return "at the start, and anew in every step" if steps else "at the start of an episode"
-    return "anew in every step"
+        return "at the start, and again in every step" if steps else "at the start of an episode"
+    return "again in every step"
 
 
 def _is_named(w: Writing, name: str, sections: Iterable[str]) -> bool:

@@ -26,7 +26,7 @@ def modifiers(task: Task) -> Iterator[Inlines]:
 
 
 def _lost(task: Task) -> str:
-    return ", whose expert is none here" if task.expert is None is not task.unmodified.expert else ""
+    return ", whose expert is not one here" if task.expert is None is not task.unmodified.expert else ""
 
 
 def as_written(task: Task) -> Task:

@@ -11,7 +11,7 @@ from typing import Any
 from taskspec.envs.measure import MemoryUse, Rate, Start, machine
 
 MILLION = 1e6
-CLOCKS = {"processor": "processor time, one core", "wall": "time as it passes"}
+CLOCKS = {"processor": "processor time, one core", "wall": "wall-clock time"}
 
 
 class Progress:

@@ -112,7 +112,9 @@ def _check(wanted: Wanted) -> None:
         checked_choice("--backend", program, PROGRAMS)
     if not wanted.targets and (wanted.parameters or wanted.programs or wanted.lanes or wanted.num_threads > 1):
         hint = "for example: taskspec bench vector derail --backend numba"
-        raise misuse("-p, --backend, --lanes and --num-threads need a TASK: the project's own table has its own", hint)
+        raise misuse(
+            "-p, --backend, --lanes and --num-threads need a TASK: the project's own benchmarks set them", hint
+        )
     if wanted.chart is not None:
         from taskspec.extras import need
 

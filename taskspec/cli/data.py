@@ -84,7 +84,7 @@ def demos(
     from taskspec.data import demonstrations
 
     if episodes is not None and transitions is not None:
-        raise misuse("--episodes and --transitions do not go together")
+        raise misuse("--episodes and --transitions cannot be combined")
     make = partial(demonstrations, policy=policy, episodes=episodes, transitions=transitions, seed=seed, jobs=jobs)
     _write(tasks_of(task, variant, parameters or [], modifiers or []), make, output, format, json)
 

@@ -38,7 +38,7 @@ def reported() -> Iterator[None]:
     except Exception as error:
         if type(error).__name__ in OUR_OWN or hasattr(error, "exit_code") or os.environ.get(DEBUG):
             raise
-        _say(f"internal error: {type(error).__name__}: {error}\n  This is a fault of taskspec; {DEBUG}=1 shows where.")
+        _say(f"internal error: {type(error).__name__}: {error}\n  This is a bug in taskspec; {DEBUG}=1 shows where.")
         raise typer.Exit(70) from None
 
 

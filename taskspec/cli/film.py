@@ -37,7 +37,7 @@ def kind_of(render: str | None, output: Path | None) -> str | None:
     if kind is not None and kind not in RENDER_MODES:
         raise misuse(f"--render is one of {', '.join(RENDER_MODES)}, not '{kind}'")
     if output is not None and (kind not in FILMS or ending != kind):
-        raise misuse(f"--output is a film: its name ends in .gif or .mp4, as --render says, not '{output.name}'")
+        raise misuse(f"--output is a video: its name ends in .gif or .mp4, as --render says, not '{output.name}'")
     return kind
 
 

@@ -122,9 +122,9 @@ def _episodes(path: Path, task: Task) -> list[list[Any]]:
     try:
         items = json.loads(text)
     except ValueError as error:
-        raise refuse("E711", f"'{path}' is no JSON: {error}") from None
+        raise refuse("E711", f"'{path}' is not JSON: {error}") from None
     if not isinstance(items, list) or not items:
-        raise refuse("E713", f"'{path}' is no list of actions", 'for example: ["safe", "risky"]')
+        raise refuse("E713", f"'{path}' is not a list of actions", 'for example: ["safe", "risky"]')
     return items if _is_nested(items, task) else [items]
 
 

@@ -89,5 +89,5 @@ def _folder(path: Path) -> Path:
 def _by_learner(exams: Sequence[Exam]) -> dict[str, Exam]:
     found = {exam["learner"]: exam for exam in exams}
     if len(found) < len(exams):
-        raise misuse("two of these exams are of one learner", "give one exam of each")
+        raise misuse("two of these exams are of the same learner", "give one exam of each")
     return found

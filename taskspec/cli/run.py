@@ -71,7 +71,7 @@ def run(
 
     kind = film.kind_of(render, output)
     if json and kind == "ansi":
-        raise misuse("--json and --render ansi do not go together")
+        raise misuse("--json and --render ansi cannot be combined")
     found = tasks_of(task, variant, parameters or [], modifiers or [])
     count, records = episodes or (1 if kind else EPISODES), []
     for each in found:

@@ -126,7 +126,7 @@ def _known(path: Path, task: Task) -> Scores:
     try:
         return Scores.load(path, task)
     except (KeyError, TypeError, json_.JSONDecodeError):
-        raise refuse("E711", f"'{path}' holds no scores", "`taskspec solve TASK -o FILE` writes some") from None
+        raise refuse("E711", f"'{path}' contains no scores", "`taskspec solve TASK -o FILE` writes some") from None
 
 
 # -- returns ------------------------------------------------------------------------------------------------------
@@ -147,7 +147,7 @@ def read_returns(path: Path) -> list[float]:
     except (ValueError, TypeError, KeyError, IndexError):
         values = []
     if not values:
-        raise refuse("E711", f"'{path}' holds no returns", "a JSON list of numbers, or one number a line")
+        raise refuse("E711", f"'{path}' contains no returns", "a JSON list of numbers, or one number per line")
     if any(map(math.isnan, values)):
         raise refuse("E711", f"return number {[*map(math.isnan, values)].index(True) + 1} of '{path}' is nan")
     return values

@@ -38,7 +38,7 @@ class File:
         """
         for name in values:
             if name in self.parameters:
-                raise refuse("E713", f"'{name}' is given in the id and beside it; give it once")
+                raise refuse("E713", f"'{name}' is given in the id and separately; give it once")
         return replace(self, parameters={**self.parameters, **values}, modifiers=(*self.modifiers, *modifiers))
 
 

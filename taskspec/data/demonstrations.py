@@ -58,7 +58,7 @@ def demonstrations(
     """
     found = role(load(task), "expert")
     if episodes is not None and transitions is not None:
-        misused("`episodes` and `transitions` do not go together")
+        misused("`episodes` and `transitions` cannot be combined")
     if transitions is None:
         episodes = positive("episodes", 100 if episodes is None else episodes)
     else:

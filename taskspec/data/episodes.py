@@ -137,7 +137,7 @@ def _step(engine: NumpyEngine, actions: Any, task: Task, actor: Actor) -> None:
     try:
         engine.step(actions)
     except BadActionError:
-        message = f"the policy {actor.name} gave what is no action of {task.id}, among {_shown(actions)}"
+        message = f"the policy {actor.name} gave a value that is not an action of {task.id}, among {_shown(actions)}"
         raise SpecError([Diagnostic("E706", None, message, f"an action is one of {task.action_space}")]) from None
 
 

@@ -52,9 +52,9 @@ def _read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def _write_imitation(path: Path, data: Data) -> None:
     if isinstance(data, Preferences):
-        misused("imitation keeps no preferences in files of its own", "`--format npz`, and `read(path).imitation()`")
+        misused("imitation has no file format for preferences", "`--format npz`, and `read(path).imitation()`")
     if isinstance(data.obs, dict):
-        misused("imitation keeps no observations that are dicts", "`--format npz`")
+        misused("imitation does not store observations that are dicts", "`--format npz`")
     serialize = need("imitation.data.serialize", "imitation", "this format")
     with whole_folder(path, MARK) as folder:
         serialize.save(folder, data.imitation())
@@ -63,7 +63,7 @@ def _write_imitation(path: Path, data: Data) -> None:
 
 def _write_minari(path: Path, data: Data) -> None:
     if isinstance(data, Preferences):
-        misused("Minari keeps no preferences", "`--format npz` or `--format parquet`")
+        misused("Minari does not store preferences", "`--format npz` or `--format parquet`")
     with whole_folder(path, MARK) as folder:
         write_minari(folder, path, data)
         (folder / MARK).write_text(json.dumps(data.metadata, indent=2) + "\n", encoding="utf-8")
@@ -117,7 +117,7 @@ def format_of(path: Path, name: str | None = None) -> Format:
     if found is None:
         misused(f"'{path}' does not say in which format to write", f"--format {' | '.join(FORMATS)}")
     if found.suffix and path.suffix != found.suffix:
-        misused(f"'{path}' is no {found.suffix} file", f"{path.with_suffix(found.suffix)}")
+        misused(f"'{path}' is not a {found.suffix} file", f"{path.with_suffix(found.suffix)}")
     return found
 
 
@@ -141,7 +141,7 @@ def read(path: str | PathLike[str]) -> Data:
 
 def _unreadable(place: Path, error: Exception) -> NoReturn:
     raise SpecError(
-        [Diagnostic("E711", None, f"'{place}' holds neither demonstrations nor preferences: {error}")]
+        [Diagnostic("E711", None, f"'{place}' contains neither demonstrations nor preferences: {error}")]
     ) from None
 
 

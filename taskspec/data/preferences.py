@@ -136,7 +136,7 @@ def return_ends(task: Task, length: int | None) -> tuple[float, float]:
     assert worst is not None and optimal is not None
     share = 1.0 if length is None or task.horizon is None else min(1.0, length / task.horizon)
     if worst.value == optimal.value:
-        misused(f"every policy earns {worst.value:g} on {task.id}, so that returns have no range")
+        misused(f"every policy earns {worst.value:g} on {task.id}, so returns have no range")
     return worst.value * share, optimal.value * share
 
 

@@ -96,7 +96,7 @@ class Tabular:
         """
         nodes = self.task.observation.nodes
         if draws(nodes) or any(role is Role.TIME for role, _ in reads(nodes)):
-            refuse(f"what is seen in {self.task.id} is no function of the state", "take the states instead")
+            refuse(f"the observation in {self.task.id} is not a function of the state", "take the states instead")
         layout, held = observation_layout(self.task), Values.empty(observation_layout(self.task), self.n_states)
         values = evaluate(nodes, self.model.reads())
         flats = [np.broadcast_to(v, (*v.shape[:-1], self.n_states)) for v in values]
@@ -132,7 +132,7 @@ class Tabular:
                 raise LookAlike([Diagnostic("E713", None, message, "give `occupancy()` instead")])
         found = [known.get(row) for row in _rows(observations)]
         if None in found:
-            misused(f"observation {found.index(None)} is none of {self.task.id}")
+            misused(f"observation {found.index(None)} is not one of {self.task.id}")
         return np.array(found, np.int64)
 
     def occupancy(self, policy: str = "expert") -> Array:
@@ -198,7 +198,7 @@ def tabular(task: TaskLike) -> Tabular:
     horizon = _steps_until_over(model)
     steps = list({id(step): step for step in model.steps[:horizon]}.values())
     if any(not _alike(step, steps[0]) for step in steps):
-        refuse(f"what happens in {task.id} depends on the time", "a state that counts the steps tells it")
+        refuse(f"{task.id} depends on the time", "add a state component that counts the steps")
     going, rewards = _inside(model)
     absorbed = np.zeros(model.n_states, np.bool_)
     if ends:

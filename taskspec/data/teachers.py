@@ -110,12 +110,12 @@ def _check(name: str, value: float, low: float, high: float) -> None:
 # -- names --------------------------------------------------------------------------------------------------------
 
 NAMES = {
-    "noiseless": "says which return is higher; equal ones are equal",
+    "noiseless": "prefers the higher return; equal returns are equal",
     "boltzmann(0.1)": "prefers by the Bradley-Terry model, at a temperature in units of the exact range of returns",
-    "myopic(0.9)": "discounts what lies further back in a segment",
-    "mistaken(0.1)": "turns the answer round, with a probability",
-    "skipping(0.2)": "gives no answer where neither return is above this share of the range",
-    "equal(0.1)": "calls equal what is less than this share of the range apart",
+    "myopic(0.9)": "discounts earlier rewards of a segment",
+    "mistaken(0.1)": "gives the opposite answer, with a probability",
+    "skipping(0.2)": "gives no answer where neither return is above this fraction of the range",
+    "equal(0.1)": "judges returns equal that differ by less than this fraction of the range",
 }
 """The names of teachers, each with what it does; the numbers stand for any, and `+` combines several."""
 _CALL = re.compile(r"(\w+)\(([^()]+)\)")

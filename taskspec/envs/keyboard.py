@@ -39,7 +39,7 @@ def actions(task: Task) -> list[Any]:
     """
     layout = action_layout(task)
     if layout.form == "box" or math.prod(layout.counts) > len(KEYS):
-        message = f"{task.id} is not played with the keyboard: its actions are more than {len(KEYS)} keys tell apart"
+        message = f"{task.id} cannot be played with the keyboard: it has more actions than {len(KEYS)} keys"
         raise invalid(message)
     ranges = [range(start, start + n) for start, n in zip(layout.starts, layout.counts, strict=True)]
     if layout.form == "discrete":

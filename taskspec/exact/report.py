@@ -200,7 +200,7 @@ class Scores:
         """Scores from a file.
 
         Raises:
-            SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it holds no scores.
+            SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it contains no scores.
             StaleScores: when they were worked out for another version of the task.
         """
         task = load(task)

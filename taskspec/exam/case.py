@@ -141,7 +141,7 @@ class Case:
         """
         if self.spent.steps + steps > self.steps:
             raise BudgetSpent(
-                f"the budget of {self.steps:,} steps is spent: {self.spent.steps:,} were taken, and {steps:,} more wanted; "
+                f"the budget of {self.steps:,} steps is spent: {self.spent.steps:,} were taken, and {steps:,} more requested; "
                 "`case.steps` says how many there are, `case.spent.steps` how many were taken"
             )
         self.spent.steps += steps

@@ -79,7 +79,7 @@ def evaluate(suite: str | Path, sets: Mapping[str, Mapping[str, Mapping[str, Any
     """
     path = findings_of(suite)
     if path is None:
-        raise SpecError([Diagnostic("E710", None, f"the suite '{suite}' comes without findings")])
+        raise SpecError([Diagnostic("E710", None, f"the suite '{suite}' has no findings")])
     book = read_findings(path)
     judges = {name: judge(book, exams) for name, exams in sets.items()}
     results = tuple(
@@ -132,9 +132,7 @@ def markdown(found: FindingsResult, told: Sequence[str] = ()) -> str:
     lines = [f"# {described.title or 'Findings'}", "", *([described.doc, ""] if described.doc else [])]
     lines += [f"- {line}" for line in told] + ([""] if told else [])
     counts = [[name, *map(str, found.counts(name).values())] for name in found.sets]
-    legend = (
-        "Confirmed, or refuted, is what holds, or does not, in the whole of the 95 % bootstrap intervals (in brackets)."
-    )
+    legend = "A finding is confirmed if it holds everywhere in the 95 % bootstrap intervals (in brackets), refuted if nowhere."
     lines += [*_table(["results", *OUTCOMES], counts), "", legend, ""]
     rows = [_row(each, found.sets) for each in found.results]
     return "\n".join([*lines, *_table(["", "the paper says", *found.sets], rows)]) + "\n"

@@ -68,7 +68,8 @@ def values(policy: Any, results: Results, seed: int) -> PolicyValues:
         return PolicyValues(best, best if is_one else _value(results, policy, False))
     if not callable(policy):
         misused(
-            f"{type(policy).__name__} is no policy", "a table, a function of the observation, an object with `predict`"
+            f"{type(policy).__name__} is not a policy",
+            "a table, a function of the observation, an object with `predict`",
         )
     value = _value(results, _Each(policy, seed), None)
     return PolicyValues(value, value)
@@ -127,7 +128,7 @@ def _of_table(table: Array, results: Results, seed: int) -> PolicyValues:
     if table.dtype.kind in "iu" and table.shape[-1:] == (count,) and table.shape[-2:] != (count, actions):
         index = table - done.starts[0] if done.form == "discrete" else table
         if not ((index >= 0) & (index < actions)).all():
-            misused(f"an action of the table is none of {results.task.action_space}")
+            misused(f"an action of the table is not in {results.task.action_space}")
         table = np.eye(actions)[index]
     if table.ndim not in (2, 3) or table.shape[-2:] != (count, actions) or not np.isfinite(table).all():
         misused(

@@ -133,7 +133,7 @@ def read(folder: Path | str) -> Exam:
     except (ValueError, EOFError, RecursionError, zlib.error):
         found = None
     if not isinstance(found, dict) or found.get("exam") != FORMAT or not Exam.__required_keys__ <= found.keys():
-        raise SpecError([Diagnostic("E721", None, f"'{path}' holds no exam of this version", "hold it again")])
+        raise SpecError([Diagnostic("E721", None, f"'{path}' is not an exam of this version", "run it again")])
     return found  # type: ignore[return-value]  # as it was written
 
 

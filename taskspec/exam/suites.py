@@ -33,7 +33,7 @@ def tasks_of(suite: str, wanted: Sequence[TaskLike] | None) -> list[Task]:
     ids = [exam_id(task) for task in found]
     twice = next((i for i in ids if ids.count(i) > 1), None)
     if twice is not None:
-        raise SpecError([Diagnostic("E713", None, f"{twice} is asked twice", "an exam asks each task once")])
+        raise SpecError([Diagnostic("E713", None, f"{twice} is given twice", "an exam has each task once")])
     return found
 
 

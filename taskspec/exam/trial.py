@@ -106,7 +106,7 @@ def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:
 
 def _scored(policy: Any, results: Results, seed: int) -> Row:
     if policy is None:
-        raise TypeError("`train` gave no policy: does it end with `return`?")
+        raise TypeError("`train` returned no policy: does it end with `return`?")
     found = values(policy, results, seed)
     row = {"seed": seed, **_told("deterministic", found.deterministic), **_told("stochastic", found.stochastic)}
     if getattr(policy, "reward", None) is not None:

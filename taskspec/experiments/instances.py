@@ -126,7 +126,7 @@ def _check_learners(written: ExperimentFile, collector: Collector) -> None:
         if first < i:
             message = f"the results of '{given[i]}' would take the place of those of '{given[first]}'"
             hint = (
-                f"both are kept in a folder '{folders[i]}': name each learner once, and functions of files differently"
+                f"both are kept in a folder '{folders[i]}': name each learner once, and functions in files differently"
             )
             collector.add("E713", written.document.span(("learners", i)), message, hint)
         try:

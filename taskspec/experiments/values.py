@@ -75,11 +75,11 @@ def misplaced(written: Any) -> str | None:
         case {"range": numbers} if not count(written):
             return f"this range is empty: it goes from {numbers[0]} on, and ends below {numbers[1]}"
         case {"logrange": [first, last, n]} if not (first * last > 0 and isinstance(n, int) and n >= 1):
-            return "a `logrange` goes between two numbers above 0, and has a whole number of values"
+            return "a `logrange` needs two numbers above 0, and a whole number of values"
         case {"uniform": [low, high]} if low > high:
             return f"{low} is above {high}"
         case {"loguniform": [low, high]} if not 0 < low <= high:
-            return "a `loguniform` goes from a number above 0 to one that is no smaller"
+            return "a `loguniform` needs a number above 0 and one that is not smaller"
     return None
 
 

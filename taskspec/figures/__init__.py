@@ -40,16 +40,16 @@ KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
 }  # fmt: skip
 
 NEEDED = {
-    "graph": "transition graphs are drawn of finite tasks with few states, whose arrows cross little and which fit on a page",
-    "matrix": "tables of transitions are drawn of finite tasks of which episodes visit at most 300 states",
-    "grid": "columns and rows are two whole numbers that the state says, up to 5,000",
-    "portrait": "phase portraits are drawn of two bounded numbers of the state, `at: [x, v]`, where nothing is drawn in a step",
-    "series": "an episode over time is drawn where the expert's actions are expressions, nothing is drawn and numbers are finite",
-    "arm": f"an arm is drawn of up to {MOST_LINKS} finite angles: `values: [a, a + b]`",
-    "curve": "a curve is drawn over a component of the state: `at: [x, y]`",
+    "graph": "transition graphs need a finite task with few states and few crossing arrows that fits on a page",
+    "matrix": "tables of transitions need a finite task with at most 300 states visited",
+    "grid": "columns and rows are two integers of the state, up to 5,000",
+    "portrait": "phase portraits need two bounded numbers of the state, `at: [x, v]`, and steps without draws",
+    "series": "a series needs an expert given by expressions, no draws and finite numbers",
+    "arm": f"an arm has up to {MOST_LINKS} finite angles: `values: [a, a + b]`",
+    "curve": "a curve needs a component of the state: `at: [x, y]`",
 }
 """What a figure of some kind needs; the others show a vector."""
-NEEDED_OTHERWISE = "bars are drawn of a vector: `values: v`"
+NEEDED_OTHERWISE = "bars need a vector: `values: v`"
 HINT = (
     f"{NEEDED['graph']}; `figure: {{kind: ...}}` in a spec asks for another figure: "
     + ", ".join(k for k in KINDS if k != "graph")

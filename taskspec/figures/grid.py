@@ -135,7 +135,7 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     letters = _letters(task)
     board = Board(columns, rows, colors, letters, agents, shades, values, moves, things, overlay.here is None)
     alt, notes = f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows", (*_key(task), *board.notes())
-    first = ("One start of many.",) if things and len(agents) > 1 and overlay.here is None else ()
+    first = ("One of many starts.",) if things and len(agents) > 1 and overlay.here is None else ()
     return fitted(board.items(), alt, (*first, *notes), state=state if things else None)
 
 
@@ -224,9 +224,9 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
     if bounds is not None:
         board = Board(*bounds, colors, _letters(task), {(int(ax), int(ay)): 1.0}, things=things, folds=False)
         alt = f"Grid of {task.name}: {len(bounds[0])} columns and {len(bounds[1])} rows"
-        return fitted(board.items(), alt, ("One start of many.", *_key(task)), state=state)
+        return fitted(board.items(), alt, ("One of many starts.", *_key(task)), state=state)
     columns, rows = (range(int(v) - half, int(v) + half + 1) for v in middle)
     board = Board(columns, rows, colors, {}, {(int(ax), int(ay)): 1.0}, things=things, open=True, cell=SMALL)
     alt = f"Part of the grid of {task.name} around the agent"
-    far = ("What is marked is too far away to be shown.",) if len(marks) < len(known) else ()
-    return fitted(board.items(), alt, ("One start of many.", *_key(task), *far, *board.notes()), state=state)
+    far = ("The marked objects are too far away to be shown.",) if len(marks) < len(known) else ()
+    return fitted(board.items(), alt, ("One of many starts.", *_key(task), *far, *board.notes()), state=state)

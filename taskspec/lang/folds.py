@@ -18,7 +18,7 @@ Applied = Callable[[BaseChecker, FunctionDef, s.Call, list[Value]], Value]
 def folded(checker: BaseChecker, expr: s.Call, scope: Scope, apply: Applied) -> Value:
     """The value of `fold(f, start, x)` or `scan(f, start, x)`; `apply` is a call of f, with values for its arguments."""
     if len(expr.args) != 3 or expr.keywords:
-        checker.fail("E304", expr, f"{expr.function}(f, start, x) was given other arguments")
+        checker.fail("E304", expr, f"{expr.function}(f, start, x) was given the wrong arguments")
     written, start, vector = expr.args
     step = scope.lookup(written.id) if isinstance(written, s.Name) and not written.primed else None
     if not isinstance(step, FunctionDef) or len(step.arguments) != 2:
@@ -40,5 +40,5 @@ def folded(checker: BaseChecker, expr: s.Call, scope: Scope, apply: Applied) -> 
         return value
     nodes = [checker.number_of(v) for v in found]
     if len({n.type.shape for n in nodes}) > 1:
-        checker.fail("E307", expr, "the values on the way have different shapes")
+        checker.fail("E307", expr, "the intermediate values have different shapes")
     return Value(checker.stack(nodes, expr))

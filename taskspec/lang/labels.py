@@ -35,9 +35,7 @@ def _by_value(checker: BaseChecker, node: Node, domain: Domain) -> Node:
         return node
     b, values = checker.builder, domain.values
     if domain.value_type != INT or len(set(values)) < len(values):
-        message = (
-            f"the labels {listed(domain)} stand for no different ints, so that a number does not say which is meant"
-        )
+        message = f"the labels {listed(domain)} do not stand for different ints, so a number does not identify a label"
         raise Refused(message, hint=_table(domain))
     if all(v == values[0] + i for i, v in enumerate(values)):  # type: ignore[operator]
         return b.apply("sub", node, b.scalar(values[0]))
@@ -61,7 +59,7 @@ def listed(domain: Domain) -> str:
 def check_comparable(one: Domain | None, other: Domain | None) -> None:
     """Refuse (E306) to compare labels of two choices by where they stand in them."""
     if one is not None and other is not None and (one.values is None or other.values is None):
-        message = f"labels of one choice ({listed(one)}) are no labels of another ({listed(other)})"
+        message = f"labels of one choice ({listed(one)}) are not labels of another ({listed(other)})"
         shared = [label for label in one.labels if label in other.labels]
         hint = "where their positions are meant, say so with arithmetic: `x + 0 == y + 0`"
         if shared:  # positions would be something else

@@ -54,7 +54,7 @@ def explain(value: str, error: Exception) -> NoReturn:
         raise SyntaxFailure(product.start(), product.end(), f"'{product[0]}' is neither a number nor a name", hint)
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
-    advice = "a label of several words stands in quotes of its own" if _WORDS.fullmatch(value) else None
+    advice = "a label of several words needs its own quotes" if _WORDS.fullmatch(value) else None
     if message.startswith("expected 'else'"):
         advice = "write `x if condition else y`"
     if message.startswith("invalid character") and value[start] in _CHARACTERS:

@@ -229,7 +229,7 @@ def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope, want: Doma
         case s.Call(function="box", args=(low, high, n)):
             return _box(checker, low, high, n, expr, scope)
         case s.Call(function="box"):
-            checker.fail("E304", expr, "box(low, high, n) was given other arguments",
+            checker.fail("E304", expr, "box(low, high, n) was given the wrong arguments",
                          "`box(-1, 1, 2)` is the square of integer points from -1 to 1")  # fmt: skip
         case s.Call(function="range"):
             return _range(checker, expr, scope)
@@ -279,7 +279,7 @@ def _length(values: range) -> int:
 
 def _check_width(checker: BaseChecker, expr: s.Expr, *ends: int) -> None:
     if max(map(abs, ends)) >= INT_WIDEST:
-        checker.fail("E318", expr, "ints have 64 bits; this set goes further")
+        checker.fail("E318", expr, "ints have 64 bits; this set exceeds them")
 
 
 def _check_few(checker: BaseChecker, limit: str, number: int, expr: s.Expr, what: str) -> None:

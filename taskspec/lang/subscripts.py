@@ -71,7 +71,7 @@ def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) ->
     places = checker.each(jobs)
     if any(p.type.shape and not isinstance(i, s.Slice) for i, p in zip(expr.indices, places, strict=True)):
         hint = "pair them in a comprehension: `[m[i, j] for (i, j) in ...]`"
-        checker.fail("E307", expr, "beside another index, an index is an int or a slice", hint)
+        checker.fail("E307", expr, "each of several indices must be an int or a slice", hint)
     kept = tuple(p.type.size for p in places if p.type.shape)
     flat = b.structure("reshape", [node], (math.prod(axes), *node.type.shape[len(axes) :]))
     found = b.structure("index", [flat, _numbers(b, places, axes, kept)])

@@ -222,7 +222,7 @@ def _grid(
         size *= most + 1 if column.values is None else len(column.values)
     if size > most:
         if not _covers(keys, columns):
-            message = "this table needs a last row `else:`, since its columns have endlessly many values"
+            message = "this table needs a last row `else:`, since its columns have infinitely many values"
             checker.fail("E410", expr, message)
         return None
     rows = {keys[n]: n for n in reversed(_by_precision(keys))}

@@ -17,7 +17,7 @@ from taskspec.learners.table import BUILT_IN, BuiltIn
 from taskspec.source import Document, read_file
 
 FAMILIES = {
-    "corrected": "the mistakes of the published code mended",
+    "corrected": "the mistakes of the published code corrected",
     "paper": "the code that the figures of the paper come from",
     "released": "the code as it was published in the end, its mistakes included",
 }

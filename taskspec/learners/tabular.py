@@ -122,7 +122,7 @@ def _absorbed(found: Tabular, ends: Array) -> Array:
     seen, places = np.asarray(found.observations), np.flatnonzero(found.absorbed)
     same = (ends.reshape(len(ends), 1, -1) == seen[places].reshape(1, len(places), -1)).all(axis=2)
     if not (same.sum(axis=1) == 1).all():
-        cannot_learn(f"the ends of {found.task.id} do not tell its states apart")
+        cannot_learn(f"the endings of {found.task.id} do not distinguish its states")
     found_at: Array = places[same.argmax(axis=1)]
     return found_at
 

@@ -50,7 +50,9 @@ class Vectors:
             case "one_hot":
                 return cls((), layout.shape, low=(0.0,) * layout.size, high=(1.0,) * layout.size)
             case "dict":
-                cannot_learn("observations that are dicts are no vectors", "choose another `space` for the observation")
+                cannot_learn(
+                    "observations that are dicts are not vectors", "choose another `space` for the observation"
+                )
 
     @property
     def size(self) -> int:

@@ -56,7 +56,7 @@ def _random(task: Task, given: Arguments) -> Task:
     b = task.builder
     for c in task.action:
         if not all(map(math.isfinite, (*c.low, *c.high))):
-            raise Inapplicable(f"actions are drawn from ranges with ends, and '{c.name}' has none")
+            raise Inapplicable(f"actions must be bounded, and '{c.name}' has none")
     with step_draws(task) as with_draws:
         slipped = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
         drawn = {c.name: _any(task, c) for c in task.action}

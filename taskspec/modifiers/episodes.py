@@ -40,7 +40,7 @@ def _horizon(task: Task, given: Arguments) -> Task:
     longer = task.horizon is not None and steps > task.horizon
     if reads_time(task) and (longer or task.modifiers or task.horizon is None):
         hint = "give the horizon before other modifiers" if task.modifiers else "a parameter of the task may decide it"
-        raise Inapplicable("what it does depends on the time, and so on the horizon that it has", hint)
+        raise Inapplicable("it depends on the time, and so on its horizon", hint)
     return _longer(task, steps) if longer else replace(task, horizon=steps)
 
 
@@ -68,7 +68,7 @@ def _names(node: Node) -> set[str]:
 
 
 def _says_horizon(task: Task, given: Arguments) -> str:
-    before = "without end" if task.horizon is None else f"of ${task.horizon}$ steps"
+    before = "without a time limit" if task.horizon is None else f"of ${task.horizon}$ steps"
     return f"the horizon is ${given['steps']}$, in place of one {before}"
 
 

@@ -74,7 +74,7 @@ def _hidden(task: Task, given: Arguments) -> Task:
             f"'{name}' is not observed", suggest(name, names) or f"what is observed is {', '.join(names)}"
         )
     if len(names) == 1:
-        raise Inapplicable(f"'{name}' is all that is observed")
+        raise Inapplicable(f"'{name}' is the only observed component")
     kept = [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.name != name]
     return observing(task, [c for c, _ in kept], [n for _, n in kept], seen.space, {})
 

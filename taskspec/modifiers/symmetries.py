@@ -53,7 +53,7 @@ def _seen(task: Task, symmetry: Symmetry) -> Task:
     for c in symmetry.seen:
         if c.name not in now or now[c.name][0].type != c.type:
             hint = "give the symmetry before modifiers of what is observed"
-            raise Inapplicable(f"'{c.name}' is no longer observed as the symmetry knows it", hint)
+            raise Inapplicable(f"'{c.name}' is no longer observed as the symmetry expects", hint)
     seen = [now.pop(c.name)[0] for c in symmetry.seen]
     found = parts(Role.NEXT, seen, symmetry.observation)
     if any(part.clash() is not None for part in found):
@@ -109,7 +109,7 @@ def _steered(task: Task, symmetry: Symmetry) -> Task:
             continue
         if not part.is_decided:
             raise Inapplicable(
-                "it is not known to be one-to-one in the actions: they are no few, and more than moved about"
+                "it could not be shown to be one-to-one on the actions: there are too many, and it does more than permute them"
             )
         if part.clash() is not None or outside(part) is not None:
             raise Inapplicable("it is not one-to-one in the actions", "`taskspec check` shows where")

@@ -133,7 +133,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _no_cluster(message: str) -> SpecError:
-    hint = "see that its scheduler and workers run, with taskspec and loky installed; what is done is kept"
+    hint = "check that its scheduler and workers run, with taskspec and loky installed; finished results are kept"
     return SpecError([Diagnostic("E723", None, message, hint)])
 
 

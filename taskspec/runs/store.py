@@ -136,7 +136,7 @@ class Store:
             except sqlite3.OperationalError as error:
                 message = f"another process is writing to {str(self.path)!r}"
                 raise SpecError(
-                    [Diagnostic("E722", None, message, "wait until it is done, or give another place")]
+                    [Diagnostic("E722", None, message, "wait until it is finished, or give another file")]
                 ) from error
             self._is_writing = True
             stack.callback(setattr, self, "_is_writing", False)

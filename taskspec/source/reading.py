@@ -120,7 +120,7 @@ def _before_reading(text: str) -> Iterable[TextProblem]:
         yield TextProblem("E114", 0, 0, _too_long(), how_to_raise("file", len(text)))
     elif found := _NOT_TEXT.search(text):
         code_point = f"U+{ord(found.group()):04X}"
-        message = f"the character {code_point} cannot stand in a spec"
+        message = f"the character {code_point} is not allowed in a spec"
         yield TextProblem("E113", found.start(), found.end(), message, "remove it")
 
 

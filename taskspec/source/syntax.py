@@ -171,7 +171,7 @@ def _colon(text: str, syntax: Syntax) -> TextProblem | None:
         start = at - len(text[this_line:at].lstrip())
         key = shown(text[start:at])
         message = f"`{key}` is indented as if it belonged to the value above"
-        hint = "line it up with the key that it stands beside"
+        hint = "align it with the keys next to it"
         return TextProblem("E110", start, at, message, hint)
     end = value_end(text, at, in_flow=False)
     message = "a colon followed by a space inside a value"

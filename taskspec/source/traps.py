@@ -76,7 +76,7 @@ def _duplicates(node: MappingNode) -> Iterator[TextProblem]:
     for key, _ in node.entries:
         first = node.index[key.value][0]
         if first is not key:
-            message = f"the key `{shown(key.value)}` stands twice in this mapping"
+            message = f"the key `{shown(key.value)}` occurs twice in this mapping"
             yield TextProblem("E101", key.start, key.end, message, "remove one, or rename it")
 
 

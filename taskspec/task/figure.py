@@ -95,7 +95,7 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
     elif grid is None:
         rows = _digits(context.constant(name))
         if rows is None:
-            message = f"the constant '{name}' is no grid of letters, and no matrix of conditions or digits"
+            message = f"the constant '{name}' is neither a grid of letters nor a matrix of conditions or digits"
             hint = f"{name}: {{grid: [...], legend: {{...}}}}"
             context.collector.add("E204", context.merged.span(("figure", "map")), message, hint)
         return rows or ()

@@ -77,9 +77,13 @@ class Names:
         bindings: dict[str, Binding] = dict(context.constants)
         for c in (*context.state, *context.action):
             hint = (
-                f"what is seen after a step is written with a prime: `{next(iter(seen))}'`" if later and seen else None
+                f"an observation after a step is written with a prime: `{next(iter(seen))}'`"
+                if later and seen
+                else None
             )
-            bindings[c.name] = Unavailable("E302", f"a memory is made of what is seen, and '{c.name}' is not", hint)
+            bindings[c.name] = Unavailable(
+                "E302", f"a memory is computed from observations, and '{c.name}' is not", hint
+            )
         for name, value in seen.items():
             if later:
                 message, hint = (
@@ -101,7 +105,7 @@ class Names:
         """The names visible in a map of a symmetry: what is mapped, and what is fixed."""
         bindings: dict[str, Binding] = dict(self.context.constants)
         for c in (*self.context.state, *self.context.action):
-            message = f"a symmetry maps what is seen, and what is done; '{c.name}' is not part of this"
+            message = f"a symmetry maps observations and actions; '{c.name}' is not part of this"
             bindings[c.name] = Unavailable("E302", message)
         bindings |= visible
         self._bind_noise(bindings, section)
@@ -150,7 +154,7 @@ class Names:
             if section in ("expert", "memory"):
                 bindings[c.name] = self.context.read(c, Role.STATE)
             elif section != "first memory":
-                message = f"'{c.name}' is the expert's memory, which `expert` and `memory` alone know"
+                message = f"'{c.name}' is the expert's memory, which only `expert` and `memory` can use"
                 bindings[c.name] = Unavailable("E302", message)
 
     def _bind_time(self, bindings: dict[str, Binding], section: str) -> None:
@@ -172,7 +176,7 @@ class Names:
         elif section == "reward":
             bindings["terminal"] = Unavailable("E302", "no step ends an episode here: there is no section `terminal`")
         else:
-            bindings["terminal"] = Unavailable("E302", "'terminal' is known in `reward` alone")
+            bindings["terminal"] = Unavailable("E302", "'terminal' can only be used in `reward`")
 
     def end(self, at: s.Expr) -> Value:
         """Whether a step ends the episode, worked out on first use.

@@ -114,7 +114,7 @@ def _refused(name: str, opened: OpenParameters) -> Diagnostic:
     """Why something cannot be replaced."""
     if name == "max_steps_in_episode":
         return Diagnostic(
-            "E713", None, "max_steps_in_episode is the horizon of the task", "another horizon makes another task"
+            "E713", None, "max_steps_in_episode is the horizon of the task", "for another horizon, load another task"
         )
     if name not in opened.bound:
         known = [*(p.name for p in opened.varying), *opened.bound]

@@ -75,7 +75,7 @@ def _weigh(source: str) -> None:
     seconds, most = len(source) // RATE, limits().compiling
     if seconds > most:
         message = f"Numba would take about {seconds:,} seconds to compile this task; the limit is {most:,}"
-        hint = f'`backend="numpy"` starts at once; or {how_to_raise("compiling", seconds)}'
+        hint = f'`backend="numpy"` needs no compilation; or {how_to_raise("compiling", seconds)}'
         raise SpecError([Diagnostic("E314", None, message, hint)])
     if seconds >= LONG:
         words = (

@@ -113,8 +113,8 @@ def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
             return None
     lane = int(np.flatnonzero(apart)[0])
     return (
-        f"{_told(part.inputs, {n: v[..., lane] for n, v in first.items()})} does not come back when it is applied "
-        f"{ROUNDS} times, so that it is not known to be one-to-one"
+        f"{_told(part.inputs, {n: v[..., lane] for n, v in first.items()})} does not return to itself when it is applied "
+        f"{ROUNDS} times, so it could not be shown to be one-to-one"
     )
 
 

@@ -18,7 +18,7 @@ from taskspec.task.task import Component, Task
 
 Array = np.ndarray[Any, Any]
 _HINTS = {
-    "E403": "widen the bounds, stop at them with `clip`, or end the episode before",
+    "E403": "widen the bounds, stop at them with `clip`, or end the episode earlier",
     "E402": "a probability lies between 0 and 1",
 }
 
@@ -112,9 +112,9 @@ def _notes(violation: Violation, task: Task) -> list[str]:
     if task.parameters:
         notes.append(parameters(task.values))
     if violation.acting is None:
-        notes.append("no episode was seen in this state; there is no exact model to tell whether any gets there")
+        notes.append("no tested episode visited this state; without an exact model, it is unknown whether any can")
     if violation.acting is False:
-        notes.append("no episode acts in this state, but it is a declared state all the same")
+        notes.append("no episode takes an action in this state, but it is a declared state")
     return notes
 
 

@@ -126,7 +126,7 @@ def _settled(claim: Claim, case: Mapping[str, Any], truth: Truth, episodes: int)
     if truth.holds:
         return Verdict(claim, case, "tested" if episodes else "proved", truth.detail, episodes)
     if truth.holds is None:
-        hint = "a `tolerance` says how closely it is meant" if _compares(claim.expr) and not episodes else None
+        hint = "give the claim a `tolerance`" if _compares(claim.expr) and not episodes else None
         message = f"this claim is neither proved nor contradicted: {truth.detail}"
         return _failed(claim, case, "undecided", message, place, episodes, hint)
     if not episodes:

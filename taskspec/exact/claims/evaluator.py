@@ -208,7 +208,7 @@ class Evaluator:
         sample = self.results.sample(which, self.terms.episodes)
         if sample is None:
             why = self.results.why_not or "its range of actions has no end"
-            lack = "cannot be worked out" if self.results.model else "needs an exact model, and there is none"
+            lack = "cannot be computed" if self.results.model else "needs an exact model, which does not exist"
             raise Undecidable(f"'{name}' {lack}: {why}", expr)
         self.simulated = max(self.simulated, sample.episodes)
         return self.results.interval(sample, self.terms.confidence, self.terms.soundly)
@@ -223,7 +223,7 @@ class Evaluator:
     def _model(self, expr: s.Expr) -> Model:
         model = self.results.model
         if model is None:
-            raise Undecidable(f"this claim needs an exact model, and there is none: {self.results.why_not}", expr)
+            raise Undecidable(f"this claim needs an exact model, which does not exist: {self.results.why_not}", expr)
         if self.results.faith is not None and self.results.faith.problem is not None:
             raise Undecidable("the abstraction that this would be told from is not faithful", expr)
         self.rests_on = max(self.rests_on, self.results.tested())

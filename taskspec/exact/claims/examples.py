@@ -170,7 +170,7 @@ class _Trial:
             case "expert" if isinstance(task.expert, tuple):
                 return *_named(task.action, task.expert, name), f"the expert's {name}"
             case "expert":
-                message = "only an expert that is given by expressions can be looked at"
+                message = "only an expert given by expressions can be checked"
                 self.collector.add("E612", follows.expr.place, message)
                 return None
             case "reward":

@@ -109,7 +109,7 @@ def _compare_forms(asked: Consequence, collector: Collector) -> None:
     if forms.all([asked.actual]) == forms.all([asked.expected]):
         return
     if not draws([asked.expected]):
-        message = f"{asked.what} is drawn from a distribution without end, so it is not always {_value(asked)}"
+        message = f"{asked.what} is drawn from a distribution with infinitely many outcomes, so it is not always {_value(asked)}"
         collector.add("E611", asked.expr.place, message, "write the distribution")
         return
     message = f"{asked.what} is drawn in another way, which may be the same or not"
@@ -121,10 +121,10 @@ def likely(asked: Sequence[Consequence], chance: Fraction, example: Example, col
     actual = outcomes([a.actual for a in asked])
     expected = outcomes([a.expected for a in asked])
     if actual is None:
-        message = "how likely this is cannot be decided: it is drawn from distributions without end, or with too many outcomes"
+        message = "the probability cannot be computed: the draws have infinitely many, or too many, outcomes"
         collector.add("E612", example.place, message)
     elif expected is None or len(expected.values) > 1:
-        collector.add("E613", example.place, "where a probability is given, what follows is one value for each name")
+        collector.add("E613", example.place, "with a probability, give one value for each name")
     elif not _alike(actual.chance(expected.values[0]), chance):
         message = f"this has a probability of {_number(actual.chance(expected.values[0]))}, not {_number(chance)}"
         collector.add("E611", example.probability.place if example.probability else example.place, message)

@@ -16,5 +16,5 @@ def idle_errata(case: Linted, collector: Collector) -> None:
     for i, entry in enumerate(merged.data["errata"]):
         for j, section in enumerate(entry.get("about") or ()):
             if merged.data.get(section) == based.data.get(section):
-                message = f"this erratum is about `{section}`, which this variant leaves as it is"
+                message = f"this erratum is about `{section}`, which this variant does not change"
                 collector.add("W521", merged.span(("errata", i, "about", j)), message)

@@ -48,7 +48,7 @@ def _report(m: ClampedIndex, index: int, reads: Reads, task: Task, collector: Co
     place = f"for {', '.join(where)}, " if where else ""
     end = 0 if index < 0 else m.length - 1
     message = f"{place}this index is {index}; it is moved to {end}, the nearest of 0 ... {m.length - 1}"
-    collector.add("W510", m.place, message, "if that is meant, write it: `clip(i, 0, n - 1)`")
+    collector.add("W510", m.place, message, "if this is intended, write `clip(i, 0, n - 1)`")
 
 
 # -- points -------------------------------------------------------------------------------------------------------

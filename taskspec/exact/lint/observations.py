@@ -57,7 +57,7 @@ def hidden_goal(case: Linted, collector: Collector) -> None:
         members = np.flatnonzero(group == number)
         if not good[:, members].all(axis=1).any():
             one, other = (model.state_name(int(first[m])) for m in _conflict(good, members))
-            message = f"episodes begin in {one} and in {other}; the agent sees the same, and no action is best in both"
+            message = f"episodes begin in {one} and in {other}; both look the same to the agent, and no action is best in both"
             collector.add("W509", case.merged.span(("observation",)), message)
             return
 
@@ -106,7 +106,7 @@ def duplicate(case: Linted, collector: Collector) -> None:
         key = id(_bare(node)) if values is None else (values.shape, values.astype(np.float64).tobytes())
         first = known.setdefault(key, c.name)
         if first != c.name:
-            collector.add("W517", _place(case, c.name), f"'{c.name}' shows the same as '{first}'")
+            collector.add("W517", _place(case, c.name), f"'{c.name}' is the same as '{first}'")
 
 
 def hidden(case: Linted, collector: Collector) -> None:
@@ -117,7 +117,7 @@ def hidden(case: Linted, collector: Collector) -> None:
     told, paid = mentioned(task, "observation"), mentioned(task, "reward")
     for c in task.state:
         if c.name in paid and c.name not in told and c.low != c.high and _varies(case, c):
-            message = f"the reward depends on '{c.name}', of which the observation shows nothing"
+            message = f"the reward depends on '{c.name}', which the observation does not show"
             collector.add("W518", case.key("observation"), message)
 
 

@@ -17,7 +17,7 @@ from taskspec.task.task import Component, Task
 def whole(case: Linted, collector: Collector) -> None:
     """W513: a real component of the state that is whole in every state of every episode."""
     for c in _whole_components(case.task):
-        message = f"'{c.name}' is declared real, but takes whole values only"
+        message = f"'{c.name}' is declared real, but only takes whole values"
         collector.add("W513", case.key("state", c.name), message, "declare it `type: int`")
 
 

@@ -18,9 +18,9 @@ def rewards(case: Linted, collector: Collector) -> None:
     value = words(case.paid[0])
     later = _later_reward(case, case.paid[0])
     if later is None:
-        collector.add("W503", case.merged.span(("reward",)), f"every step that can occur pays {value}")
+        collector.add("W503", case.merged.span(("reward",)), f"every possible step has reward {value}")
         return
-    message = f"within {case.task.horizon} steps every reward is {value}; in longer episodes others follow"
+    message = f"within {case.task.horizon} steps every reward is {value}; longer episodes have others"
     hint = f"the first of them is paid in step {later}"
     collector.add("W502", case.merged.span(("horizon",)), message, hint)
 

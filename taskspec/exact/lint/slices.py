@@ -48,7 +48,7 @@ def _check_ends(node: s.Subscript, cut: s.Slice, where: SectionScope, collector:
     numbers = all(end is None or not list(s.names(end)) for end in (cut.start, cut.stop, cut.step))
     ends = [None if end is None else _constant(end, where) for end in (cut.start, cut.stop, cut.step)]
     if numbers and length and not range(length)[slice(*ends)]:
-        collector.add("W514", cut.place, "this slice has no elements, whatever the parameters")
+        collector.add("W514", cut.place, "this slice has no elements for any parameters")
 
 
 def uneven(case: Linted, collector: Collector) -> None:

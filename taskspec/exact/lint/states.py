@@ -46,7 +46,7 @@ def _report(case: Linted, path: tuple[str, ...], c: Component, missing: list[str
     if missing:
         shown = ", ".join(missing[:6]) + (", ..." if len(missing) > 6 else "")
         subject = f"{c.name} = {shown}" if c.type.is_scalar else f"an element {shown} in {c.name}"
-        collector.add("W501", case.key(*path), f"no episode is ever in a state with {subject}")
+        collector.add("W501", case.key(*path), f"no episode visits a state with {subject}")
 
 
 def _missing(c: Component, seen: Array) -> list[str]:
@@ -87,7 +87,7 @@ def _beyond(case: Linted, collector: Collector) -> None:
         if c.name in normal or c.domain is not None or c.type.kind is Kind.BOOL:
             continue
         for beyond in _unused_ends(c, found[c.name]):
-            collector.add("W501", case.key("state", c.name), f"no episode is ever in a state with {c.name} {beyond}")
+            collector.add("W501", case.key("state", c.name), f"no episode visits a state with {c.name} {beyond}")
 
 
 def _unused_ends(c: Component, found: Interval) -> Iterator[str]:

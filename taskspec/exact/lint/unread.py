@@ -21,7 +21,7 @@ def unread(case: Linted, collector: Collector) -> None:
             collector.add("W519", case.key("state", c.name), message)
         elif draws((first, following)):
             collector.add(
-                "W519", case.key("state", c.name), f"'{c.name}' is drawn, but neither rewards nor ends depend on it"
+                "W519", case.key("state", c.name), f"'{c.name}' is drawn, but neither rewards nor endings depend on it"
             )
 
 
@@ -35,7 +35,7 @@ def forgotten(case: Linted, collector: Collector) -> None:
     for _ in nexts:
         found |= {name for known in found & nexts.keys() for role, name in reads([nexts[known]]) if role is Role.STATE}
     for name in (n for n in nexts if n not in found):
-        collector.add("W519", case.key("memory", name), f"nothing that the expert does depends on '{name}'")
+        collector.add("W519", case.key("memory", name), f"no action of the expert depends on '{name}'")
 
 
 def _followed(task: Task, roots: tuple[Node, ...]) -> set[str]:

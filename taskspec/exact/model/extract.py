@@ -108,7 +108,7 @@ class _Room:
         if size > self.cost.affordable():
             needed = self.cost.seconds(size)
             refuse(
-                f"the exact model takes {duration(needed)}; the limit is {limits().seconds}",
+                f"the exact model would take {duration(needed)}; the limit is {limits().seconds}",
                 how_to_raise("seconds", needed),
             )
         needed = self.horizon * (size / self.times + OVERHEAD) / SWEEP

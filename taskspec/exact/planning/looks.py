@@ -28,7 +28,7 @@ def looks(model: Model) -> Array:
             nodes.append(node)
         elif reads([node]):
             refuse(
-                "what is seen of a state is partly random", "draw it in `dynamics`, as a part of the state that is seen"
+                "the observation of a state is partly random", "draw it in `dynamics`, as an observed part of the state"
             )
     timed = (Role.TIME, "t") in reads(nodes)
     times = range((model.horizon or 0) + 1 if timed else 1)

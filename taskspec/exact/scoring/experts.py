@@ -41,7 +41,7 @@ class Expert:
         task = load(task)
         self.given: Given = None if policy is None else planned(str(policy))
         if policy is not None and self.given is None:
-            misused(f"{policy!r} is no expert", '"optimal", or "soft(1)" with a number')
+            misused(f"{policy!r} is not an expert", '"optimal", or "soft(1)" with a number')
         if task.expert is None and self.given is None:
             refuse(f"{task.name} gives no expert")
         self.task: Task = task

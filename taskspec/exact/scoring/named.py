@@ -39,7 +39,7 @@ NAMES = {
     "expert": "the spec's own",
     "optimal": "one of the best actions, planned on the exact model",
     "soft(1)": "Boltzmann-rational at an inverse temperature, planned on the exact model",
-    "epsilon(0.1)": "the expert, or the optimum where there is none, but random with a probability",
+    "epsilon(0.1)": "the expert, or the optimal policy without one, but random with a probability",
 }
 """The names of policies, each with what it is; the numbers stand for any."""
 _CALL = re.compile(r"(\w+)\((.+)\)")
@@ -142,7 +142,7 @@ class _Random:
         open_ended = [c.name for c in task.action if not all(map(math.isfinite, (*c.low, *c.high)))]
         if open_ended:
             misused(
-                f"random actions need a range with two ends, which '{open_ended[0]}' has not",
+                f"random actions need a bounded range, which '{open_ended[0]}' has not",
                 "give it `low` and `high`",
             )
         self.task, self.words = task, sum(c.type.size for c in task.action)
@@ -301,7 +301,7 @@ def _plan_of(model: Model, name: str, given: Given) -> Plan:
 
 def _needs_model(name: str, results: Results) -> NoReturn:
     refuse(
-        f"the policy '{name}' is planned on the exact model of {results.task.id}, and there is none: {results.why_not}",
+        f"the policy '{name}' is planned on the exact model of {results.task.id}, which does not exist: {results.why_not}",
         results.remedy,
     )
 

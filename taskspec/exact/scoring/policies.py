@@ -95,7 +95,7 @@ def _of_states(task: Task, policy: Callable[..., Any]) -> Function:
 def _tabulated(table: Any, results: Results) -> Valued:
     model, array = results.model, np.asarray(table)
     if array.ndim == 1 and array.dtype.kind == "f":
-        misused("a list of reals is no policy", "returns of episodes are given as `score(task, returns=[...])`")
+        misused("a list of reals is not a policy", "returns of episodes are given as `score(task, returns=[...])`")
     if model is None:
         refuse(f"a table of actions needs an exact model: {results.why_not}")
     plan = plan_of_table(model, array)
@@ -120,7 +120,7 @@ def plan_of_table(model: Model, table: Array) -> Plan:
     a, n = model.n_actions, model.n_states
     if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (a, n):
         if not ((table >= 0) & (table < a)).all():
-            misused(f"an action of the table is none of 0 to {a - 1}")
+            misused(f"an action of the table is not in 0 to {a - 1}")
         hot = np.moveaxis(np.eye(a)[table], -1, -2)
         return stationary(hot) if table.ndim == 1 else timed(list(hot))
     if table.shape[-2:] != (a, n) or table.ndim > 3:

@@ -15,11 +15,11 @@ def read(path: str | Path, returns: Iterable[str]) -> dict[str, Any]:
     """What a file of scores says, by name; `returns` are the names of returns.
 
     Raises:
-        SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it holds no scores.
+        SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it contains no scores.
     """
     data, fits = _parsed(path), _FITS | dict.fromkeys(returns, _is_return)
     if not isinstance(data, dict):
-        _damaged(path, "it is no JSON object")
+        _damaged(path, "it is not a JSON object")
     for name, right in fits.items():
         if name not in data or not right(data[name]):
             _damaged(path, f"`{name}` is missing, or wrong")
@@ -34,11 +34,11 @@ def _parsed(path: str | Path) -> Any:
     except OSError as error:
         raise SpecError([Diagnostic("E711", None, f"cannot read {str(path)!r}: {error.strerror or error}")]) from None
     except (ValueError, RecursionError):
-        _damaged(path, "it is no JSON")
+        _damaged(path, "it is not JSON")
 
 
 def _damaged(path: str | Path, why: str) -> NoReturn:
-    misused(f"{str(path)!r} holds no scores: {why}", "work them out again, and save them")
+    misused(f"{str(path)!r} contains no scores: {why}", "compute them again, and save them")
 
 
 def _is_number(value: Any) -> bool:

@@ -159,4 +159,4 @@ def _known_key(
 ) -> None:
     if references and key not in references:
         hint = suggest(key, references) or f"one of {', '.join(references)}"
-        collector.add("E206", document.span(at), f"`{key}` is no key of the bibliography beside this file", hint)
+        collector.add("E206", document.span(at), f"`{key}` is not a key of the bibliography next to this file", hint)

@@ -65,7 +65,7 @@ class SeedScores:
             if record.get("error") is None and record.get(entry) is not None:
                 by_seed[record["seed"]].append(float(record[entry]))
         if not by_seed:
-            raise Undecidable(f"nothing is known of {f'{learner} on ' if learner else ''}{_called(task, side)}")
+            raise Undecidable(f"there are no results of {f'{learner} on ' if learner else ''}{_called(task, side)}")
         found = np.array([np.mean(by_seed[seed]) for seed in sorted(by_seed)])
         is_score = entry in ("deterministic", "stochastic")
         return np.maximum(found, self.floor) if is_score and self.floor is not None else found

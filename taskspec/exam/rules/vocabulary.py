@@ -42,24 +42,22 @@ NUMBERS: dict[str, OverSeeds] = {
     n.word.name: n
     for n in (
         _over_seeds("score", "deterministic", mean, "Mean score of the best actions of the policy; 0 is random, 1 the expert."),
-        _over_seeds("sampled", "stochastic", mean, "Mean score of the policy that draws its actions."),
+        _over_seeds("sampled", "stochastic", mean, "Mean score of the policy that samples its actions."),
         _over_seeds("sd", "deterministic", deviation, "Standard deviation of the scores between seeds."),
         _over_seeds("median", "deterministic", _median, "Score that half of the seeds reach."),
         _over_seeds("highest", "deterministic", _highest, "Score of the best seed."),
         _over_seeds("lowest", "deterministic", _lowest, "Score of the worst seed."),
         _over_seeds("starc", "starc", mean, "Mean distance of the learned reward to the true one, up to shaping and scale."),
-        _over_seeds("regret", "reward_regret", mean, "Mean score that is lost by who optimises the learned reward exactly."),
+        _over_seeds("regret", "reward_regret", mean, "Mean score that is lost by optimising the learned reward exactly."),
     )
 }  # fmt: skip
 """Each takes a task, where there are several learners a learner before it, and one of `SIDES` behind it."""
 
-FIXED: dict[str, Word] = {
-    "constant": Word("constant", "constant(task)", "Score of the best action that is taken always.")
-}
+FIXED: dict[str, Word] = {"constant": Word("constant", "constant(task)", "Score of the best constant action.")}
 """Numbers of a task that no seed changes."""
 
 SIDES: dict[str, str] = {
-    "printed": "the task as printed, which is meant unless another is named",
+    "printed": "the task as printed; the default",
     "twin": "its twins: states renamed, actions permuted, or a symmetry of the task; mean over all of them",
     "negated": "the task as printed, with the reward that is withheld negated",
 }
@@ -71,10 +69,10 @@ FUNCTIONS: dict[str, tuple[int, int, str]] = {
 """Functions of numbers: how many they take, and what they are."""
 
 QUANTIFIERS: dict[str, str] = {
-    "all": "The condition holds of every one: `all(score(t) > 0 for t in tasks)`.",
-    "any": "It holds of one at least.",
-    "most": "It holds of more than half.",
-    "count": "Of how many it holds: a number.",
+    "all": "The condition holds for all: `all(score(t) > 0 for t in tasks)`.",
+    "any": "It holds for at least one.",
+    "most": "It holds for more than half.",
+    "count": "The number for which it holds.",
 }
 ALL_TASKS, ALL_LEARNERS = "tasks", "learners"
 """Groups that are there without being written."""

@@ -62,7 +62,7 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
         collector.extend(check_shape(other))
     if key := _other_format(document):
         what, hint = OTHER_FORMATS[key]
-        message = f"this is {what}, and no spec"
+        message = f"this is {what}, not a spec"
         collector.add("E201", document.key_span((key,)), message, hint.format(document.origin.name))
     elif isinstance(document.data, dict):
         validate(document, collector, Extension if EXTENDS in document.data else Spec)
@@ -285,12 +285,12 @@ def _strays(merged: Merged) -> Iterator[Problem]:
         section, name = str(path[0]), str(path[1])
         if section == "claims":
             stated = [statement(claim) for claim in merged.data[section]]
-            message = f"what this variant is based on does not claim `{name}`"
+            message = f"the base of this variant does not claim `{name}`"
             yield Problem("E219", path, message, suggest(name, stated) or "a claim is dropped as it is written there")
             continue
         known = [key for key in merged.data.get(section) or {} if (section, key) not in merged.strays]
         listed = f"its entries are {', '.join(known)}" if known else f"it has no `{section}:` section"
-        message = f"what this variant is based on has no `{name}` in `{section}`"
+        message = f"the base of this variant has no `{name}` in `{section}`"
         yield Problem("E219", path, message, suggest(name, known) or listed, of_key=True)
 
 
@@ -301,9 +301,9 @@ def _add_missing(collector: Collector, merged: Merged, section: str) -> None:
         collector.add("E210", merged.key_span((section,)), message, "`null`, or nothing after the colon, removes it")
     elif merged.variant is not None:
         place = merged.document.key_span(("variants", merged.variant))
-        collector.add("E210", place, message, "what this variant is based on has none either")
+        collector.add("E210", place, message, "the base of this variant has none either")
     elif EXTENDS in merged.document.data:
-        collector.add("E210", merged.document.span((EXTENDS,)), message, "what this spec extends has none either")
+        collector.add("E210", merged.document.span((EXTENDS,)), message, "the spec that it extends has none either")
     else:
         hint = f"only its variants are tasks: {', '.join(variants)}" if variants else None
         collector.add("E210", merged.document.span(("name",)), message, hint)

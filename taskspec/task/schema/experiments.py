@@ -18,10 +18,10 @@ from taskspec.task.schema.typed import Strict
 FORMAT = 1
 """The version of the format that is read here."""
 SPANS = {
-    "range": "from the first on, below the second, in steps of the third (1 unless given), as Python's `range`",
-    "logrange": "from the first to the second, the third says how many, each the same multiple of the one before",
+    "range": "from the first to below the second, in steps of the third (1 unless given), as Python's `range`",
+    "logrange": "from the first to the second, evenly spaced on a logarithmic scale; the third is the number of values",
     "uniform": "drawn between the two, for `sample`",
-    "loguniform": "drawn between the two, each order of magnitude as often, for `sample`",
+    "loguniform": "drawn log-uniformly between the two, for `sample`",
 }
 """Values that are not listed one by one, by name, with what their numbers mean."""
 LENGTHS = {"range": (2, 3), "logrange": (3, 3), "uniform": (2, 2), "loguniform": (2, 2)}

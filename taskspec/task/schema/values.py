@@ -81,7 +81,7 @@ def _cases(items: list[Any]) -> Iterator[Problem]:
         is_last = i == len(items) - 1
         yield from (problem.below(i) for problem in _case(item, is_last))
     if not (isinstance(items[-1], dict) and "else" in items[-1]):
-        hint = "add `- else: ...` for all that is left"
+        hint = "add `- else: ...` for all other cases"
         yield Problem("E209", (len(items) - 1,), "the last case must be `else`", hint)
 
 
