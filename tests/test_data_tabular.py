@@ -64,7 +64,7 @@ def test_occupancy_counts_states_of_episodes(task: str) -> None:
     exact = found.occupancy("epsilon(0.5)")
     assert np.isclose(exact.sum(), found.horizon + 1)
     if task == "NoisyObs":
-        with pytest.raises(taskspec.SpecError, match="no function of the state"):
+        with pytest.raises(taskspec.SpecError, match="not a function of the state"):
             _ = found.observations
         return
     shown = demonstrations(task, "epsilon(0.5)", episodes=3000)

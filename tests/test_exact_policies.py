@@ -246,6 +246,6 @@ reward: REWARD
     ("name", "hint"), [("optimal", "`Expert(task, 'optimal')`"), ("random", "a table, a function")]
 )
 def test_a_name_is_no_policy_and_what_it_may_stand_for_is_said(name: str, hint: str) -> None:
-    with pytest.raises(SpecError, match="str is no policy") as error:
+    with pytest.raises(SpecError, match="str is not a policy") as error:
         score("derail/RiskyPath", name)
     assert hint in str(error.value.diagnostics[0].hint)

@@ -175,7 +175,7 @@ def test_a_block_of_seeds_that_trains_together_is_scored_seed_by_seed() -> None:
     assert found[0]["deterministic"] != 1 and found[1]["deterministic"] == 1
     assert [score["curve"] for score in found] == [[[10, pytest.approx(0)]]] * 2
     wrong = examine(lambda case: 3, tasks=["EarlyTermNeg"], seeds=1, twins=0, learns_from=["reward"])["scores"][0]
-    assert "int is no policy" in wrong["error"]
+    assert "int is not a policy" in wrong["error"]
 
 
 # -- the command --------------------------------------------------------------------------------------------------

@@ -260,4 +260,4 @@ def test_the_command_refuses_what_is_no_exam_and_learners_that_are_one(tmp_path:
     assert Done("report", tmp_path / "none").status == 1
     one = stored(tmp_path / "one", exam({"Sort": 0.5}, seeds=2))
     again = Done("report", one, one)
-    assert again.status == 2 and "one learner" in again.err
+    assert again.status == 2 and "the same learner" in again.err

@@ -261,7 +261,7 @@ def test_rewards_after_the_end_are_not_asked() -> None:
         ("RiskyPath", np.full(4, np.nan), "E713", "finite number"),
         ("RiskyPath", lambda obs, action, following: np.zeros(2), "E713", "for each step"),
         ("LargestSum", np.zeros(4), "E712", ""),
-        ("NoisyObs", lambda obs, action, following: np.zeros(len(obs)), "E712", "no function of the state"),
+        ("NoisyObs", lambda obs, action, following: np.zeros(len(obs)), "E712", "not a function of the state"),
         ("Sort", lambda obs, action, following: np.zeros(len(obs)), "E712", "abstraction"),
     ],
 )

@@ -57,7 +57,7 @@ def _check(task: Task, name: str) -> None:
         known = ", ".join(p.name for p in task.parameters) or "none"
         raise SpecError([Diagnostic("E702", None, f"{task.name} has no parameter '{name}'", f"it has {known}")])
     if found.kind not in ("int", "real"):
-        raise _error(f"parameter {name} is no number, and cannot differ between lanes")
+        raise _error(f"parameter {name} is not a number, and cannot differ between lanes")
     if task.modifiers:
         raise _error(f"parameters of a task with modifiers, as {task.instance_id}, cannot differ between lanes")
 

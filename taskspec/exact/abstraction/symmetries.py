@@ -67,7 +67,7 @@ def not_kept(task: Task, found: Iterable[Kept]) -> Iterator[Diagnostic]:
         if each.problem is not None:
             name = each.symmetry.name
             place = merge(task.document, task.variant).key_span(("symmetries", name))
-            yield Diagnostic("E605", place, f"'{name}' is no symmetry: {each.problem}")
+            yield Diagnostic("E605", place, f"'{name}' is not a symmetry: {each.problem}")
 
 
 def _of_actions(task: Task, symmetry: Symmetry) -> str | None:
@@ -99,7 +99,7 @@ def _returning(symmetry: Symmetry, part: MapPart) -> str | None:
     nodes: dict[str, Node] = {symmetry.components[i].name: symmetry.observation[i] for i in part.outputs}
     names = [c.name for c in part.inputs]
     if not names:
-        return "it shows what is no finite number"
+        return "it shows a value that is not finite"
     if sorted(nodes) != sorted(names) or any(nodes[c.name].type.shape != c.type.shape for c in part.inputs):
         return f"it shows other things than {', '.join(names)}, so that it is not known to be one-to-one"
     rng = np.random.default_rng(0)

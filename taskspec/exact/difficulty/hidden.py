@@ -34,7 +34,7 @@ def hidden_bits(model: Model) -> float:
     nodes = _telling(task)
     timed = TIME in reads(nodes)
     if timed and model.horizon is None:
-        refuse("what is seen depends on the time, and there is no horizon")
+        refuse("the observation depends on the time, and there is no horizon")
     often = _often_at_each_time(model) if timed else [_often(model)]
     _check_size(nodes, sum(int(np.count_nonzero(each)) for each in often))
     found = [part for t, each in enumerate(often) for part in _seen(model, nodes, t, each)]

@@ -50,7 +50,7 @@ def policy_value(results: Results, policy: Any, deterministic: bool | None) -> V
         return _predicted(Asked(task, policy, deterministic), results)
     if not callable(policy):
         hint = f"`Expert(task, {policy!r})`" if isinstance(policy, str) and planned(policy) is not None else None
-        misused(f"{type(policy).__name__} is no policy", hint or "a table, a function, or an object with `predict`")
+        misused(f"{type(policy).__name__} is not a policy", hint or "a table, a function, or an object with `predict`")
     function = _of_states(task, policy)
     if model is not None and model.task is task:
         try:

@@ -81,7 +81,7 @@ class _Factoring:
         match node:
             case Apply(op="argsort", args=(Apply(op="argsort", args=(Read(role=Role.STATE, name=name) as vector,)),)):
                 if vector.type.kind is not Kind.REAL or name in self.replaced:
-                    raise Unfactored(f"'{name}' is ranked, and is no vector of reals")
+                    raise Unfactored(f"'{name}' is ranked, and is not a vector of reals")
                 self.ranked[name] = c
                 self._stand_for(name, self.builder.cast(own, Kind.REAL))
             case _:
@@ -92,7 +92,7 @@ class _Factoring:
         if isinstance(node, Read) and node.type == own.type and node.name not in self.replaced:
             return self._stand_for(node.name, own)
         if node.type.kind is not Kind.INT:
-            raise Unfactored(f"'{c.name}' is mapped to what is no whole number")
+            raise Unfactored(f"'{c.name}' is mapped to a value that is not a whole number")
         b, (form,) = self.builder, self.normal.form([self._over(node, self.replaced)])
         for term, factor in self.normal.terms(form)[0].values():
             match term:
