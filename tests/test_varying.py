@@ -144,7 +144,7 @@ def test_gymnasiums_functional_environment_takes_them_too() -> None:
         (["L"], "E713", "parameter L cannot differ between lanes: 'high' must be a constant"),
         (["gamma"], "E713", "parameter gamma cannot differ between lanes: the discount must be a constant"),
         (["slip", "L"], "E713", "all of the parameters L, slip cannot differ between lanes: 'high' must be a constant"),
-        (["fast"], "E713", "parameter fast is no number, and cannot differ between lanes"),
+        (["fast"], "E713", "parameter fast is not a number, and cannot differ between lanes"),
         (["speed"], "E702", "Slippery has no parameter 'speed'"),
     ],
 )
