@@ -37,7 +37,7 @@ its exact scores and proofs, and its printed specification come from one file, s
 def landing(readme: Path) -> str:
     """The first screen, in MyST, from the README's own blocks."""
     text = readme.read_text(encoding="utf-8")
-    example = text[text.index("## A task, and what it gives") :]
+    example = text[text.index("## A task and what it compiles to") :]
     figure, printed = (
         _first(r"(?<=]\()[^)]*svg", example),
         _first(r"(?<=<!-- printed -->\n).*?(?=<!-- /printed -->)", example),

@@ -253,4 +253,4 @@ def test_new_passes_check_and_runs(tmp_path: Path) -> None:
     before = path.read_text()
     again = Done("new", "MyFirstTask", "-o", path)
     assert (again.status, path.read_text()) == (1, before)
-    assert "exists already" in again.err
+    assert "already exists" in again.err

@@ -229,7 +229,7 @@ WRONG = [
     (["preferences", "RiskyPath", "-o", "x.npz", "--teacher", "mistaken(3)"], "E713", "between 0 and 1"),
     (["preferences", "RiskyPath", "-o", "x.npz", "--teacher", "equal(1)+equal(1)"], "E713", "twice"),
     (["preferences", "Parabola", "-o", "x.npz", "--teacher", "boltzmann(0.1)"], "E712", "range of the returns"),
-    (["preferences", "RiskyPath", "-o", "x", "--format", "minari"], "E713", "no preferences"),
+    (["preferences", "RiskyPath", "-o", "x", "--format", "minari"], "E713", "not store preferences"),
 ]
 
 
@@ -274,7 +274,7 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
 
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("x")
-    with pytest.raises(taskspec.SpecError, match="exists already"), whole_folder(tmp_path / "mine", "mark"):
+    with pytest.raises(taskspec.SpecError, match="already exists"), whole_folder(tmp_path / "mine", "mark"):
         pass
     for text in ("first", "second"):
         with whole_folder(tmp_path / "data", "mark") as folder:

@@ -132,7 +132,7 @@ def test_a_state_that_ends_the_episode_needs_no_dynamics() -> None:
 def test_a_state_that_no_episode_acts_in_is_declared_all_the_same() -> None:
     found = only(written(DYNAMICS="s + 1 if s == 4 else s"))
     assert found.code == "E403"
-    assert any("no episode acts in this state" in note for note in found.notes)
+    assert any("no episode takes an action in this state" in note for note in found.notes)
 
 
 def test_the_counterexample_is_one_that_episodes_meet() -> None:

@@ -150,9 +150,9 @@ def test_places_that_cannot_be_written(tmp_path: Path) -> None:
     assert "File exists" in refused(tmp_path / "file" / "below") or "Not a directory" in refused(
         tmp_path / "file" / "below"
     )
-    assert "exists already" in refused(tmp_path / "file", new=True)
+    assert "already exists" in refused(tmp_path / "file", new=True)
     (tmp_path / "dangling").symlink_to(tmp_path / "nothing")
-    assert "exists already" in refused(tmp_path / "dangling", new=True)
+    assert "already exists" in refused(tmp_path / "dangling", new=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["dangling", "file"]
     assert (tmp_path / "file").read_text() == "old"
 

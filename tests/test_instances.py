@@ -155,5 +155,5 @@ def test_constants_are_printed_and_drawn(path: Path) -> None:
     drawn = [figure(load(path, instance_seed=seed), path.parent / f"{seed}.svg").read_text() for seed in (3, 4)]
     assert drawn[0] != drawn[1]
     path.write_text(SHUFFLED.replace("map: walls", "map: odds"))
-    with pytest.raises(SpecError, match=r"E204.*no matrix of conditions or digits"):
+    with pytest.raises(SpecError, match=r"E204.*nor a matrix of conditions or digits"):
         load(path)
