@@ -172,6 +172,16 @@ def test_without_a_horizon_lengths_are_those_of_waiting(tmp_path: Path) -> None:
     assert "horizon" in found.why_not["best_at_random"]
 
 
+@pytest.mark.parametrize(("when", "expected"), [("t == 0", 1), ("t > 0", 4)])
+def test_branching_is_that_of_the_first_step(tmp_path: Path, when: str, expected: int) -> None:
+    path = tmp_path / "wait.yaml"
+    path.write_text(
+        WAIT.replace("s' == 3\"", "s'\"").replace("terminal: s' == 3\n", "").replace("horizon: none", "horizon: 2")
+        .replace("s + (a == go)", f"s if {when} else UniformInt(0, 3)"), encoding="utf-8"
+    )  # fmt: skip
+    assert difficulty(path)["branching"] == expected
+
+
 # -- as a mapping, and what is said ----------------------------------------------------------------------------------
 
 

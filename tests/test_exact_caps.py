@@ -105,3 +105,12 @@ def test_steps_have_the_chances_of_all_counts(
 @pytest.mark.parametrize("expression", ["Poisson(2) % 3", "floor(min(Poisson(2) / 2, 5.0))"])
 def test_counts_that_are_told_apart_are_all_gone_through(expression: str) -> None:
     assert Steps(line(expression)).branching > 30
+
+
+def test_a_count_that_is_paid_as_it_is_drawn_pays_its_mean() -> None:
+    text = (
+        "taskspec: 1\nname: Paid\nstate: {s: {type: int, low: 0, high: 5}}\naction: {a: {type: int, low: 0, high: 2}}\n"
+        "horizon: 2\ninitial: {s: 2}\ndynamics: {s': s}\nreward: Poisson(2)\n"
+    )
+    found = Results(build(source.read_text(text))).random
+    assert found is not None and found.value == pytest.approx(4)

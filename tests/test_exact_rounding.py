@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
+import numpy as np
 import pytest
 
 from taskspec import source
+from taskspec.exact import extract
 from taskspec.exact.claims.claims import verdicts
 from taskspec.exact.planning.certified import rational
+from taskspec.exact.planning.certified.bounded import Bounded
+from taskspec.exact.planning.certified.endless import Endless
+from taskspec.exact.planning.certified.following import Bound
+from taskspec.exact.planning.maxent import _Table
+from taskspec.exact.planning.plans import Uniform
 from taskspec.task.build import build
 
 
@@ -216,3 +224,63 @@ def test_what_is_preferred_is_the_same_in_rationals_and_in_floats(
     assert status(text, "prefers(expert, a == 1)") == expected
     monkeypatch.setattr(rational, "MOST_WORK", 0)
     assert status(text, "prefers(expert, a == 1)") == expected
+
+
+THIRDS = """
+taskspec: 1
+name: Thirds
+state: {k: {type: int, low: 0, high: 2}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: none
+discount: 1/2
+initial: {k: 0}
+dynamics: {k': "UniformInt(0, 2)"}
+reward: 1/3
+"""
+
+
+def test_a_return_without_a_horizon_leaves_room_for_its_rounding() -> None:
+    """A third in every step is two thirds in all, which no float is."""
+    found = Endless(extract(build(source.read_text(THIRDS)))).value(Uniform())
+    assert found.low < Fraction(2, 3) < found.high
+    assert found.high - found.low < 1e-12
+
+
+def test_ends_of_episodes_take_nothing_off_the_error_of_maximum_entropy() -> None:
+    text = THIRDS.replace("horizon: none\ndiscount: 1/2", "horizon: 3\nterminal: k' > 0")
+    model = extract(build(source.read_text(text)))
+    zero = np.zeros(model.n_states)
+    found = _Table(Bounded(model), 0, 1.0).log_q(Bound(zero, zero), 0)
+    assert (found.error >= np.abs(found.value - 1 / 3)).all() and (found.error[:, 0] > 0).all()
+
+
+WAITS = """
+taskspec: 1
+name: Waits
+state: {k: {type: int, low: 0, high: 1}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: none
+initial: {k: 0}
+dynamics: {k': k}
+terminal: a == 1
+reward: PAID
+expert: {a: 0}
+"""
+
+
+@pytest.mark.parametrize(("paid", "expected"), [("a", "proved"), ("1 - a", "undecided")])
+def test_what_is_never_done_ends_no_episode(monkeypatch: pytest.MonkeyPatch, paid: str, expected: str) -> None:
+    monkeypatch.setattr(rational, "MOST_WORK", 0)
+    assert status(WAITS.replace("PAID", paid), "expert_return == 0") == expected
+
+
+def test_an_action_that_ends_episodes_has_no_part_in_the_next_state() -> None:
+    """Where episodes end is told from the next state itself, of which the action changes nothing."""
+    text = (
+        WAITS.replace("PAID", "0")
+        .replace("dynamics: {k': k}", "dynamics: {k': 'Bernoulli(1/2)'}")
+        .replace("{a: 0}", "optimal")
+    )
+    text = text.replace("horizon: none", "horizon: 3")
+    assert status(text, "influences(a, k)") == "false"
+    assert status(text, "not influences(a, k)") == "proved"

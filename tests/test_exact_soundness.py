@@ -74,6 +74,12 @@ MISTAKES = [
     ({"OBSERVATION": "log(s - 1)"}, "E405", "in s = 0, o is nan, which is not a finite number", "log(s - 1)"),
     ({"EXPERT": "s"}, "E409", "in s = 2, the expert's a is 2; it must be between 0 and 1", "s"),
     ({"MODE": "'{near: s / 4, far: 1/2}'"}, "E401", "the sum of the probabilities is 0.5, not 1", None),
+    (
+        {"MODE": "{by: [a], rows: {0: [{if: s > 2, then: {near: s / 4, far: 1/2}}, {else: m}], 1: m}}"},
+        "E401",
+        "the sum of the probabilities is 1.25, not 1",
+        None,
+    ),
     ({"REWARD": "Bernoulli(s / 3)"}, "E402", "in s = 4, 'p' of Bernoulli is 1.33333", "s / 3"),
     ({"REWARD": "Normal(mean=0, std=s - 1)"}, "E408", "in s = 0, 'std' of Normal is -1", "s - 1"),
     ({"REWARD": "Exponential(rate=s)"}, "E408", "in s = 0, 'rate' of Exponential is 0", "s"),

@@ -25,7 +25,7 @@ from typing import Any
 
 from tests.mutants.changes import Mutant, mutants
 from tests.mutants.rooms import NOT_CHANGED, ROOMS, ROOT
-from tests.mutants.table import HEAD, reasons, row
+from tests.mutants.table import HEAD, equivalent, reasons, row
 
 
 def arguments() -> argparse.Namespace:
@@ -105,7 +105,8 @@ def main() -> int:
         path = asked.folder / f"{room}.jsonl"
         wanted, known = sample(room, asked.sample, asked.seed), results(path)
         if not asked.table:
-            done = {key for key, record in known.items() if not (asked.again and record["became"] == "survived")}
+            settled = equivalent() if asked.again else known
+            done = {key for key, record in known.items() if record["became"] != "survived" or key in settled}
             run(room, [m for m in wanted if m.key not in done], asked.jobs, asked.folder, asked.again)
         lines.append(row(room, changes_of(room), wanted, results(path)))
     print("\n".join(lines if not asked.table else [*lines, "", *reasons()]))
