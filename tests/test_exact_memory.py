@@ -12,6 +12,7 @@ import pytest
 from taskspec import source
 from taskspec.diagnostics import SpecError
 from taskspec.exact.claims.claims import verdicts
+from taskspec.exact.model.cost import BYTES, Cost
 from taskspec.exact.planning import plans
 from taskspec.exact.planning.certified.bounded import Bounded
 from taskspec.exact.planning.certified.following import Bound, Policy
@@ -127,3 +128,13 @@ def test_policies_are_followed_alike_in_many_states_at_once_and_in_all_of_them(d
         found, all_at_once = numbers.followed(policy, 0, value), numbers.follow(policy, numbers.backup(0, value))
         np.testing.assert_array_equal(found.value, all_at_once.value)
         np.testing.assert_array_equal(found.error, all_at_once.error)
+
+
+@pytest.mark.parametrize("megabytes", [10, 1000])
+def test_points_that_are_taken_at_once_fit_into_the_memory_that_is_allowed(
+    set_limits: Callable[..., None], megabytes: int
+) -> None:
+    set_limits(megabytes=megabytes)
+    cost = Cost(build(source.read_text(HANOI)).next)
+    assert cost.batch(7) == 7
+    assert 1e6 * megabytes / 2 < cost.batch(1e18) * cost.numbers * BYTES <= 1e6 * megabytes

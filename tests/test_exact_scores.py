@@ -30,7 +30,7 @@ ROOT = Path(__file__).parents[1]
 
 def test_scores_of_a_finite_task_are_exact() -> None:
     found = exact.scores(shipped("risky_path"))
-    assert (found.optimal, found.worst) == (Return(4.0), Return(-247.5))
+    assert (found.optimal, found.worst) == (Return(4.0), Return(-247.5)) and found.optimal.error == 0
     assert found.gap == 0
     assert found.normalise(4.0) == 1
     assert found.normalise(-122.21875) == 0
@@ -47,6 +47,7 @@ def test_scores_by_simulation_have_an_interval() -> None:
     low, high = found.random.interval()
     assert low < 0.5 < high
     assert high - low < 0.07
+    assert Results(shipped("largest_sum")).random == Results(shipped("largest_sum"), seed=0).random
 
 
 def test_scores_below_the_floor_are_cut() -> None:

@@ -87,6 +87,11 @@ def expected() -> Fraction:
     return total
 
 
+def test_episodes_that_are_simulated_remember_too() -> None:
+    sample = Results(tiger(), episodes=2000).sample("expert")
+    assert sample is not None and abs(sample.value - float(expected())) < 4 * sample.error
+
+
 def episode(env: taskspec.Environment, expert: Expert, seed: int | None) -> float:
     total, state, start = 0.0, None, np.array([True])
     observation, _ = env.reset(seed=seed)
