@@ -36,7 +36,6 @@ def _imports(program: str, packages: tuple[str, ...]) -> bool:
     return any(line.startswith((f"import {p}", f"from {p}")) for line in program.splitlines() for p in packages)
 
 
-@pytest.mark.slow
 def test_the_examples_pass_mypy_in_its_strict_mode(tmp_path: Path) -> None:
     pytest.importorskip("mypy")
     assert len(programs(tmp_path)) > 10
@@ -55,7 +54,6 @@ def test_the_examples_pass_mypy_in_its_strict_mode(tmp_path: Path) -> None:
     assert any("[arg-type]" in line for line in wrong) and any("[attr-defined]" in line for line in wrong), done.stdout
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pyright") is None, reason="pyright is not installed")
 def test_the_examples_pass_pyright_in_its_strict_mode(tmp_path: Path) -> None:
     programs(tmp_path, without=UNTYPED)

@@ -19,6 +19,7 @@ from taskspec.backends.jax.library import threefry  # noqa: E402
 from taskspec.envs.functional import TaskFuncEnv  # noqa: E402
 from taskspec.source import read  # noqa: E402
 from taskspec.task.build import build  # noqa: E402
+from tests.shared.sparse import sparse  # noqa: E402
 
 
 def scalar_episode(name: str, seed: int, actions: Any) -> tuple[list[Any], list[float]]:
@@ -80,7 +81,9 @@ ONE_BY_ONE = ("uniform", "normal", "dirichlet", "permutation")
 """To be tried also as few draws are made: word by word."""
 
 
-@pytest.mark.parametrize(("base", "unrolled"), [*((b, False) for b in DRAWN), *((b, True) for b in ONE_BY_ONE)])
+@pytest.mark.parametrize(
+    ("base", "unrolled"), sparse([*((b, False) for b in DRAWN), *((b, True) for b in ONE_BY_ONE)], 2)
+)
 def test_draws_are_equal_to_the_bit_inside_scan(base: str, unrolled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """XLA fuses and reorders what it can, and still every draw is the one that NumPy gives."""
     each, drawn = DRAWN[base]

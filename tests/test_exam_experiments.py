@@ -45,6 +45,7 @@ def scores(path: Path) -> dict[str, float]:
     return {task: float(np.mean(values)) for task, values in found.items()}
 
 
+@pytest.mark.slow
 def test_every_learner_is_examined_on_every_instance(tmp_path: Path) -> None:
     done = Done("exam", spec(tmp_path, TEXT), "-o", tmp_path / "out", "-j", 1)
     assert done.status == 0, done.out + done.err
@@ -59,6 +60,7 @@ def test_every_learner_is_examined_on_every_instance(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "paths.svg").read_text(encoding="utf-8").startswith("<?xml")
 
 
+@pytest.mark.slow
 def test_options_take_the_place_of_what_the_file_says(tmp_path: Path) -> None:
     path = spec(tmp_path, TEXT)
     Done("exam", path, "-o", tmp_path / "out", "-j", 1, "--seeds", 1, "--steps", "1k", "--probes")

@@ -82,6 +82,7 @@ def test_the_goal_of_branching_in_the_code() -> None:
     assert (theirs.transition_matrix[-1, :, -1] == 1).all()
 
 
+@pytest.mark.slow
 def test_what_the_wind_costs() -> None:
     lines = [line.split("|")[1:4] for line in SECTIONS["CliffWorld"].splitlines() if line.startswith("| CliffWorld")]
     assert len(lines) == 3

@@ -25,6 +25,7 @@ from taskspec.learners.deep.ppo import acting  # noqa: E402
 from taskspec.learners.deep.rewards import Looks, RewardOf, looks, shown_looks  # noqa: E402
 from taskspec.learners.deep.trpo import TrpoUpdate, objective, regression  # noqa: E402
 from taskspec.learners.deep.world import Played, World, complete  # noqa: E402
+from tests.shared.sparse import sparse  # noqa: E402
 from tests.test_learners_deep import agrees  # noqa: E402
 
 
@@ -55,6 +56,7 @@ def test_the_step_of_trpo_is_that_of_a_dense_solution() -> None:
     assert better(whole(after)) > better(held.actor) and apart(whole(after)) <= config.accepted_kl
 
 
+@pytest.mark.slow
 def test_a_step_that_would_be_refused_is_not_taken() -> None:
     config = Trpo(hidden=(2,), strict=True)
     world, held, steps = walked("RiskyPath", config)
@@ -90,7 +92,7 @@ def test_demonstrations_that_end_early_stay_where_states_absorb() -> None:
     assert len(plain.gone) == len(shown) and not plain.next_gone.any()
 
 
-@pytest.mark.parametrize(("task", "shaped"), [("EarlyTermNeg", True), ("Parabola", False)])
+@pytest.mark.parametrize(("task", "shaped"), sparse([("EarlyTermNeg", True), ("Parabola", False)], 2))
 def test_the_slope_of_the_discriminator_is_that_of_differences(task: str, shaped: bool) -> None:
     world, held, steps = walked(task, Ppo(hidden=(4,)), absorb=True)
     config = Adversarial(

@@ -26,6 +26,7 @@ from taskspec.learners.deep.advantages import advantages  # noqa: E402
 from taskspec.learners.deep.ppo import PpoUpdate, acting, begun_actor  # noqa: E402
 from taskspec.learners.deep.spaces import ActionHead  # noqa: E402
 from taskspec.learners.deep.world import World  # noqa: E402
+from tests.shared.sparse import sparse  # noqa: E402
 
 TASKS = ("RiskyPath", "EarlyTermNeg", "NoisyObs", "Parabola", "Sort", "ProcGoal", "LargestSum")
 
@@ -41,7 +42,7 @@ def test_vectors_of_observations_are_the_features_of_the_exact_model(task: str) 
     assert made.dtype == np.float32 and np.array_equal(made, found.features)
 
 
-@pytest.mark.parametrize("name", TASKS[:3])
+@pytest.mark.parametrize("name", sparse(TASKS[:3], 3))
 def test_steps_of_a_world_are_those_of_the_environment(name: str) -> None:
     """Every step of every lane, with the true next observation of the last one, beside the scalar environment."""
     task = taskspec.load(name)
@@ -114,7 +115,7 @@ def test_advantages_are_those_of_a_slow_loop() -> None:
     assert np.allclose(found, wanted, atol=1e-5)
 
 
-@pytest.mark.parametrize(("task", "value_clip"), [("Sort", None), ("Parabola", 0.2)])
+@pytest.mark.parametrize(("task", "value_clip"), sparse([("Sort", None), ("Parabola", 0.2)], 2))
 def test_the_slope_of_ppo_is_that_of_differences(task: str, value_clip: float | None) -> None:
     world = World.of(taskspec.load(task), absorb=False)
     update = PpoUpdate(Ppo(hidden=(5,), value_clip=value_clip), world)
@@ -144,7 +145,7 @@ def agrees(loss: Any, at: Any) -> None:
             assert np.isclose(along, (ahead - behind) / 2e-6, rtol=1e-3, atol=1e-5)
 
 
-@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("task", sparse(TASKS, 2))
 def test_policies_in_numpy_say_what_nets_say(task: str) -> None:
     from taskspec.learners.deep.reinforce import policies
 
@@ -185,6 +186,7 @@ def test_ties_are_drawn() -> None:
 # -- training -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_seeds_of_a_block_are_trained_as_one_and_counted() -> None:
     case = Granted("RiskyPath", steps=1300, seeds=2)
     first, second = learner("ppo")(case)

@@ -25,6 +25,7 @@ from taskspec.learners.deep.preferences import Asking  # noqa: E402
 from taskspec.learners.deep.reinforce import begun  # noqa: E402
 from taskspec.learners.deep.rewards import looks  # noqa: E402
 from taskspec.learners.deep.world import World  # noqa: E402
+from tests.shared.sparse import sparse  # noqa: E402
 from tests.test_learners_deep import agrees  # noqa: E402
 
 
@@ -38,7 +39,7 @@ def asking(task: str, absorb: bool = False, **settings: Any) -> tuple[Asking, An
     return found, found.asked(begun(found.policy, jax.random.key(0)), jax.random.key(1))
 
 
-@pytest.mark.parametrize(("task", "absorb"), [("RiskyPath", False), ("EarlyTermNeg", True)])
+@pytest.mark.parametrize(("task", "absorb"), sparse([("RiskyPath", False), ("EarlyTermNeg", True)], 2))
 def test_neighbours_are_compared_by_their_returns(task: str, absorb: bool) -> None:
     found, (pairs, steps) = asking(task, absorb, total=False)
     returns = np.asarray(steps.reward).sum(axis=0)
@@ -47,6 +48,7 @@ def test_neighbours_are_compared_by_their_returns(task: str, absorb: bool) -> No
     assert np.array_equal(pairs.weight, np.ones(4)) and len(set(np.asarray(pairs.better).tolist())) > 1
 
 
+@pytest.mark.slow
 def test_where_lengths_differ_steps_are_compared_and_tie() -> None:
     """On EarlyTerm every step pays the same, so that there is nothing to learn from."""
     found, (pairs, steps) = asking("EarlyTermNeg", total=True)
@@ -58,12 +60,13 @@ def test_where_lengths_differ_steps_are_compared_and_tie() -> None:
     assert not any(np.asarray(leaf).any() for leaf in jax.tree.leaves(slope))
 
 
+@pytest.mark.slow
 def test_noise_may_be_said_to_hide_rewards() -> None:
     assert not np.asarray(asking("NoisyObs?L=2", noise_ties=True)[1][0].weight).any()
     assert np.asarray(asking("RiskyPath", noise_ties=True)[1][0].weight).any()
 
 
-@pytest.mark.parametrize("total", [True, False])
+@pytest.mark.parametrize("total", sparse([True, False], 2))
 def test_the_slope_of_the_loss_is_that_of_differences(total: bool) -> None:
     found, (pairs, _) = asking("RiskyPath", total=total)
     nets = found.reward.init(jax.random.key(0))
@@ -80,6 +83,7 @@ def test_the_loss_is_that_of_bradley_and_terry() -> None:
     assert np.isclose(found.loss((nets.theta, nets.phi), nets, pairs), wanted, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_actions_are_random_as_often_as_they_are_said_to_be() -> None:
     """Of a policy that is all but sure of the first action."""
     for share in (0.0, 1.0):

@@ -90,5 +90,6 @@ print(json.dumps({"same": all(found)}))
 """
 
 
+@pytest.mark.slow
 def test_kernels_live_as_long_as_the_environments_that_run_them(tmp_path: Path) -> None:
     assert run(tmp_path, program=FORGETFUL) == {"same": True}

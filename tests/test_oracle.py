@@ -13,7 +13,7 @@ from tests.oracle import found
 from tests.oracle.worker import examined
 
 FOLDER = Path(__file__).parent / "oracle"
-SPECS, CHUNK = 300, 20
+SPECS, CHUNK = 160, 20
 BACKENDS = ["numpy"] if VECTORS else []
 
 

@@ -81,6 +81,7 @@ def test_what_is_known_is_not_worked_out_again(file: Path) -> None:
         assert len(store.results()) == len(first) + 1
 
 
+@pytest.mark.slow
 def test_other_questions_have_results_of_their_own(file: Path) -> None:
     assert "soft_gap" in swept(file)[0]
     file.write_text(NOISE + "measures: [solution_length]\n")

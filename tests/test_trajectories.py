@@ -99,7 +99,7 @@ def test_defaults(case: tuple[str, str | None]) -> None:
 
 
 @pytest.mark.parametrize("case", EVERY, ids=name)
-@settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_random_parameters(case: tuple[str, str | None], data: st.DataObject) -> None:
     values = data.draw(parameters(load(case)))
