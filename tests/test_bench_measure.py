@@ -169,6 +169,7 @@ def test_a_process_that_takes_no_step_is_reported() -> None:
         measure.start_times(taskspec.load("RiskyPath"), "abacus", 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "backend"),
     [("RiskyPath", "numpy"), *(pytest.param(*each, marks=pytest.mark.slow) for each in SLOW_TO_MEASURE)],

@@ -59,7 +59,7 @@ def test_experts_earn_what_is_claimed(task: str, parameters: list[str], expected
 PLANNED = [path for path in sorted(SPECS.glob("*.yaml")) if "\nexpert: optimal" in path.read_text()]
 
 
-@pytest.mark.parametrize("path", sparse(PLANNED, 2), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sparse(PLANNED, 3), ids=lambda path: path.stem)
 def test_planned_experts_act_on_the_exact_model(path: Path) -> None:
     pytest.importorskip("scipy")
     solved = Done("solve", path, "--json").data

@@ -81,6 +81,7 @@ def test_the_instances_of_an_experiment_may_be_the_tasks_of_any_learner(tmp_path
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_three_things_may_vary_and_one_of_them_in_a_modifier(tmp_path: Path) -> None:
     """A learner that needs to tell states apart leaves the instances out in which actions stick."""
     text = TEXT.replace("B: 2}}", "B: [2, 3]}}").replace("{L: [2, 4], B: 2}", "{L: [2, 4], B: [2, 3]}")

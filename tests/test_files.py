@@ -47,7 +47,7 @@ def full_disk() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "kept"), sparse(OUTPUTS, 2), ids=lambda x: " ".join(x[:1]) + x[-1] if isinstance(x, list) else ""
+    ("arguments", "kept"), sparse(OUTPUTS, 4), ids=lambda x: " ".join(x[:1]) + x[-1] if isinstance(x, list) else ""
 )
 def test_a_full_disk(tmp_path: Path, arguments: list[str], kept: str | None) -> None:
     if kept:

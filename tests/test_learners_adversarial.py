@@ -92,6 +92,7 @@ def test_demonstrations_that_end_early_stay_where_states_absorb() -> None:
     assert len(plain.gone) == len(shown) and not plain.next_gone.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("task", "shaped"), sparse([("EarlyTermNeg", True), ("Parabola", False)], 2))
 def test_the_slope_of_the_discriminator_is_that_of_differences(task: str, shaped: bool) -> None:
     world, held, steps = walked(task, Ppo(hidden=(4,)), absorb=True)

@@ -115,6 +115,7 @@ def test_advantages_are_those_of_a_slow_loop() -> None:
     assert np.allclose(found, wanted, atol=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("task", "value_clip"), sparse([("Sort", None), ("Parabola", 0.2)], 2))
 def test_the_slope_of_ppo_is_that_of_differences(task: str, value_clip: float | None) -> None:
     world = World.of(taskspec.load(task), absorb=False)
@@ -211,6 +212,7 @@ def test_clones_do_as_the_expert(task: str, least: float) -> None:
         assert score(task, policy, deterministic=True, episodes=300).normalised > least
 
 
+@pytest.mark.slow
 def test_a_clone_chooses_as_often_as_was_shown() -> None:
     """Of an expert who draws, the fraction of each action in each state."""
     shown = demonstrations("RiskyPath", "soft(1)", transitions=4000)

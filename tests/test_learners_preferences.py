@@ -39,6 +39,7 @@ def asking(task: str, absorb: bool = False, **settings: Any) -> tuple[Asking, An
     return found, found.asked(begun(found.policy, jax.random.key(0)), jax.random.key(1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("task", "absorb"), sparse([("RiskyPath", False), ("EarlyTermNeg", True)], 2))
 def test_neighbours_are_compared_by_their_returns(task: str, absorb: bool) -> None:
     found, (pairs, steps) = asking(task, absorb, total=False)
@@ -66,6 +67,7 @@ def test_noise_may_be_said_to_hide_rewards() -> None:
     assert np.asarray(asking("RiskyPath", noise_ties=True)[1][0].weight).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("total", sparse([True, False], 2))
 def test_the_slope_of_the_loss_is_that_of_differences(total: bool) -> None:
     found, (pairs, _) = asking("RiskyPath", total=total)
@@ -96,6 +98,7 @@ def test_actions_are_random_as_often_as_they_are_said_to_be() -> None:
         assert abs(np.asarray(steps.action).mean() - share / 2) <= 0.2 * share
 
 
+@pytest.mark.slow
 def test_what_is_known_is_no_longer_new() -> None:
     world = World.of(taskspec.load("RiskyPath"), False)
     curious = Curiosity(Novelty(hidden=(8,), outputs=4, learning_rate=0.01), world)

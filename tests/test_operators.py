@@ -30,6 +30,7 @@ from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import Kind, Type
 from taskspec.lang.variates.layout import WordLayout, words_of
 from taskspec.lang.variates.sample import batch_sampler, sampler
+from tests.shared.sparse import sparse
 
 Flat = tuple[Any, ...]
 NAN, INF = math.nan, math.inf
@@ -291,7 +292,7 @@ def cases() -> list[tuple[str, Any, tuple[int, ...]]]:
 
 
 @pytest.mark.parametrize("fixed", [True, False], ids=["constant", "read"])
-@pytest.mark.parametrize(("name", "sample", "shape"), cases())
+@pytest.mark.parametrize(("name", "sample", "shape"), sparse(cases(), 2))
 def test_samples_of_distributions(name: str, sample: dict[str, Any], shape: tuple[int, ...], fixed: bool) -> None:
     """A draw is the same one at a time, over a block, and in generated code."""
     b, dist = Builder(), EVERY[name]

@@ -34,6 +34,7 @@ def test_stored_exams_are_of_the_tasks_as_they_are(learner: str) -> None:
     assert not any(score["error"] for score in stored["scores"])
 
 
+@pytest.mark.slow
 def test_the_command_tells_a_right_clone_from_a_wrong_one(tmp_path: Path) -> None:
     options = ["--against", "derail/bc", "--seeds", "4", "-t", "Branching,EarlyTermPos", "-j", "1", "--twins", "1"]
     options += ["--steps", str(TERMS["bc"].steps), "--transitions", str(TRANSITIONS), "--out", str(tmp_path)]

@@ -70,6 +70,7 @@ def test_all_formats_hold_the_same(file: Path) -> None:
     assert (folder / "noise.png").read_bytes()[:4] == b"\x89PNG"
 
 
+@pytest.mark.slow
 def test_what_is_known_is_not_worked_out_again(file: Path) -> None:
     first = swept(file)
     file.write_text(NOISE.replace("[5, 50, 500]", "[5, 50, 60]").replace("name: noise", "name: noise\ntitle: More"))

@@ -53,7 +53,7 @@ def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes
     Agreement(load(task), "numpy", lanes, mode).run(60 if lanes < 10 else 25)
 
 
-@pytest.mark.parametrize("task", TASKS[::2], ids=name_of)
+@pytest.mark.parametrize("task", TASKS[::4], ids=name_of)
 def test_numpy_walks_them_in_several_blocks(task: tuple[str, str | None], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("taskspec.backends.numpy.engine.BLOCK", 9)
     for mode in MODES:
