@@ -114,7 +114,7 @@ def task_of(text: str) -> Task:
     return build(read(HEAD + text), None, {}, "")
 
 
-QUICK = {("numba", "SameStep", 7), ("jax", "Disabled", 7), *(("numpy", mode, lanes) for mode, lanes in (
+QUICK = {("numba", "SameStep", 7), *(("numpy", mode, lanes) for mode, lanes in (
     ("SameStep", 1), ("NextStep", 7), ("Disabled", 64)))}  # fmt: skip
 """Those of every day: compiling takes a while, and so do 64 scalar environments."""
 CASES = [

@@ -97,6 +97,7 @@ def shares_task() -> Task:
     return build(read_text(SPEC, "shares.yaml"))
 
 
+@pytest.mark.slow
 def test_no_share_is_nan() -> None:
     """Of 4,000 draws at 0.02, 128 were: all their gamma variates were 0 in float32, and so was their sum."""
     program = Interpreter(shares_task(), 3)

@@ -317,6 +317,7 @@ def test_a_process_that_dies_and_one_that_hangs_cost_one_seed_each(tmp_path: Pat
     assert "died: EXIT(3)" in errors[1] and "longer than 12 s" in errors[2]
 
 
+@pytest.mark.slow
 def test_an_exam_that_was_killed_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     notes = tmp_path / "notes"
     monkeypatch.setenv("NOTES", str(notes))

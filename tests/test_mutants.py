@@ -169,7 +169,6 @@ def twice(x):
 """
 TESTS = """
 import taskspec
-from tests.shared.sparse import sparse
 
 
 def test_down():

@@ -38,7 +38,7 @@ def meant(expr: s.Expr, point: int) -> int:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_mathematics_says_what_the_expression_says(form: str) -> None:
-    @settings(max_examples=250, deadline=None)
+    @settings(max_examples=120, deadline=None)
     @given(TREES, POINTS)
     def compare(expr: s.Expr, point: int) -> None:
         source, line = FORMS[form](expr)
@@ -47,7 +47,7 @@ def test_mathematics_says_what_the_expression_says(form: str) -> None:
     compare()
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(TREES, POINTS)
 def test_text_says_what_the_expression_says(expr: s.Expr, point: int) -> None:
     """Tables and lists of cases, which text writes as conditionals, included."""

@@ -101,6 +101,7 @@ def test_policies_are_rolled_out_and_agree_with_theory(file: Path) -> None:
         assert row["policies"]["random"]["length"] == row["horizon"]
 
 
+@pytest.mark.slow
 def test_estimates_have_intervals_and_reasons(tmp_path: Path) -> None:
     path = tmp_path / "e.yaml"
     path.write_text("experiment: 1\nname: e\ntasks: [{task: Parabola, parameters: {h: [5, 9]}}]\nspeed: true\n")
