@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import Annotated, Any
@@ -104,6 +105,7 @@ def run() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a terminal that lacks a letter shows a question mark
             stream.reconfigure(errors="replace")
+    gc.set_threshold(10_000, 10, 10)  # tasks and models are many small objects, and few of them become garbage
     try:
         app(prog_name="taskspec")
     finally:
