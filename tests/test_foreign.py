@@ -19,7 +19,7 @@ from taskspec.task.build import build
 X, Y = (3, -1, 2), (0.5, 4.0, 2.0)
 NAMES: dict[str, Any] = {
     "p": 0.3, "rate": 2.5, "mean": 0.4, "std": 0.8, "scale": 0.7, "low": -2, "high": 5, "n": 6, "k": 3, "a": 2, "b": 3, "c": True,
-    "d": False,
+    "d": False, "alpha": [0.5, 1, 2],
 }  # fmt: skip
 DRAWN: dict[str, Any] = {
     "beta": stats.beta(2, 3),
@@ -43,6 +43,9 @@ VALUES: dict[str, Any] = {
     "norm": np.linalg.norm(X),
     "length": 3, "maximum": np.maximum(X, Y), "concatenate": [*X, *Y], "zeros": np.zeros(6), "arange": np.arange(6),
     "linspace": np.linspace(-2, 5, 6), "xor": True, "ifelse": X,
+    "expm1": np.expm1(X), "factorial": 720, "comb": 20, "relu": np.maximum(X, 0),
+    "softmax": np.exp(X) / np.exp(X).sum(), "var": np.var(X), "Std": np.std(X), "sorted": sorted(X), "reversed": X[::-1],
+    "zip": np.add(X, Y), "enumerate": [0, X[1], 2 * X[2]],
 }  # fmt: skip
 
 
@@ -102,12 +105,16 @@ def test_everything_that_is_advised_can_be_written(name: str) -> None:
 
 
 @pytest.mark.parametrize(("written", "message", "hint"), [
-    ("np.clip(x, 0, 2)", "modules of Python (`np.f()`) are not part of the language", "write `clip(x)`"),
+    ("np.clip(x, 0, 2)", "modules of Python (`np.f()`) are not part of the language", "write `clip(x, low, high)`"),
+    ("np.random.normal(0, 1)", "modules of Python (`np.f()`) are not part of the language", "write `Normal(mean, std)`"),
+    ("2 * np.pi", "attributes (`a.b`) are not part of the language", "write `pi`"),
+    ("x.shape", "attributes (`a.b`) are not part of the language", "write `len(x)`"),
+    ("x.name", "attributes (`a.b`) are not part of the language", None),
     ("np.random.randint(0, 3)", "modules of Python (`np.f()`) are not part of the language",
      "write `UniformInt(low, high)`, which includes both ends"),
     ("random.choice(x)", "modules of Python (`np.f()`) are not part of the language", "write `Uniform({a, b})`"),
     ("x.mean()", "methods (`x.f()`) are not part of the language", "write `sum(x) / len(x)`"),
 ])  # fmt: skip
-def test_modules_and_methods(written: str, message: str, hint: str) -> None:
+def test_modules_and_methods(written: str, message: str, hint: str | None) -> None:
     found = problem(written)
     assert (found.code, found.message, found.hint) == ("E316", message, hint)

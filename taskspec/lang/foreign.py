@@ -10,6 +10,13 @@ MODULES = frozenset(
 """What others write before the dot of a function."""
 
 _DRAWN: Mapping[str, str] = {
+    "normal": "Normal(mean, std)",
+    "uniform": "Uniform(low, high)",
+    "exponential": "Exponential(rate)",
+    "poisson": "Poisson(rate)",
+    "bernoulli": "Bernoulli(p)",
+    "dirichlet": "Dirichlet(alpha)",
+    "permutation": "Permutation(n)",
     "beta": "Beta(a, b)",
     "binomial": "Binomial(n, p)",
     "gamma": "Gamma(a, rate)",
@@ -53,13 +60,27 @@ _WORKED_OUT: Mapping[str, str] = {
     "square": "x**2",
     "log2": "log(x) / log(2)",
     "log10": "log(x) / log(10)",
+    "log1p": "log(1 + x)",
+    "expm1": "exp(x) - 1",
+    "factorial": "prod([i + 1 for i in range(n)])",
+    "comb": "prod([(n - i) / (i + 1) for i in range(k)])",
+    "relu": "max(x, 0)",
+    "softmax": "exp(x) / sum(exp(x))",
+    "isclose": "abs(x - y) < 1e-9",
     "sigmoid": "1 / (1 + exp(-x))",
     "arctan2": "atan2(y, x)",
     "arcsinh": "asinh(x)",
     "hypot": "sqrt(x**2 + y**2)",
     "mean": "sum(x) / len(x)",
     "average": "sum(x) / len(x)",
+    "var": "norm2(x - sum(x) / len(x))**2 / len(x)",
+    "std": "norm2(x - sum(x) / len(x)) / sqrt(len(x))",
     "norm": "norm2(x)",
+    "sorted": "sort(x)",
+    "reversed": "reverse(x)",
+    "flip": "reverse(x)",
+    "zip": "[x[i] + y[i] for i in range(len(x))]",
+    "enumerate": "[i * x[i] for i in range(len(x))]",
     "length": "len(x)",
     "size": "len(x)",
     "maximum": "max(x, y)",
@@ -81,6 +102,10 @@ _WORKED_OUT: Mapping[str, str] = {
 }
 FOREIGN: Mapping[str, str] = {**_DRAWN, **_WORKED_OUT}
 """How a function is written here, by its name elsewhere in small letters."""
+ATTRIBUTES: Mapping[str, str] = {
+    "pi": "pi", "inf": "inf", "e": "exp(1)", "shape": "len(x)", "size": "len(x)", "T": "m[j, i]",
+}  # fmt: skip
+"""What others write behind a dot without calling it, and how the same is written here."""
 
 
 def advice(name: str) -> str | None:

@@ -14,7 +14,7 @@ from typing import NoReturn
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
-from taskspec.lang.foreign import MODULES, advice
+from taskspec.lang.foreign import ATTRIBUTES, MODULES, advice
 from taskspec.lang.mistakes import SyntaxFailure, explain
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.limits import Limits, how_to_raise, limits
@@ -239,7 +239,8 @@ class _Reader:
             what, name = "methods (`x.f()`)", node.func.attr
             if shown.partition(".")[0] in MODULES:
                 what = "modules of Python (`np.f()`)"
-            hint = f"write `{name}(x)`" if name in FUNCTIONS else advice(name) or "functions are written `f(x)`"
+            known = f"write `{FUNCTIONS[name].signature}`" if name in FUNCTIONS else advice(name)
+            hint = known or "functions are written `f(x)`"
             self.fail(node.func, f"{what} are not part of the language", hint)
         shown = f"`{shown}`" if len(shown) < 20 else "this"
         raise SyntaxFailure(
@@ -278,7 +279,8 @@ class _Reader:
     def refuse(self, node: ast.expr) -> NoReturn:
         match node:
             case ast.Attribute():
-                self.fail(node, "attributes (`a.b`) are not part of the language")
+                found = ATTRIBUTES.get(node.attr)
+                self.fail(node, "attributes (`a.b`) are not part of the language", found and f"write `{found}`")
             case ast.Lambda():
                 self.fail(
                     node,
