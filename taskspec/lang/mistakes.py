@@ -15,7 +15,7 @@ _CONFUSIONS = (
 _CHARACTERS = {
     "−": "`-`", "–": "`-`", "×": "`*`", "·": "`*`", "⋅": "`*`", "÷": "`/`", "≤": "`<=`", "≥": "`>=`", "≠": "`!=`", "∧": "`and`",
     "∨": "`or`", "¬": "`not`", "∈": "`in`", "∞": "`inf`", "′": "`'`", "’": "`'`", "‘": "`'`", "“": "`'`", "”": "`'`",
-    "²": "`**2`", "√": "`sqrt(x)`",
+    "²": "`**2`", "√": "`sqrt(x)`", "∑": "`sum(x)`", "∏": "`prod(x)`", "‖": "`norm2(x)`", "π": "`pi`",
 }  # fmt: skip
 """What to write for characters of mathematics and of typography, the likeliest ones."""
 _PRODUCT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)([^\W\d]\w*)")
@@ -55,8 +55,10 @@ def explain(value: str, error: Exception) -> NoReturn:
     if message.startswith("invalid syntax"):
         message = "this cannot be read as an expression"
     advice = "a label of several words needs its own quotes" if _WORDS.fullmatch(value) else None
-    if message.startswith("expected 'else'"):
+    if message.startswith("expected 'else'") or value.startswith(("if ", "if(")):
         advice = "write `x if condition else y`"
+    if value.startswith("|"):
+        advice = "write `abs(x)`"
     if message.startswith("invalid character") and value[start] in _CHARACTERS:
         advice = f"write {_CHARACTERS[value[start]]}"
     raise SyntaxFailure(start, max(end, start + 1), message, advice)
