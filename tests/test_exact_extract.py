@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
 
+from taskspec.diagnostics import SpecError
 from taskspec.exact import extract
 from taskspec.exact.model.model import Model
+from taskspec.exact.model.reach import visits
+from taskspec.exact.model.transitions import Steps
 from taskspec.exact.planning import maxent, solve
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Draw, Role
@@ -164,3 +168,23 @@ def test_what_is_left_over_is_the_float_nearest_to_it() -> None:
     task = build(read_text(text(dynamics='{"s\'": "0 if Bernoulli(1/3) else 1"}')))
     assert set(extract(task).step(0).going.data) == {float(Fraction(1, 3)), float(Fraction(2, 3))}
     assert float(Fraction(2, 3)) != 1 - 1 / 3
+
+
+CORRIDOR = """
+taskspec: 1
+name: Corridor
+state: {k: {type: int, low: 0, high: 20000}}
+action: {a: {type: int, low: 0, high: 0}}
+horizon: none
+discount: 1/2
+initial: {k: 0}
+dynamics: {k': "min(k + 1, 20000)"}
+reward: 0
+"""
+
+
+def test_a_search_that_finds_one_state_after_another_keeps_to_its_time(set_limits: Callable[..., None]) -> None:
+    """However little each state takes, twenty thousand levels take seconds."""
+    set_limits(seconds=1)
+    with pytest.raises(SpecError, match=r"E712.*find no new state take more than 1 "):
+        visits(Steps(build(read_text(CORRIDOR))), 10**6)

@@ -11,8 +11,10 @@ import pytest
 from taskspec import source
 from taskspec.exact import extract
 from taskspec.exact.claims.claims import verdicts
+from taskspec.exact.model.failure import scipy_sparse
 from taskspec.exact.planning.certified import rational
 from taskspec.exact.planning.certified.bounded import Bounded
+from taskspec.exact.planning.certified.chains import _substituted
 from taskspec.exact.planning.certified.endless import Endless
 from taskspec.exact.planning.certified.following import Bound
 from taskspec.exact.planning.maxent import _Table
@@ -292,3 +294,9 @@ def test_an_action_that_ends_episodes_has_no_part_in_the_next_state() -> None:
     text = text.replace("horizon: none", "horizon: 3")
     assert status(text, "influences(a, k)") == "false"
     assert status(text, "not influences(a, k)") == "proved"
+
+
+def test_long_chains_are_solved_by_substitution() -> None:
+    """Beyond some thousands of equations there is no direct solution; a candidate may be off by rounding, and is checked."""
+    found = _substituted(scipy_sparse().csr_array(np.diag([0.5, 0.75])), np.array([1.0, 3.0]))
+    np.testing.assert_allclose(found, [2, 12], rtol=1e-14)
