@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from taskspec import source
+from taskspec import exact, registry, source
 from taskspec.exact.claims.claims import Verdict, verdicts
 from taskspec.exact.claims.vocabulary import FUNCTIONS, MODELS, RESULTS
 from taskspec.task.build import build
@@ -288,3 +288,16 @@ def test_an_action_that_decides_only_about_the_end_influences_no_component() -> 
     text = ENDING.replace("END", "a == 1")
     assert verdict("not influences(a, s)", text).status == "proved"
     assert verdict("influences(a, s)", text).status == "false"
+
+
+def test_a_report_is_about_its_task_and_says_of_numbers_only_what_is_not_written(tmp_path: Path) -> None:
+    path = tmp_path / "risky.yaml"
+    path.write_text(
+        (registry.tasks_root() / "derail/risky_path.yaml")
+        .read_text(encoding="utf-8")
+        .replace("optimal_return == 4", "optimal_return == 4.50")
+    )
+    found = exact.check(path)
+    assert found.task.name == "RiskyPath"
+    (wrong,) = (d for d in found.diagnostics if d.code == "E601")
+    assert "optimal_return is 4" in wrong.message and "4.50 is" not in wrong.message
