@@ -99,7 +99,7 @@ def test_defaults(case: tuple[str, str | None]) -> None:
     walk_together(load(case), 2**63 + 12_345, 60)
 
 
-@pytest.mark.parametrize("case", sparse([(case,) for case in EVERY], 2), ids=name)
+@pytest.mark.parametrize("case", sparse([(case,) for case in EVERY], 3), ids=name)
 @settings(max_examples=4, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_random_parameters(case: tuple[str, str | None], data: st.DataObject) -> None:

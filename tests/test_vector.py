@@ -50,7 +50,7 @@ WALKS = [(task, lanes) for i, task in enumerate(TASKS) for lanes in LANES[i % 2 
     ids=lambda x: name_of(x) if isinstance(x, tuple) else x,
 )  # fmt: skip
 def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes: int, mode: str) -> None:
-    Agreement(load(task), "numpy", lanes, mode).run(60 if lanes < 10 else 25)
+    Agreement(load(task), "numpy", lanes, mode).run(30 if lanes < 10 else 15)
 
 
 @pytest.mark.parametrize("task", TASKS[::4], ids=name_of)

@@ -6,10 +6,11 @@ A space such as Z^2 is endless, but thirty steps from a bounded start do not lea
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
+from taskspec.lang import interval
 from taskspec.lang.interval import bounds
-from taskspec.lang.ir import Node, Read, Role, walk
+from taskspec.lang.ir import Node, Read, Role, children, walk
 from taskspec.lang.ranges import INF, Interval, Range
 from taskspec.task.task import Component
 
@@ -41,13 +42,15 @@ def reached(
 ) -> dict[str, Interval]:
     """As `reach`, with what is known of components that are declared with bounds too: never wider than declared."""
     declared = {c.name: (c.least, c.most) for c in state}
-    known: dict[int, Range] = {}
-    found = {c.name: _within(bounds(n, known), declared[c.name]) for c, n in zip(state, initial, strict=True)}
-    reads = _state_reads(following)
+    first: dict[int, Range] = {}
+    found = {c.name: _within(bounds(n, first), declared[c.name]) for c, n in zip(state, initial, strict=True)}
+    still, moving = _apart(following, declared)
 
     def step(reached: dict[str, Interval]) -> dict[str, Interval]:
-        known = _known(reads, reached)
-        nexts = (_within(bounds(node, known), declared[c.name]) for c, node in zip(state, following, strict=True))
+        known = still.copy()
+        for node in moving:
+            known[id(node)] = Range(*reached[node.name]) if isinstance(node, Read) else _range(node, known)
+        nexts = (_within(known[id(node)][:2], declared[c.name]) for c, node in zip(state, following, strict=True))
         return {c.name: _union(reached[c.name], edge) for c, edge in zip(state, nexts, strict=True)}
 
     for _ in range(MAX_STEPS if horizon is None else min(horizon, MAX_STEPS)):
@@ -60,6 +63,23 @@ def reached(
     while (wider := step(found)) != found:  # what still moves may go anywhere
         found = {name: edge if wider[name] == edge else declared[name] for name, edge in found.items()}
     return found
+
+
+def _apart(roots: Sequence[Node], state: Container[str]) -> tuple[dict[int, Range], list[Node]]:
+    """What is known, by id, of the nodes that do not depend on the state; and the others, in order, which change."""
+    still: dict[int, Range] = {}
+    moving: list[Node] = []
+    for node in walk(roots):
+        of_state = isinstance(node, Read) and node.role is Role.STATE and node.name in state
+        if of_state or any(id(c) not in still for c in children(node)):
+            moving.append(node)
+        else:
+            still[id(node)] = _range(node, still)
+    return still, moving
+
+
+def _range(node: Node, known: dict[int, Range]) -> Range:
+    return interval.step(node, [known[id(c)] for c in children(node)])
 
 
 def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range]:

@@ -56,21 +56,43 @@ class CheckPhase:
 
 def phases(task: Task, limit: int) -> Iterator[CheckPhase]:
     """The phases of a task that have anything left to check once bounds have proved what they can."""
-    yield _phase(task, "start", _start_checks(task), limit)
-    yield _phase(task, "observation", _observation_checks(task), limit)
-    yield _phase(task, "expert", _expert_checks(task) if task.memory is None else [], limit)
-    yield _phase(task, "step", _step_checks(task), limit)
+    episodes = _Episodes(task)
+    yield _phase(episodes, "start", _start_checks(task), limit)
+    yield _phase(episodes, "observation", _observation_checks(task), limit)
+    yield _phase(episodes, "expert", _expert_checks(task) if task.memory is None else [], limit)
+    yield _phase(episodes, "step", _step_checks(task), limit)
     if task.memory is not None:
         whole = task.remembering()
+        remembering = _Episodes(whole)
         first, later = (
             _memory_checks(task, *each) for each in (("E404", "", whole.raw_initial), ("E403", "'", whole.raw_next))
         )
-        yield _phase(whole, "start", first, limit)
-        yield _phase(whole, "expert", _expert_checks(whole), limit)
-        yield _phase(whole, "step", later, limit)
+        yield _phase(remembering, "start", first, limit)
+        yield _phase(remembering, "expert", _expert_checks(whole), limit)
+        yield _phase(remembering, "step", later, limit)
 
 
-def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> CheckPhase:
+@dataclass
+class _Episodes:
+    """How far episodes of a task get, and what they visit: worked out once, whatever the number of phases."""
+
+    task: Task
+
+    @cached_property
+    def far(self) -> dict[str, Interval]:
+        return reached(self.task.state, self.task.initial, self.task.next, self.task.horizon)
+
+    @cached_property
+    def acting(self) -> Reads:
+        return visited(self.task)
+
+    @cached_property
+    def whole(self) -> Reads:
+        return visited(self.task, ends=True)
+
+
+def _phase(episodes: _Episodes, name: str, checks: Sequence[Check], limit: int) -> CheckPhase:
+    task = episodes.task
     left = tuple(c for c in checks if not c.is_proved(task.builder))
     listed = _lumped(left, task)
     roots = [n for c in listed for n in (*c.guards, c.node)]
@@ -85,7 +107,7 @@ def _phase(task: Task, name: str, checks: Sequence[Check], limit: int) -> CheckP
         grid = Grid(Space(task.state, Role.STATE), actions, times)
         if grid.size * outcomes <= min(limit, Cost(roots).affordable()):
             return CheckPhase(task, name, listed, grid, True)
-    return _sampled(task, name, left)
+    return _sampled(episodes, name, left)
 
 
 def _lumped(checks: Sequence[Check], task: Task) -> tuple[Check, ...]:
@@ -94,19 +116,19 @@ def _lumped(checks: Sequence[Check], task: Task) -> tuple[Check, ...]:
     return tuple(replace(c, guards=tuple(next(nodes) for _ in c.guards), node=next(nodes)) for c in checks)
 
 
-def _sampled(task: Task, name: str, checks: tuple[Check, ...]) -> CheckPhase:
+def _sampled(episodes: _Episodes, name: str, checks: tuple[Check, ...]) -> CheckPhase:
     """Checks that how far episodes get does not prove, at points that episodes visit and at others."""
-    far = reached(task.state, task.initial, task.next, task.horizon) if checks else {}
-    left = tuple(c for c in checks if not c.is_proved(task.builder, far))
+    task = episodes.task
+    left = tuple(c for c in checks if not c.is_proved(task.builder, episodes.far))
     if not left:
         return CheckPhase(task, name, (), Samples({}, {}), True)
     rng, ends = np.random.default_rng(1), name == "observation"
     actions = [(Role.ACTION, c) for c in task.action]
-    known = visited(task, ends)
+    known = episodes.whole if ends else episodes.acting
     points = columns([known, anew(known, actions, rng)])
     others: Reads = {}
     if not are_related(task.state):
-        everywhere = [(Role.STATE, c) for c in _within(task.state, far)] + actions
+        everywhere = [(Role.STATE, c) for c in _within(task.state, episodes.far)] + actions
         others = anew(entered(task, drawn(everywhere, _times(task, "step"), rng), False, rng), actions, rng)
         others = entered(task, others, True, rng) if ends and others else others
     return CheckPhase(task, name, left, Samples(points, others), False)
