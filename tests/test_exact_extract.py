@@ -140,17 +140,13 @@ def test_rewards_by_next_state() -> None:
 
 
 def test_size_is_bounded_before_memory_is_spent() -> None:
-    from taskspec.diagnostics import SpecError
-
     with pytest.raises(SpecError, match="E712"):
         extract(shipped("branching", L=1000, B=100), limit=10_000)
     with pytest.raises(SpecError, match="'s' has infinitely many values"):
         extract(shipped("largest_sum"))
 
 
-def test_a_step_may_have_as_many_outcomes_as_the_limit_says(set_limits: Any) -> None:
-    from taskspec.diagnostics import SpecError
-
+def test_a_step_may_have_as_many_outcomes_as_the_limit_says(set_limits: Callable[..., None]) -> None:
     task = build(read_text(text(dynamics='{"s\'": "UniformInt(0, 9)"}')))
     set_limits(outcomes=10)
     assert len(extract(task).step(0).going.data) > 0

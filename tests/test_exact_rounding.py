@@ -284,18 +284,6 @@ def test_waiting_for_ever_is_no_rest_where_every_step_is_paid(shift: int, expect
     assert status(text, f"prefers(zero_terminal_value({shift}), a == 1)") == expected
 
 
-def test_an_action_that_ends_episodes_has_no_part_in_the_next_state() -> None:
-    """Where episodes end is told from the next state itself, of which the action changes nothing."""
-    text = (
-        WAITS.replace("PAID", "0")
-        .replace("dynamics: {k': k}", "dynamics: {k': 'Bernoulli(1/2)'}")
-        .replace("{a: 0}", "optimal")
-    )
-    text = text.replace("horizon: none", "horizon: 3")
-    assert status(text, "influences(a, k)") == "false"
-    assert status(text, "not influences(a, k)") == "proved"
-
-
 def test_long_chains_are_solved_by_substitution() -> None:
     """Beyond some thousands of equations there is no direct solution; a candidate may be off by rounding, and is checked."""
     found = _substituted(scipy_sparse().csr_array(np.diag([0.5, 0.75])), np.array([1.0, 3.0]))

@@ -4,26 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from taskspec.lang.dists import DISTS
+
 MODULES = frozenset(
     {"np", "numpy", "random", "math", "rng", "scipy", "stats", "jnp", "jax", "torch", "tf", "itertools"}
 )
 """What others write before the dot of a function."""
 
+_OURS: Mapping[str, str] = {
+    name.lower(): f"{name}({', '.join(argument.name for argument in dist.arguments)})" for name, dist in DISTS.items()
+}
 _DRAWN: Mapping[str, str] = {
-    "normal": "Normal(mean, std)",
-    "uniform": "Uniform(low, high)",
-    "exponential": "Exponential(rate)",
-    "poisson": "Poisson(rate)",
-    "bernoulli": "Bernoulli(p)",
-    "dirichlet": "Dirichlet(alpha)",
-    "permutation": "Permutation(n)",
-    "beta": "Beta(a, b)",
-    "binomial": "Binomial(n, p)",
-    "gamma": "Gamma(a, rate)",
+    **_OURS,
     "erlang": "Gamma(k, rate)",
     "chisquare": "Gamma(k / 2, 1 / 2)",
     "inversegamma": "1 / Gamma(a, rate)",
-    "geometric": "Geometric(p)",
     "geom": "Geometric(p)",
     "lognormal": "exp(Normal(mean, std))",
     "laplace": "mean + Exponential(1 / scale) - Exponential(1 / scale)",

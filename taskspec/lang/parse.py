@@ -238,7 +238,7 @@ class _Reader:
         if isinstance(node.func, ast.Attribute):
             what, name = "methods (`x.f()`)", node.func.attr
             if shown.partition(".")[0] in MODULES:
-                what = "modules of Python (`np.f()`)"
+                what = "functions of Python modules (`np.f()`)"
             known = f"write `{FUNCTIONS[name].signature}`" if name in FUNCTIONS else advice(name)
             hint = known or "functions are written `f(x)`"
             self.fail(node.func, f"{what} are not part of the language", hint)

@@ -84,14 +84,7 @@ def _range(node: Node, known: dict[int, Range]) -> Range:
 
 def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range]:
     """What is known of the state reads below some nodes, for `interval.bounds`."""
-    return _known(_state_reads(roots), reached)
-
-
-def _state_reads(roots: Sequence[Node]) -> list[Read]:
-    return [n for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE]
-
-
-def _known(reads: Sequence[Read], reached: dict[str, Interval]) -> dict[int, Range]:
+    reads = (n for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE)
     return {id(n): Range(*reached[n.name]) for n in reads if n.name in reached}
 
 
