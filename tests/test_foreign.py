@@ -106,7 +106,8 @@ def test_everything_that_is_advised_can_be_written(name: str) -> None:
 
 @pytest.mark.parametrize(("written", "message", "hint"), [
     ("np.clip(x, 0, 2)", "functions of Python modules (`np.f()`) are not part of the language", "write `clip(x, low, high)`"),
-    ("np.random.normal(0, 1)", "functions of Python modules (`np.f()`) are not part of the language", "write `Normal(mean, std)`"),
+    ("np.random.normal(0, 1)", "functions of Python modules (`np.f()`) are not part of the language",
+     "write `Normal(mean, std)`"),
     ("2 * np.pi", "attributes (`a.b`) are not part of the language", "write `pi`"),
     ("x.shape", "attributes (`a.b`) are not part of the language", "write `len(x)`"),
     ("x.name", "attributes (`a.b`) are not part of the language", None),
