@@ -12,31 +12,31 @@ NAMES = {"q_learning": "Q-learning", "bc": "Behavioural cloning", "ppo": "PPO", 
 TEXT = """\
 # A mutation study of the exam
 
-Does the [exam](exam.md) notice mistakes? Five small learners, which are right as far as we know, are given the mistakes that
-people make in them, one at a time: {bugs} in all. Each is examined against the stored results of the right version (`--against`).
-It counts as flagged where the exam flags something (a regression, a twin that differs, peeking, a failure), or tells a diagnosis
-that the right version does not get.
+Does the [exam](exam.md) notice mistakes? Five small learners, correct as far as we know, are given typical
+mistakes, one at a time: {bugs} in all. Each is examined against the stored results of the correct version (`--against`).
+It counts as flagged where the exam flags something (a regression, a twin that differs, peeking, a failure), or reports a diagnosis
+that the correct version does not get.
 
 | | |
 |---|---|
 | mistakes flagged | {flagged} of {bugs} |
-| without twins, the others being equal | {printed} of {bugs} |
-| right versions on fresh seeds, flagged | {false} of {exams} |
+| flagged without twins | {printed} of {bugs} |
+| correct versions flagged, on fresh seeds | {false} of {exams} |
 | steps | {steps} |
 | seeds | {seeds}, and {twins} of each task |
 
 The learners were written, and three of the mistakes tried, on seeds {tuned}; nothing in the exam, its diagnoses or the list of
-mistakes was adjusted to the results below. Stored results are of seeds {baselines}, mistakes of seeds {mistakes}, and right
-versions were examined again on seeds {fresh}. An exam has 15 seeds unless told otherwise: what a mistake
-does to some seeds alone is often not flagged with {seeds}.
+mistakes was adjusted to the results below. Stored results are of seeds {baselines}, mistakes of seeds {mistakes}, and correct
+versions were examined again on seeds {fresh}. An exam has 15 seeds by default: a mistake that
+affects only some seeds is often not flagged with {seeds}.
 
 ```sh
-python -m tests.study --baselines  # what is stored: tasks/derail/baselines
+python -m tests.study --baselines  # the stored results: tasks/derail/baselines
 python -m tests.study              # the study, and this page
 ```
 
-The learners are in `tests/study/learners`, the mistakes in `tests/study/bugs.yaml`. Tables name the tasks with
-regressions, as printed and on twins, and with flags of other kinds; and diagnoses that the right version does not get.
+The learners are in `tests/study/learners`, the mistakes in `tests/study/bugs.yaml`. The tables list tasks
+with regressions, as printed and on twins, other flags with their kind, and diagnoses that the correct version does not get.
 """
 HEAD = "| mistake | as printed | twins | diagnoses |\n|---|---|---|---|"
 
@@ -92,4 +92,4 @@ def _right(right: Mapping[tuple[str, int], Found]) -> str:
         f"| {NAMES[learner]} | {_seeds(first)} | {', '.join(f'{kind}: {name}' for kind, name in found.whole) or 'nothing'} |"
         for (learner, first), found in right.items()
     ]
-    return "\n".join(["## Right versions again", "", "| learner | seeds | flagged |", "|---|---|---|", *rows])
+    return "\n".join(["## Correct versions again", "", "| learner | seeds | flagged |", "|---|---|---|", *rows])
