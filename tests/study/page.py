@@ -14,8 +14,8 @@ TEXT = """\
 
 Does the [exam](exam.md) notice mistakes? Five small learners, correct as far as we know, are given typical
 mistakes, one at a time: {bugs} in all. Each is examined against the stored results of the correct version (`--against`).
-It counts as flagged where the exam flags something (a regression, a twin that differs, peeking, a failure), or reports a diagnosis
-that the correct version does not get.
+It counts as flagged where the exam flags something (a regression, a twin that differs, peeking, a failure), or reports a
+diagnosis that the correct version does not get.
 
 | | |
 |---|---|
