@@ -178,6 +178,7 @@ definitions:
   "f(x, y)": x + yy * maxx(x) if mode == fast else sum([i * j for i in range(n)])
   "g(x)": f(x) + pi + s' + t
   "h(x)": x == calm or x == slow
+  "k(x)": all(x > 0, x < 9) or abs(x=1) or not any([x]) or min(x) > max(x, 1, 2)
 state:
   s: {type: int, low: 0, high: 9}
   m: {type: choice, values: [calm, angry]}
@@ -191,7 +192,8 @@ reward: 0
 
 def test_functions_that_nothing_calls_are_checked() -> None:
     found = [(p.code, _written(UNCALLED, p)) for p in problems(source.read_text(UNCALLED))]
-    assert found == [("E302", "yy"), ("E303", "maxx"), ("E302", "j"), ("E304", "f(x)")]
+    assert found[:4] == [("E302", "yy"), ("E303", "maxx"), ("E302", "j"), ("E304", "f(x)")]
+    assert found[4:] == [("E304", "all(x > 0, x < 9)"), ("E305", "x")]
 
 
 @pytest.mark.parametrize(("reward", "names"), [

@@ -122,7 +122,7 @@ FAIL: list[tuple[dict[str, Any], str, tuple[str | int, ...], str]] = [
     ({"state": {"s": 1}, "expert": {"c": "on"}}, "E216", ("expert", "c"), "no action component 'c'"),
     ({"state": {"s": 1}, "action": {"a": "on"}}, "E203", (), "does not say what follows"),
     ({"state": {"s": 1}, "initial": {"s": 1}}, "E214", ("state",), "an example of the first state has no `state`"),
-    ({"state": {"s": 1}, "nxt": {"s": 1}}, "E202", ("nxt",), "`nxt` means nothing here"),
+    ({"state": {"s": 1}, "nxt": {"s": 1}}, "E202", ("nxt",), "unknown key `nxt`"),
 ]  # fmt: skip
 
 

@@ -161,6 +161,15 @@ def test_nothing_adds_nothing_to_spaces_of_finite_components(space: str) -> None
     assert nothing(text, M=2).make().observation_space.shape == ((16,) if space == "one_hot" else (7,))
 
 
+@pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])
+def test_reals_may_be_among_ints_where_there_are_none(backend: Any) -> None:
+    pytest.importorskip(backend)
+    text = DISTRACTED.replace("observation: {s: s, ", "observation: {space: multi_discrete, s: s, ")
+    task = nothing(text, M=0)
+    assert "noise" in [c.name for c in task.observation.components]
+    Agreement(task, backend, 5, "SameStep", one=ReferenceEnv).run(12)
+
+
 def test_without_its_distractors_a_task_is_solved_exactly() -> None:
     """Of four steps to the right, 1 + 2 + 3 + 3; random ones walk on four places with walls."""
     found = scores(nothing(DISTRACTED, M=0))

@@ -153,6 +153,8 @@ def test_hand_writing(source: str, expected: str) -> None:
         ("x**1e-3", r"x^{10^{- 3}}"),
         ("2.5e6**2", r"(2.5 \times 10^6)^2"),
         ("sum([i * x for i in range(2 * L)])", r"\sum_{i = 0}^{2L - 1} ix"),
+        ("{i for i in range(1, 9)}", r"\{1, \ldots , 8\}"),
+        ("{i for i in range(1, 9, 2)}", r"\mathrm{range}(1, 9, 2)"),
         ("x if not (a or y) else 0", r"\begin{cases} x & \text{if } \lnot (a \lor y) \\ 0 & \text{otherwise} \end{cases}"),
         ("{0: x, 1: 1 - x}", r"\begin{cases} 0 & \text{with probability }x \\ 1 & \text{with probability }1 - x \end{cases}"),
         ("clip(x, -1, 1)", r"\mathrm{clip}(x, - 1, 1)"),

@@ -138,8 +138,8 @@ MISTAKES = [
     ("state: {s: {type: choice, values: [a], symbols: []}}\n", "E214", "3:49", "0 symbols", ""),
     ("reward: [{if: a, then: 1, else: 2}]\n", "E214", "3:27", "alone", "dash"),
     ("constants: {m: {grid: [], legend: {a: 1}}}\n", "E204", "3:23", "lines of letters", "block"),
-    ("reward:\n", "E218", "3:1", "nothing stands here", ""),
-    ("initial: {s: [1, null]}\n", "E218", "3:18", "nothing stands here", ""),
+    ("reward:\n", "E218", "3:1", "there is no value here", ""),
+    ("initial: {s: [1, null]}\n", "E218", "3:18", "there is no value here", ""),
 ]
 
 

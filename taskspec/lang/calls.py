@@ -63,11 +63,16 @@ def _poison(checker: BaseChecker, expr: s.Call, scope: Scope) -> NoReturn:
 
 
 def _no_keywords(checker: BaseChecker, expr: s.Call) -> None:
-    for name, value in expr.keywords:
-        message = f"'{expr.function}' takes no keyword arguments"
-        checker.collector.add("E305", _keyword(name, value), message, f"write it without `{name}=`")
+    refuse_keywords(checker.collector, expr)
     if expr.keywords:
         checker.poison()
+
+
+def refuse_keywords(collector: Collector, expr: s.Call) -> None:
+    """Report the keyword arguments of a function that takes none."""
+    for name, value in expr.keywords:
+        message = f"'{expr.function}' takes no keyword arguments"
+        collector.add("E305", _keyword(name, value), message, f"write it without `{name}=`")
 
 
 def _keyword(name: str, value: s.Expr) -> s.Place:
@@ -104,7 +109,7 @@ def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope
     _no_keywords(checker, expr)
     checker.expand(expr)
     values = checker.each([(lambda e=e: checker.value(e, scope)) for e in expr.args])  # type: ignore[misc]
-    if len(values) != len(function.arguments):
+    if not function.accepts(len(values)):
         checker.fail("E304", expr, f"{function.signature} was given {count_of(len(values))}")
     given = [late.named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
     return _applied(checker, function, expr, given, want)

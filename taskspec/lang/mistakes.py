@@ -14,10 +14,12 @@ _CONFUSIONS = (
 )
 _CHARACTERS = {
     "−": "`-`", "–": "`-`", "×": "`*`", "·": "`*`", "⋅": "`*`", "÷": "`/`", "≤": "`<=`", "≥": "`>=`", "≠": "`!=`", "∧": "`and`",
-    "∨": "`or`", "¬": "`not`", "∈": "`in`", "∞": "`inf`", "′": "`'`", "’": "`'`", "‘": "`'`", "“": "`'`", "”": "`'`",
+    "∨": "`or`", "¬": "`not`", "∈": "`in`", "∞": "`inf`", "′": "`'`", "’": "`'`", "‘": "`'`", "“": '`"`', "”": '`"`', "„": '`"`',
     "²": "`**2`", "√": "`sqrt(x)`", "∑": "`sum(x)`", "∏": "`prod(x)`", "‖": "`norm2(x)`", "π": "`pi`",
+    **dict.fromkeys("\u00a0\u2002\u2003\u2009\u200a\u202f\u3000", "an ordinary space"),
 }  # fmt: skip
 """What to write for characters of mathematics and of typography, the likeliest ones."""
+_INVISIBLE = "\u00ad\u200b\u200c\u200d\u2060\ufeff"
 _PRODUCT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)([^\W\d]\w*)")
 _WORDS = re.compile(r"\s*\w+(\s+\w+)+\s*")
 
@@ -59,8 +61,10 @@ def explain(value: str, error: Exception) -> NoReturn:
         advice = "write `x if condition else y`"
     if value.startswith("|"):
         advice = "write `abs(x)`"
-    if message.startswith("invalid character") and value[start] in _CHARACTERS:
+    if message.startswith("invalid ") and value[start] in _CHARACTERS:
         advice = f"write {_CHARACTERS[value[start]]}"
+    if message.startswith("invalid ") and value[start] in _INVISIBLE:
+        advice = "delete this character, which cannot be seen"
     raise SyntaxFailure(start, max(end, start + 1), message, advice)
 
 

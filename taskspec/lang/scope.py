@@ -50,6 +50,9 @@ class FunctionDef:
     def signature(self) -> str:
         return f"{self.name}({', '.join(self.arguments)})"
 
+    def accepts(self, count: int) -> bool:
+        return count == len(self.arguments)
+
 
 @dataclass(frozen=True, slots=True)
 class Unavailable:

@@ -95,7 +95,7 @@ def _written(document: Document) -> BuiltIn:
     stray = next((key for key in data if key not in _KEYS), None)
     if stray is not None:
         hint = suggest(stray, _KEYS) or f"it has {', '.join(_KEYS)}"
-        raise SpecError([Diagnostic("E202", document.key_span((stray,)), f"'{stray}' means nothing here", hint)])
+        raise SpecError([Diagnostic("E202", document.key_span((stray,)), f"unknown key `{stray}`", hint)])
     for key, known in (("learner", BUILT_IN), ("family", FAMILIES)):
         if key in data and data[key] not in known:
             near = suggest(str(data[key]), tuple(known))

@@ -180,10 +180,14 @@ def _where(w: Writer, call: s.Call) -> Piece | None:
     return w.piece(s.IfElse(test, then, otherwise, call.place))
 
 
-def _range(w: Writer, call: s.Call) -> Piece:
-    low: s.Expr | None = call.args[0] if len(call.args) > 1 else None
-    first = m.Num("0") if low is None else w.number(low).tree
-    return Piece(interval(first, less_one(w, call.args[min(1, len(call.args) - 1)])))
+def _range(w: Writer, call: s.Call) -> Piece | None:
+    match call.args:
+        case (stop,):
+            return Piece(interval(m.Num("0"), less_one(w, stop)))
+        case (start, stop):
+            return Piece(interval(w.number(start).tree, less_one(w, stop)))
+        case _:
+            return None  # it has a step
 
 
 def _box(w: Writer, call: s.Call) -> Piece | None:

@@ -27,6 +27,9 @@ SPECIAL = {
     "?": "the start of a key",
 }
 
+TYPOGRAPHIC = frozenset("“”„‟«»‘’‚‛")
+"""Quotes that quote in books, and nothing in YAML."""
+
 
 def value_end(text: str, start: int, in_flow: bool) -> int:
     """Where the value that starts here was meant to end: at the end of its line or, between
@@ -66,8 +69,10 @@ def is_closed(text: str, start: int) -> bool:
 
 
 def quoted(written: str) -> str:
-    """A text as a YAML string: in double quotes unless it holds some itself."""
+    """A text as a YAML string: in double quotes unless it holds some itself; those of typography around it are dropped."""
     words = " ".join(written.split())
+    if words[:1] in TYPOGRAPHIC and words[-1:] in TYPOGRAPHIC:
+        words = words[1:-1].strip()
     if '"' in words or "\\" in words:
         return "'" + words.replace("'", "''") + "'"
     return f'"{words}"'

@@ -194,6 +194,10 @@ def _after_value(text: str, syntax: Syntax) -> TextProblem | None:
         return _apostrophe(text, last.start, at, end)
     ended = "quote" if is_quoted else "bracket"
     message = f"`{shown(text[at:end])}` stands after the {ended} that ends the value"
+    if "\n" in text[last.start : last.end]:
+        line = text.count("\n", 0, last.start) + 1
+        hint = f"the value begins with the {ended} in line {line}: is its other {ended} missing there?"
+        return TextProblem("E109", at, end, message, hint)
     return TextProblem("E109", at, end, message, in_quotes(text[last.start : end]))
 
 

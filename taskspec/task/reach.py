@@ -6,7 +6,7 @@ A space such as Z^2 is endless, but thirty steps from a bounded start do not lea
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from taskspec.lang import interval
 from taskspec.lang.interval import bounds
@@ -44,12 +44,10 @@ def reached(
     declared = {c.name: (c.least, c.most) for c in state}
     first: dict[int, Range] = {}
     found = {c.name: _within(bounds(n, first), declared[c.name]) for c, n in zip(state, initial, strict=True)}
-    still, moving = _apart(following, declared)
+    widening = _Widening(following, declared)
 
     def step(reached: dict[str, Interval]) -> dict[str, Interval]:
-        known = still.copy()
-        for node in moving:
-            known[id(node)] = Range(*reached[node.name]) if isinstance(node, Read) else _range(node, known)
+        known = widening.from_(reached)
         nexts = (_within(known[id(node)][:2], declared[c.name]) for c, node in zip(state, following, strict=True))
         return {c.name: _union(reached[c.name], edge) for c, edge in zip(state, nexts, strict=True)}
 
@@ -65,17 +63,37 @@ def reached(
     return found
 
 
-def _apart(roots: Sequence[Node], state: Container[str]) -> tuple[dict[int, Range], list[Node]]:
-    """What is known, by id, of the nodes that do not depend on the state; and the others, in order, which change."""
-    still: dict[int, Range] = {}
-    moving: list[Node] = []
-    for node in walk(roots):
-        of_state = isinstance(node, Read) and node.role is Role.STATE and node.name in state
-        if of_state or any(id(c) not in still for c in children(node)):
-            moving.append(node)
-        else:
-            still[id(node)] = _range(node, still)
-    return still, moving
+class _Widening:
+    """What is known of nodes while what is known of the state changes: only what has changed is worked out again."""
+
+    def __init__(self, roots: Sequence[Node], state: Container[str]) -> None:
+        self.known: dict[int, Range] = {}
+        self.moving: list[tuple[Node, tuple[int, ...]]] = []
+        """The nodes that depend on the state, arguments first, with the ids of their arguments."""
+        moving: set[int] = set()
+        for node in walk(roots):
+            args = tuple(id(c) for c in children(node))
+            of_state = isinstance(node, Read) and node.role is Role.STATE and node.name in state
+            if of_state or not moving.isdisjoint(args):
+                moving.add(id(node))
+                self.moving.append((node, args))
+            else:
+                self.known[id(node)] = _range(node, self.known)
+
+    def from_(self, reached: Mapping[str, Interval]) -> Mapping[int, Range]:
+        """What is known of the nodes, by id, where components are within these intervals."""
+        known, changed = self.known, set[int]()
+        for node, args in self.moving:
+            if isinstance(node, Read):
+                found = Range(*reached[node.name])
+            elif id(node) in known and changed.isdisjoint(args):
+                continue
+            else:
+                found = _range(node, known)
+            if known.get(id(node)) != found:
+                known[id(node)] = found
+                changed.add(id(node))
+        return known
 
 
 def _range(node: Node, known: dict[int, Range]) -> Range:

@@ -117,12 +117,14 @@ def _observation(form: ArrayForm, layout: SpaceLayout, outputs: Sequence[str], v
     """Statements that write each segment of the observation where it belongs."""
     lines: list[str] = []
     for segment, out in zip(layout.segments, outputs, strict=True):
-        value, scalar = values[segment.component], layout.components[segment.component].type.is_scalar
+        value, type_ = values[segment.component], layout.components[segment.component].type
+        if not type_.size:
+            continue  # a vector of reals without elements may be among ints
         if segment.values is not None:
-            element = value if scalar else f"rt.rows({value})[{segment.element}]"
+            element = value if type_.is_scalar else f"rt.rows({value})[{segment.element}]"
             lines.append(f"equal({element}, {form.constant(np.array(segment.values)[:, None])}, {out})")
         elif segment.starts:
-            shape = (*layout.components[segment.component].type.shape, 1)
+            shape = (*type_.shape, 1)
             lines.append(f"subtract({value}, {form.constant(np.array(segment.starts).reshape(shape))}, {out})")
         else:
             lines += _copy(out, value)

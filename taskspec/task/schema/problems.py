@@ -48,7 +48,7 @@ def kind(value: object) -> str:
 def wrong_kind(expected: str, value: object, hint: str | None = None) -> Problem:
     """The problem of a value that is not what belongs here."""
     if value is None:
-        return Problem("E218", (), f"nothing stands here; expected {expected}", hint)
+        return Problem("E218", (), f"there is no value here; expected {expected}", hint)
     return Problem("E204", (), f"expected {expected}, found {kind(value)}", hint)
 
 
@@ -75,6 +75,6 @@ def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
 
 
 def unknown_key(key: str, known: tuple[str, ...]) -> Problem:
-    """The problem of a key that means nothing here, with the nearest one that does."""
+    """The problem of a key that is not known here, with the nearest one that is."""
     hint = suggest(key, known) or ("it can be one of: " + ", ".join(known))
-    return Problem("E202", (), f"`{key}` means nothing here", hint, of_key=True)
+    return Problem("E202", (), f"unknown key `{key}`", hint, of_key=True)
