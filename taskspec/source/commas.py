@@ -85,7 +85,7 @@ def cut(text: str, start: int, within: Sequence[Node] = ()) -> TextProblem:
 
 
 def _pieces(text: str, start: int, end: int) -> TextProblem:
-    message = f"YAML cuts `{shown(text[start:end])}` in pieces, because it is between braces or brackets"
+    message = f"YAML splits `{shown(text[start:end])}`, because it is between braces or brackets"
     return TextProblem("E106", start, end, message, in_quotes(text[start:end]))
 
 

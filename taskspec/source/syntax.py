@@ -86,7 +86,7 @@ def _special(text: str, syntax: Syntax) -> TextProblem | None:
     char, in_flow = _char(text, at), bool(syntax.open) and syntax.open[-1].flow
     if in_flow and char in (",", ":", "]", "}"):
         code = "E108" if char == ":" else "E112"
-        return TextProblem(code, at, at + 1, f"nothing stands before this `{char}`")
+        return TextProblem(code, at, at + 1, f"there is nothing before this `{char}`")
     return special_start(text, at, in_flow) if char in SPECIAL else None
 
 
@@ -135,7 +135,7 @@ def _colon_at_end(text: str, syntax: Syntax) -> TextProblem | None:
     if "unexpected ':'" not in syntax.problem:
         return None
     hint = "write a value after the colon, or put text with colons in quotes"
-    return TextProblem("E107", syntax.at, syntax.at + 1, "no value stands after this colon", hint)
+    return TextProblem("E107", syntax.at, syntax.at + 1, "there is no value after this colon", hint)
 
 
 def _no_comma(text: str, syntax: Syntax) -> TextProblem | None:
@@ -193,7 +193,7 @@ def _after_value(text: str, syntax: Syntax) -> TextProblem | None:
     if is_quoted and last.end == at and text[at:end].endswith("'") and text[last.start] == "'":
         return _apostrophe(text, last.start, at, end)
     ended = "quote" if is_quoted else "bracket"
-    message = f"`{shown(text[at:end])}` stands after the {ended} that ends the value"
+    message = f"`{shown(text[at:end])}` follows the {ended} that ends the value"
     if "\n" in text[last.start : last.end]:
         line = text.count("\n", 0, last.start) + 1
         hint = f"the value begins with the {ended} in line {line}: is its other {ended} missing there?"
@@ -223,7 +223,7 @@ def _indentation(text: str, syntax: Syntax) -> TextProblem | None:
         return None
     end = value_end(text, at, in_flow=False)
     if _char(text, at) == ":":
-        return TextProblem("E108", at, at + 1, "nothing stands before this `:`")
+        return TextProblem("E108", at, at + 1, "there is nothing before this `:`")
     message = f"`{shown(text[at:end])}` does not line up with the lines above"
     hint = "keys of one mapping, and the dashes of one list, start in the same column"
     return TextProblem("E110", at, end, message, hint)

@@ -51,7 +51,7 @@ def _inside_split(node: Node, text: str) -> bool:
 
 def _bad_key(text: str, node: Node) -> TextProblem:
     if isinstance(node, ScalarNode):
-        return TextProblem("E108", node.start, node.start + 1, "nothing stands before this `:`")
+        return TextProblem("E108", node.start, node.start + 1, "there is nothing before this `:`")
     kind = "list" if isinstance(node, SequenceNode) else "mapping"
     written = text[node.start : node.end]
     hint = 'write a vector as text: "(0, 1)"' if kind == "list" else in_quotes(written)

@@ -40,7 +40,7 @@ class RuleChecker:
         self.number(first, bound)
         for op, other in rest:
             if op in ("in", "not in"):
-                self.fail("E316", other, "`in` stands after the `if` of a comprehension only")
+                self.fail("E316", other, "`in` is allowed only after the `if` of a comprehension")
             else:
                 self.number(other, bound)
 

@@ -167,7 +167,7 @@ def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
         is_number = isinstance(value, int | float)
         hint = "put it in quotes" if expected == "text" and is_number else None
         return problems.wrong_kind(expected, value, hint)
-    return Problem("E204", (), f"{problems.kind(value)} cannot stand here: {error['msg']}")
+    return Problem("E204", (), f"{problems.kind(value)} is not allowed here: {error['msg']}")
 
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
