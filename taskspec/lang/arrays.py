@@ -180,7 +180,8 @@ class Runtime:
     # -- structure ------------------------------------------------------------------------------------------------
 
     def stack(self, *parts: Array) -> Array:
-        return self.xp.stack(self.xp.broadcast_arrays(*parts))
+        alike = all(p.shape == parts[0].shape for p in parts)
+        return self.xp.stack(parts if alike else self.xp.broadcast_arrays(*parts))
 
     def fill(self, x: Array, shape: tuple[int, ...]) -> Array:
         """A scalar of every lane in each place of a shape."""

@@ -6,9 +6,9 @@ source from the same templates instead. Values have shape (*shape, N): the batch
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache, lru_cache
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, lru_cache, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,51 +50,66 @@ def evaluate(
     Returns:
         Arrays (*shape, N), or (*shape, 1) where nothing depends on the batch.
     """
-    roots = tuple(roots)
-    values: dict[int, Array] = {}
+    plan = _planned(tuple(roots))
+    values = plan.values.copy()
+    for place, key in plan.reads:
+        values[place] = reads[key]
     with np.errstate(all="ignore"):
-        for node in _in_order(roots):
-            match node:
-                case Const():
-                    value = array(node)
-                case Read(role=role, name=name):
-                    value = reads[role, name]
-                case Apply():
-                    value = apply(node, [values[id(a)] for a in node.args])
-                case Draw(args=args):
-                    value = sample(node, [values[id(a)] for a in args])
-            values[id(node)] = value
-    return [values[id(root)] for root in roots]
+        for place, operation, args in plan.steps:
+            found = [values[i] for i in args]
+            values[place] = sample(operation, found) if isinstance(operation, Draw) else operation(*found)
+    return [values[i] for i in plan.roots]
+
+
+class _Plan(NamedTuple):
+    """How nodes are evaluated: values by place, constants in theirs, then reads, then operators and draws in order."""
+
+    values: list[Any]
+    reads: list[tuple[int, tuple[Role, str]]]
+    steps: list[tuple[int, Callable[..., Array] | Draw, tuple[int, ...]]]
+    roots: list[int]
 
 
 @lru_cache(maxsize=64)
-def _in_order(roots: tuple[Node, ...]) -> tuple[Node, ...]:
+def _planned(roots: tuple[Node, ...]) -> _Plan:
     """Kept, since the same step is evaluated at thousands of times of an episode."""
-    return tuple(walk(roots))
+    places: dict[int, int] = {}
+    plan = _Plan([], [], [], [])
+    for node in walk(roots):
+        place = places[id(node)] = len(plan.values)
+        plan.values.append(array(node) if isinstance(node, Const) else None)
+        match node:
+            case Read(role=role, name=name):
+                plan.reads.append((place, (role, name)))
+            case Apply(args=args):
+                plan.steps.append((place, _operation(node), tuple(places[id(a)] for a in args)))
+            case Draw(args=args):
+                plan.steps.append((place, node, tuple(places[id(a)] for a in args)))
+    plan.roots.extend(places[id(root)] for root in roots)
+    return plan
 
 
-def apply(node: Apply, args: Sequence[Array]) -> Any:
-    """One operator over a batch."""
+def _operation(node: Apply) -> Callable[..., Array]:
+    """One operator over a batch, as a function of its arguments."""
     if node.op in OPERATORS:
-        return function(node.op, node.type.kind)(np, RUNTIME, *args)
+        return partial(function(node.op, node.type.kind), np, RUNTIME)
     static = node.static
     match node.op:
         case "vector":
-            return RUNTIME.stack(*args)
-        case "concat":
-            return RUNTIME.concat(*args)
+            return RUNTIME.stack
         case "slice":
             start, count, step = static
             stop = start + count * step
-            return args[0][start : None if stop < 0 else stop : step]
+            rows = slice(start, None if stop < 0 else stop, step)
+            return lambda x: x[rows]
         case "element":
-            return args[0][static[0]]
+            return lambda x: x[static[0]]
         case "reshape":
-            return args[0].reshape(*static, args[0].shape[-1])
+            return lambda x: x.reshape(*static, x.shape[-1])
         case "fill":
-            return np.broadcast_to(args[0], (*static, args[0].shape[-1]))
+            return lambda x: np.broadcast_to(x, (*static, x.shape[-1]))
         case _:
-            return getattr(RUNTIME, node.op)(*args)
+            return getattr(RUNTIME, node.op)  # type: ignore[no-any-return]
 
 
 @cache

@@ -67,7 +67,7 @@ class Rollout:
         self, roots: Sequence[Node], reads: Mapping[Key, Array], layout: WordLayout, words: Array
     ) -> list[Array]:
         found = evaluate(roots, reads, batch_sampler(layout, words))
-        return [np.broadcast_to(v, (*v.shape[:-1], self.lanes)) for v in found]
+        return [_spread(v, self.lanes) for v in found]
 
 
 def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) -> dict[Key, Array]:
@@ -178,7 +178,12 @@ def _episodes(
 
 def _picked(reads: Mapping[Key, Array], lanes: Array) -> dict[Key, Array]:
     """Those lanes of what is read that a condition (N,) holds for."""
-    return {key: np.broadcast_to(value, (*value.shape[:-1], len(lanes)))[..., lanes] for key, value in reads.items()}
+    return {key: _spread(value, len(lanes))[..., lanes] for key, value in reads.items()}
+
+
+def _spread(values: Array, lanes: int) -> Array:
+    """Values (*shape, 1) or (*shape, lanes) in all lanes."""
+    return values if values.shape[-1] == lanes else np.broadcast_to(values, (*values.shape[:-1], lanes))
 
 
 def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.Generator) -> dict[Key, Array]:
