@@ -108,7 +108,7 @@ MISTAKES: list[tuple[str, str, str, str, str, str | None]] = [
     ("reached(s')", "reached(s', 1)", "E304", "reached(s', 1)", "2 arguments", None),
     ("stay: {calm: calm", "stay: {clam: calm", "E313", "clam", "'clam'", None),
     ("go: very cross", "go: very angry", "E301", "very angry", "expression", None),
-    ("s: {type: int, low: 0, high: L}", "s: {type: int, low: 0, high: clip(L, 1, 9)}", "E106", "clip(L, 1, 9)", "YAML splits", None),
+    ("s: {type: int, low: 0, high: L}", "s: {type: int, low: 0, high: clip(L, 1, 9)}", "E106", "clip(L, 1, 9)", "splits", None),
 ]  # fmt: skip
 
 
