@@ -10,6 +10,7 @@ and must be answered in the same words.
 from __future__ import annotations
 
 import argparse
+import heapq
 import sys
 import time
 from collections import Counter
@@ -21,6 +22,8 @@ from typing import Any
 from tests.shared.processes import machine, records
 
 CHUNK = 2_000
+KEPT = 10
+"""How many inputs of a kind of fault, and of the slowest ones, are told."""
 
 
 @dataclass
@@ -34,7 +37,8 @@ class Tally:
     """For each kind of fault an input, and the details."""
     twice: int = 0
     peak: int = 0
-    slowest: tuple[float, int] = (0.0, -1)
+    slowest: list[tuple[float, int]] = field(default_factory=list)
+    """Seconds and input of the slowest ones."""
     seconds: float = 0.0
 
     def add(self, record: dict[str, Any]) -> None:
@@ -45,14 +49,14 @@ class Tally:
         self.inputs += 1
         self.layers.update(record["layers"])
         self.seconds += record["seconds"]
-        self.slowest = max(self.slowest, (record["seconds"], record["input"]))
+        self.slowest = heapq.nlargest(KEPT, [*self.slowest, (record["seconds"], record["input"])])
         for fault in record["faults"]:
             self.fault(fault["signature"], record["input"], fault["detail"])
 
     def fault(self, signature: str, number: int, detail: str) -> None:
         self.kinds[signature] += 1
-        if signature not in self.examples:
-            self.examples[signature] = (number, detail)
+        self.examples.setdefault(signature, (number, detail))
+        if self.kinds[signature] <= KEPT:
             print(told(signature, number, detail), file=sys.stderr, flush=True)  # a long run is read while it runs
 
 
@@ -108,7 +112,7 @@ def summary(tally: Tally, seconds: float, jobs: int) -> str:
     raised = sum(kinds.values()) - crashes - hangs - differences
     return (
         f"{tally.inputs:,} inputs ({tally.twice:,} of them twice), {differences} differences, {raised} exceptions, "
-        f"{crashes} crashes, {hangs} hangs, slowest {tally.slowest[0]:.1f} s, peak memory {tally.peak / 2**20:.0f} MB; "
+        f"{crashes} crashes, {hangs} hangs, slowest {tally.slowest[0][0] if tally.slowest else 0:.1f} s, peak memory {tally.peak / 2**20:.0f} MB; "
         f"{machine(seconds, jobs, 'numpy', 'PyYAML')}"
     )
 
@@ -162,7 +166,8 @@ def main() -> int:
         print(f"{count} × {told(signature, number, detail)}")
     print(
         ", ".join(f"{layer} {n:,}" for layer, n in tally.layers.most_common()),
-        f"; slowest is {tally.slowest[1]}",
+        "; slowest are ",
+        ", ".join(f"{number} ({seconds:.1f} s)" for seconds, number in tally.slowest),
         sep="",
     )
     print(summary(tally, time.monotonic() - begun, asked.jobs))
