@@ -110,9 +110,10 @@ def summary(tally: Tally, seconds: float, jobs: int) -> str:
     kinds = Counter(signature.split()[1] for signature in tally.kinds.elements())
     crashes, hangs, differences = kinds["died"] + kinds["ended"], kinds["hang"], kinds["another"] + kinds["message"]
     raised = sum(kinds.values()) - crashes - hangs - differences
+    slowest = tally.slowest[0][0] if tally.slowest else 0
     return (
         f"{tally.inputs:,} inputs ({tally.twice:,} of them twice), {differences} differences, {raised} exceptions, "
-        f"{crashes} crashes, {hangs} hangs, slowest {tally.slowest[0][0] if tally.slowest else 0:.1f} s, peak memory {tally.peak / 2**20:.0f} MB; "
+        f"{crashes} crashes, {hangs} hangs, slowest {slowest:.1f} s, peak memory {tally.peak / 2**20:.0f} MB; "
         f"{machine(seconds, jobs, 'numpy', 'PyYAML')}"
     )
 
