@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +12,10 @@ from typing import Any
 from tests.shared.processes import records
 
 CHUNK = 1000
+TOLD_FROM = 5
+"""Chunks from which on a run says how far it is."""
+MOST = 10
+"""Specs of a kind of fault that are named."""
 
 
 @dataclass
@@ -60,16 +65,19 @@ def run(worker: str, specs: int, seed: int, jobs: int, more: str, chunk: int = C
         for found in pool.map(lambda a: list(of_specs(worker, a, min(a + chunk, seed + specs), more)), starts):
             for record in found:
                 tally.add(record)
+            if len(starts) > TOLD_FROM:  # a long run is read while it runs
+                print(f"{tally.specs:,} specs, {len(tally.found)} findings", file=sys.stderr, flush=True)
     return tally
 
 
 def faults(tally: Tally) -> str:
-    """A line for each kind of fault: how often it was found, and where first."""
+    """A line for each kind of fault: how often it was found, and in which specs first."""
     kinds: dict[str, list[dict[str, Any]]] = {}
     for finding in tally.found:
         kinds.setdefault(f"{finding['stage']}: {finding['what']}", []).append(finding)
     return "".join(
-        f"{len(many)} × {kind}: spec {many[0]['spec']}: {worded(many[0])[:200]}\n" for kind, many in kinds.items()
+        f"{len(many)} × {kind}: spec {', '.join(str(f['spec']) for f in many[:MOST])}: {worded(many[0])[:200]}\n"
+        for kind, many in kinds.items()
     )
 
 

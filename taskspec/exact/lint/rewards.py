@@ -44,9 +44,8 @@ def _later_reward(case: Linted, before: float) -> int | None:
 
 def indifferent(case: Linted, collector: Collector) -> None:
     """W504: the best return is that of random actions."""
-    optimal, random = case.results.optimal, case.results.random
-    if optimal is None or random is None or case.is_constant:
-        return
+    if case.is_constant or (optimal := case.results.optimal) is None or (random := case.results.random) is None:
+        return  # random actions are simulated only where the best return is known
     if abs(optimal.value - random.value) <= SAME * max(1.0, abs(optimal.value)):
         message = f"random actions are as good as the best: both return {words(optimal.value)}"
         collector.add("W504", case.merged.span(("reward",)), message)
