@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+import re
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from taskspec import registry
 from taskspec.appendix import Facts, claims, gather, page, write
 from taskspec.appendix.facts import ScoreFact, VerdictFact
 from taskspec.appendix.prose import Formula, Inlines, Mark, Text
+from taskspec.appendix.scores import number
 from taskspec.appendix.writing import Writing
 from taskspec.diagnostics import SpecError
 from taskspec.lang.parse import parse
@@ -207,6 +213,21 @@ def test_links_in_the_head_of_a_site(tmp_path: Path) -> None:
 
 def test_make_line_names_what_differs_from_the_defaults() -> None:
     assert page(registry.load("derail/Branching-v0", L=4)).make == 'gymnasium.make("derail/Branching-v0", L=4)'
+
+
+@given(
+    st.fractions(-1000, 1000, max_denominator=1500) | st.floats(-1000, 1000).filter(lambda x: abs(x) > 1e-3 or x == 0)
+)
+def test_numbers_are_printed_with_their_sign(value: Fraction | float) -> None:
+    """A whole number and a fraction have the sign of both: -31/7 is -4 - 3/7."""
+    shown = plain(number(value)).replace("−", "-").replace(" ", "")
+    read = sum(Fraction(term) for term in re.findall(r"[+-]?[\d./]+", shown))
+    assert math.isclose(read, value, rel_tol=1e-5, abs_tol=1e-12)
+
+
+@pytest.mark.parametrize(("value", "shown"), [(math.inf, "∞"), (-math.inf, "−∞"), (-31 / 7, "−4 − 3/7"), (-1e-30, "0")])
+def test_numbers_at_the_edges(value: float, shown: str) -> None:
+    assert plain(number(value)) == shown
 
 
 def test_facts_are_shown_where_there_are_some() -> None:

@@ -71,14 +71,14 @@ def _rounded(value: int | float | Fraction, half: float) -> tuple[m.Math, m.Math
 
 def number(value: int | float | Fraction) -> m.Math:
     """A number for people: short decimals and small fractions exactly, anything else to six digits."""
-    if value < 0:
-        return m.Row((m.Sym("−"), number(-value)))
     if isinstance(value, float):
+        if math.isinf(value):
+            return m.row(*([m.Sym("−")] if value < 0 else []), m.Ident("∞"))
         value = _recognised(value)
     if isinstance(value, Fraction) and not _terminates(value) and value.denominator < 1000:
-        whole, rest = divmod(value, 1)
-        frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
-        return m.Row((m.Num(str(whole)), m.Sym("+"), frac)) if whole else frac
+        return _mixed(value)
+    if value < 0:
+        return m.Row((m.Sym("−"), number(-value)))
     exact = isinstance(value, int) or (float(value) == round(float(value), 10))
     digits = f"{float(value):.12g}" if exact else f"{float(value):.6g}"
     mantissa, mark, exponent = digits.partition("e")
@@ -86,6 +86,14 @@ def number(value: int | float | Fraction) -> m.Math:
         return m.Num(digits)
     power = str(int(exponent)).replace("-", "−")
     return m.Row((m.Num(mantissa), m.Sym("×"), m.Script(m.Num("10"), sup=m.Num(power))))
+
+
+def _mixed(value: Fraction) -> m.Math:
+    """A fraction as a whole number and the rest: 4 + 3/7, and -4 - 3/7."""
+    whole, rest = divmod(abs(value), 1)
+    frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
+    sign = (m.Sym("−"),) if value < 0 else ()
+    return m.row(*sign, m.Num(str(whole)), m.Sym("−" if sign else "+"), frac) if whole else m.row(*sign, frac)
 
 
 def _recognised(value: float) -> float | Fraction:
