@@ -180,7 +180,7 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
 
     names = {p.alias: p.name for p in task.parameters}
     given = {names.get(name, name): value for name, value in parameters.items()}
-    values = {**({} if variant else task.values), **given}
+    values = {**({} if variant else task.given), **given}
     return modify(build(task.document, variant or task.variant, values, task.suite), *task.modifiers)
 
 

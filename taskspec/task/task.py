@@ -178,6 +178,11 @@ class Task:
         return {p.name: p.value for p in self.parameters}
 
     @property
+    def given(self) -> dict[str, Any]:
+        """The values that are not the defaults, by name: where one of them changes, defaults that depend on it do as well."""
+        return {p.name: p.value for p in self.parameters if p.value != p.default}
+
+    @property
     def is_finite(self) -> bool:
         """Whether states and actions are finite in number by their declared domains."""
         return all(c.is_finite for c in (*self.state, *self.action))

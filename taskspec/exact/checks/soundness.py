@@ -123,13 +123,13 @@ def _at(values: Mapping[str, Any], error: SpecError) -> list[Diagnostic]:
 def cases(task: Task) -> list[dict[str, Any]]:
     """Parameter values to try: the ends of each range alone, then all low, all high, and a mixture."""
     ranged = [p for p in task.parameters if len(_ends(p)) > 0]
-    present = task.values
-    alone = [present | {p.name: value} for p in ranged for value in _ends(p)]
-    together = [present | {p.name: _ends(p)[i] for p in ranged} for i in (0, -1)]
+    alone = [{p.name: value} for p in ranged for value in _ends(p)]
+    together = [{p.name: _ends(p)[i] for p in ranged} for i in (0, -1)]
     distinct: dict[str, dict[str, Any]] = {}
     for values in itertools.chain(together, alone):
-        if values != present:
-            distinct.setdefault(repr(values), values)
+        changed = {name: value for name, value in values.items() if value != task.values[name]}
+        if changed:
+            distinct.setdefault(repr(changed), task.given | changed)
     return list(distinct.values())[:MAX_CASES]
 
 

@@ -52,7 +52,7 @@ def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict
     task = load(task)
     known: dict[str, Results | SpecError] = {}
     if results is not None:
-        known[repr(sorted(task.values.items(), key=str))] = results
+        known[_key(task.given)] = results
     for number, claim in enumerate(task.claims, 1):
         tell(f"claim {number} of {len(task.claims)}")
         for case in claim.cases or ({},):
@@ -60,8 +60,8 @@ def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict
 
 
 def _verdict(task: Task, claim: Claim, case: Mapping[str, Any], known: dict[str, Results | SpecError]) -> Verdict:
-    values = task.values | dict(case)
-    key = repr(sorted(values.items(), key=str))
+    values = task.given | dict(case)
+    key = _key(values)
     if key not in known:
         known[key] = _results(task, values)
     results = known[key]
@@ -70,6 +70,10 @@ def _verdict(task: Task, claim: Claim, case: Mapping[str, Any], known: dict[str,
             claim, case, "broken", f"the parameters of the claim: {results.diagnostics[0].message}", claim.expr
         )
     return decide(claim, results, case)
+
+
+def _key(values: Mapping[str, Any]) -> str:
+    return repr(sorted(values.items(), key=str))
 
 
 def _results(task: Task, values: dict[str, Any]) -> Results | SpecError:

@@ -46,7 +46,7 @@ def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
 def _for(task: Task, case: Mapping[str, Any]) -> Task | SpecError:
     """The task for the parameter values of an example."""
     try:
-        return build(task.document, task.variant, task.values | dict(case), task.suite) if case else task
+        return build(task.document, task.variant, task.given | dict(case), task.suite) if case else task
     except SpecError as error:
         return error
 
