@@ -288,3 +288,34 @@ def test_long_chains_are_solved_by_substitution() -> None:
     """Beyond some thousands of equations there is no direct solution; a candidate may be off by rounding, and is checked."""
     found = _substituted(scipy_sparse().csr_array(np.diag([0.5, 0.75])), np.array([1.0, 3.0]))
     np.testing.assert_allclose(found, [2, 12], rtol=1e-14)
+
+
+EPIDEMIC = """
+taskspec: 1
+name: Epidemic
+state: {s: {type: int, low: 0, high: 5}, i: {type: int, low: 0, high: 6}}
+action: {v: {type: int, low: 0, high: 2}}
+noise:
+  more: count([Bernoulli(1 - 0.8 ** i) and k < s - v for k in range(6)])
+  fewer: count([Bernoulli(0.5) and k < i for k in range(6)])
+horizon: 12
+initial: {s: 5, i: 1}
+dynamics: {s': "max(s - v - more, 0)", i': "min(i + more - fewer, 6)"}
+reward: -i' - 0.3 * min(v, s)
+terminal: i' == 0
+expert: {v: 2 if i > 0 else 0}
+"""
+
+
+@pytest.mark.parametrize(
+    ("claim", "expected"),
+    [
+        ("expert_return <= optimal_return", "proved"), ("optimal_return >= expert_return", "proved"),
+        ("worst_return <= random_return", "proved"), ("expert_return == optimal_return", "proved"),
+        ("optimal_return <= expert_return", "undecided"), ("expert_return + 0 <= optimal_return", "undecided"),
+        ("expert_return <= worst_return", "false"),
+    ],
+)  # fmt: skip
+def test_no_return_is_above_the_optimal_one(claim: str, expected: str) -> None:
+    """Of two sums of floats that are equal, or nearly, neither is known to be the larger."""
+    assert status(EPIDEMIC, claim) == expected

@@ -25,7 +25,7 @@ from taskspec.exact.claims.conditions import (
 )
 from taskspec.exact.claims.models import rule_named
 from taskspec.exact.claims.refusals import Undecidable, Unfit
-from taskspec.exact.claims.vocabulary import RESULTS
+from taskspec.exact.claims.vocabulary import RESULTS, RETURNS, holds_of_all
 from taskspec.exact.model.model import Model
 from taskspec.exact.planning.certified.enclosure import (
     Enclosure,
@@ -48,7 +48,6 @@ from taskspec.lang.parse import parse_into
 from taskspec.lang.types import Refused
 
 Array = np.ndarray[Any, Any]
-RETURNS = tuple(name for name in RESULTS if name.endswith("_return"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +124,9 @@ class Evaluator:
             if op in ("in", "not in"):
                 raise Unfit("a claim compares numbers", expr)
             right = self.number(right_expr)
-            holds = compare(op, left, right, self._tolerance(expr))
+            names = [e.id for e in (left_expr, right_expr) if isinstance(e, s.Name)]
+            by_definition = len(names) == 2 and holds_of_all(op, *names)
+            holds = by_definition or compare(op, left, right, self._tolerance(expr))
             details.append(_sides(left_expr, left, right_expr, right, holds))
             if holds is False:
                 return Truth(False, details[-1], expr)

@@ -56,6 +56,16 @@ RESULTS: dict[str, Word] = {
     )
 }
 
+RETURNS = tuple(name for name in RESULTS if name.endswith("_return"))
+
+
+def holds_of_all(op: str, left: str, right: str) -> bool:
+    """Whether a comparison of two returns holds of every task: none is above the optimal one, nor below the worst."""
+    low, high = (left, right) if op == "<=" else (right, left)
+    are_returns = op in ("<=", ">=") and {low, high} <= {*RETURNS}
+    return are_returns and (high == "optimal_return" or low == "worst_return")
+
+
 FUNCTIONS: dict[str, Word] = {
     w.name: w
     for w in (
