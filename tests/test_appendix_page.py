@@ -194,6 +194,36 @@ reward: q' == best
 """
 
 
+DRAWS = """
+taskspec: 1
+name: Machines
+parameters: {n: {type: int, default: 3, low: 2}}
+state: {up: {type: bool, shape: [n]}, grid: {type: bool, shape: [2, n]}}
+action: {a: {type: int, low: 0, high: n - 1}}
+horizon: 9
+initial:
+  up: "[Bernoulli(1/2) for i in range(n)]"
+  grid: "[[Bernoulli(1/4) for j in range(n)] for i in range(2)]"
+dynamics:
+  up': "[a == i or Bernoulli(1/2 if up[i] else 1/4) for i in range(n)]"
+reward: UniformInt(0, 2) + count([Bernoulli(1/3) and k != a for k in range(n)])
+observation: {up: up, t: t}
+"""
+
+
+@pytest.mark.parametrize(("section", "expected"), [
+    ("initial", "up = (ξᵢ)_(i ∈ {0, … , n − 1}),  ξᵢ ∼ Bernoulli(1/2)"),
+    ("initial", "grid = ((ξ_(i, j))_(j ∈ {0, … , n − 1}))_(i ∈ {0, 1}),  ξ_(i, j) ∼ Bernoulli(1/4)"),
+    ("dynamics", "up′ = (𝟙[a = i ∨ ξᵢ])_(i ∈ {0, … , n − 1}),  ξᵢ ∼ Bernoulli({ 1/2 if upᵢ; 1/4 otherwise })"),
+    ("rewards", "R(a) = ξ₁ + #{k ∈ {0, … , n − 1}: ξ_(2, k) ∧ k ≠ a},  ξ₁ ∼ Unif{0, 1, 2},  ξ_(2, k) ∼ Bernoulli(1/3)"),
+    ("observations", "t is the time"),
+])  # fmt: skip
+def test_each_element_of_a_comprehension_has_its_own_draw(section: str, expected: str) -> None:
+    found = page(build(read_text(DRAWS))).section(section)
+    assert found is not None
+    assert expected in [words(line.content) for line in found.lines]
+
+
 def test_values_are_printed_in_every_format(tmp_path: Path) -> None:
     write([registry.load("derail/Branching-v0")], ["latex", "html", "markdown"], tmp_path, columns=[{"L": 5, "B": 3}])
     assert (

@@ -12,10 +12,13 @@ from taskspec.lang.dists import is_distribution
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """An expression whose inner draws have names, and those draws."""
+    """An expression whose inner draws have names, and those draws: what stands for each, and what it is drawn from.
+
+    A draw in a comprehension is made for each of its elements, and has their index: `xi[i]`.
+    """
 
     expr: s.Expr
-    draws: tuple[tuple[str, s.Expr], ...]
+    draws: tuple[tuple[s.Name | s.Subscript, s.Expr], ...]
 
 
 def is_draw(expr: s.Expr) -> bool:
@@ -32,24 +35,28 @@ def shows_chances(expr: s.Expr) -> bool:
 
 def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
     """Names for the draws inside an expression, in written order."""
-    found: list[tuple[str, s.Expr]] = []
+    found: list[tuple[s.Name | s.Subscript, s.Expr]] = []
 
-    def go(node: Any) -> Any:
+    def go(node: Any, indices: tuple[str, ...] = ()) -> Any:
         if isinstance(node, tuple):
-            return tuple(go(x) for x in node)
+            return tuple(go(x, indices) for x in node)
         if isinstance(node, s.Place) or not dataclasses.is_dataclass(node) or isinstance(node, type):
             return node
         if isinstance(node, s.Call) and is_distribution(node.function) and not shows_chances(node):
-            name = f"{prefix}_{len(found) + 1}"
-            found.append((name, node))
-            return s.Name(name, False, node.place)
-        return dataclasses.replace(node, **{f.name: go(getattr(node, f.name)) for f in dataclasses.fields(node)})
+            name = s.Name(f"{prefix}_{len(found) + 1}", False, node.place)
+            below = tuple(s.Name(i, False, node.place) for i in indices)
+            found.append((s.Subscript(name, below, node.place) if below else name, node))
+            return found[-1][0]
+        if isinstance(node, s.Comprehension):
+            indices = (*indices, *(name for clause in node.clauses for name in clause.targets))
+        return dataclasses.replace(
+            node, **{f.name: go(getattr(node, f.name), indices) for f in dataclasses.fields(node)}
+        )
 
     inner = go(expr)
     if len(found) == 1:  # one draw needs no number
-        alone = found[0][1]
-        found.clear()
-        return Drawn(_rename(inner, f"{prefix}_1", prefix), ((prefix, alone),))
+        ((name, alone),) = found
+        return Drawn(_rename(inner, f"{prefix}_1", prefix), ((_rename(name, f"{prefix}_1", prefix), alone),))
     return Drawn(inner, tuple(found))
 
 

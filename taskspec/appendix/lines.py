@@ -168,7 +168,8 @@ def observations(w: Writing) -> Iterator[Inlines]:
     same = [n for n, e in exprs.items() if isinstance(e, s.Name) and e.id == n and not e.primed]
     for names, one, more in (
         ([n for n in same if n in w.spec.state], " is that of the state", " are those of the state"),
-        ([n for n in same if n not in w.spec.state], " is defined below", " are defined below"),
+        ([n for n in same if n == "t"], " is the time", ""),
+        ([n for n in same if n != "t" and n not in w.spec.state], " is defined below", " are defined below"),
     ):
         if names:
             yield (*listing([(formula(w.symbol(n)),) for n in names]), Text(one if len(names) == 1 else more))

@@ -71,7 +71,7 @@ class Writing:
         apart = take_apart(expr, self._free("xi"))
         parts: list[m.Math] = [left, m.Sym("="), self.math(apart.expr, of)]
         for name, draw in apart.draws:
-            parts += [m.Sym(","), m.Gap("wide"), self.symbol(name), m.Sym("∼"), self.math(draw)]
+            parts += [m.Sym(","), m.Gap("wide"), mathematics(name, self.notation), m.Sym("∼"), self.math(draw)]
         return m.Row(tuple(parts))
 
     def _free(self, name: str) -> str:

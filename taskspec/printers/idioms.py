@@ -80,6 +80,9 @@ def _quantifier(sign: str, conjunction: str) -> Callable[[Writer, s.Call], Piece
             return (
                 w.piece(s.Logical(conjunction, arg.items, call.place)) if len(arg.items) > 1 else w.truth(arg.items[0])
             )
+        if isinstance(arg, s.Comprehension):
+            head = m.Row((m.Sym(sign), m.joined([*_domains(w, arg), *_conditions(w, arg)])))
+            return applied("quantifier", m.Row((head, m.Sym(":"), m.Gap(), w.truth(arg.element).tree)))
         found = _pointwise(w, arg)
         if found is None:
             return None
@@ -92,7 +95,13 @@ def _quantifier(sign: str, conjunction: str) -> Callable[[Writer, s.Call], Piece
 
 
 def _count(w: Writer, call: s.Call) -> Piece | None:
-    found = _pointwise(w, call.args[0])
+    (arg,) = call.args
+    if isinstance(arg, s.Comprehension):
+        if not all(_are_distinct(clause.domain) for clause in arg.clauses):
+            return _over_domains(w, arg, "∑")
+        such = m.joined([*_conditions(w, arg), w.truth(arg.element).tree])
+        return Piece(m.Row((m.Words("#"), m.braces(m.Row((m.joined(_domains(w, arg)), m.Sym(":"), m.Gap(), such))))))
+    found = _pointwise(w, arg)
     if found is None:
         return None
     index, inner = found
@@ -103,6 +112,8 @@ def _total(sign: str) -> Callable[[Writer, s.Call], Piece | None]:
     def write(w: Writer, call: s.Call) -> Piece | None:
         (arg,) = call.args
         ranged = _over_range(w, arg, sign) or _over_slice(w, arg, sign) or _over_name(w, arg, sign)
+        if ranged is None and isinstance(arg, s.Comprehension):
+            ranged = _over_domains(w, arg, sign)
         if ranged is not None:
             return ranged
         found = _pointwise(w, arg)
@@ -127,6 +138,11 @@ def _over_range(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
             return _big(m.Big(sign, low, high), w.number(inner))
         case _:
             return None
+
+
+def _over_domains(w: Writer, arg: s.Comprehension, sign: str) -> Piece:
+    """Sum of any other comprehension: one term for each value of its variables, equal ones included."""
+    return _big(m.Big(sign, m.joined([*_domains(w, arg), *_conditions(w, arg)])), w.number(arg.element))
 
 
 def _over_slice(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
@@ -232,10 +248,7 @@ def interval(low: m.Math, high: m.Math) -> m.Math:
 
 def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
     """A set-builder; a vector's comprehension as a family with its index below."""
-    targets = [_target(w, clause) for clause in expr.clauses]
-    sets = operands("domain", (w.piece(c.domain) for c in expr.clauses))
-    domains = [m.Row((t, m.Sym("∈"), domain)) for t, domain in zip(targets, sets, strict=True)]
-    conditions = [w.truth(x).tree for c in expr.clauses for x in c.conditions]
+    targets, domains, conditions = [_target(w, c) for c in expr.clauses], _domains(w, expr), _conditions(w, expr)
     inner = w.number(expr.element).tree
     if not expr.is_set:
         return m.Script(m.brackets(inner), m.joined([*domains, *conditions]))
@@ -244,6 +257,25 @@ def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
             return w.piece(expr.clauses[0].domain).tree
         return m.braces(m.Row((domains[0], m.Sym(":"), m.Gap(), m.joined(conditions))))
     return m.braces(m.Row((inner, m.Sym(":"), m.Gap(), m.joined([*domains, *conditions]))))
+
+
+def _domains(w: Writer, expr: s.Comprehension) -> list[m.Math]:
+    """Where the variables of a comprehension go."""
+    sets = operands("domain", (w.piece(c.domain) for c in expr.clauses))
+    return [m.Row((_target(w, c), m.Sym("∈"), domain)) for c, domain in zip(expr.clauses, sets, strict=True)]
+
+
+def _conditions(w: Writer, expr: s.Comprehension) -> list[m.Math]:
+    return [w.truth(x).tree for c in expr.clauses for x in c.conditions]
+
+
+def _are_distinct(domain: s.Expr) -> bool:
+    """Whether a variable goes to no value twice, so that values can be counted in its place."""
+    match domain:
+        case s.Call(function="range" | "box") | s.SetOf() | s.Comprehension(is_set=True):
+            return True
+        case _:
+            return False
 
 
 def _target(w: Writer, clause: s.Clause) -> m.Math:
