@@ -134,3 +134,25 @@ def test_what_is_laid_over_a_cell_of_several_states() -> None:
     boxes = [x for x in shaded.items if isinstance(x, Box) and x.fill == "accent"]
     shades = {cell(shaded, (x.corner[0] + CELL / 2, x.corner[1] + CELL / 2)): x.shade for x in boxes}
     assert shades == pytest.approx({(0, 0): 0.0, (1, 0): 1.0, (2, 0): 0.5, (3, 0): 0.0})
+
+
+CROSSING = """
+taskspec: 1
+name: Crossing
+state: {x: {type: int, low: 0, high: 2}, dead: {type: bool}, key: {type: bool}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 9
+initial: {x: 0, dead: false, key: false}
+dynamics: {x': "min(x + a, 2)", dead': dead or Bernoulli(1/9), key': key or x' == 1}
+reward: 0
+figure: {kind: grid, at: [x, 0], highlight: {good: x == 2 and key, bad: dead}}
+"""
+
+
+def test_what_may_hold_in_every_cell_marks_none() -> None:
+    """A condition that some state of a cell fulfils marks the cell, as long as this says something about the place."""
+    found = scene(build(read_text(CROSSING)))
+    assert found is not None
+    assert "Not marked: bad, which may hold in every cell." in found.notes
+    marked = [x.fill for x in found.items if isinstance(x, Box) and x.fill in ("good", "bad")]
+    assert set(marked) == {"good"}

@@ -98,7 +98,8 @@ or by remembering.
         """
 In a reachable state, an index that depends on the state, the action, the time or a draw lies outside the vector, and
 is moved to the nearest end; the message shows one. A negative one does not count from the end: `v[s - 1]` is `v[0]`
-where `s` is 0. Branches that are not taken in that state, as in `v[s - 1] if s > 0 else 0`, are ignored.
+where `s` is 0. Branches that are not taken in that state, as in `v[s - 1] if s > 0 else 0`, are ignored; so is the
+observation after the last step of an episode, on which nobody acts.
 
 ```yaml
 reward: v[s - 1]                # wrong, or misleading, where s can be 0

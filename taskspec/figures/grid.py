@@ -117,9 +117,14 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     colors: dict[Cell, Role] = {}
     state = overlay.here or first_state(task)
     one = reads_of(task, state)
+    unplaced: list[str] = []
     for role, found in _marks(task, reads, count):
         if found.ndim == 1:
-            colors |= {(int(x), int(y)): role for x, y in cells[found.astype(bool)]}
+            marked = {(int(x), int(y)): role for x, y in cells[found.astype(bool)]}
+            if not found.all() and len(marked) == len(np.unique(cells, axis=0)):
+                unplaced.append(f"Not marked: {role}, which may hold in every cell.")
+            else:
+                colors |= marked
     for role, found in _marks(task, one, 1):
         if found.ndim == 2:
             colors |= {(int(x), int(y)): role for x, y in _whole_numbers(found)}
@@ -134,7 +139,8 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
         agents = {by_code[_code(task, one)]: 1.0}
     letters = _letters(task)
     board = Board(columns, rows, colors, letters, agents, shades, values, moves, things, overlay.here is None)
-    alt, notes = f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows", (*_key(task), *board.notes())
+    alt = f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows"
+    notes = (*_key(task), *unplaced, *board.notes())
     first = ("One of many starts.",) if things and len(agents) > 1 and overlay.here is None else ()
     return fitted(board.items(), alt, (*first, *notes), state=state if things else None)
 
