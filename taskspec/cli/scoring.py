@@ -249,7 +249,10 @@ def _return(value: Return | None) -> tuple[str, str]:
 def _remark(found: Scores, name: str) -> str:
     from taskspec.cli.console import number
 
-    if name != "expert" or found.gap is None:
+    if name != "expert":
+        is_unsettled = getattr(found, name) is None and found.states is not None  # otherwise the last line says why
+        return (found.why_not_exact or "") if is_unsettled else ""
+    if found.gap is None:
         return ""
     return "optimal" if abs(found.gap) < 1e-9 else f"{number(found.gap, 6)} below the optimum"
 
