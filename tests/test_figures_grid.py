@@ -156,3 +156,9 @@ def test_what_may_hold_in_every_cell_marks_none() -> None:
     assert "Not marked: bad, which may hold in every cell." in found.notes
     marked = [x.fill for x in found.items if isinstance(x, Box) and x.fill in ("good", "bad")]
     assert set(marked) == {"good"}
+
+
+def test_a_map_without_columns_is_none() -> None:
+    text = CROSSING.replace("state:", 'constants: {rooms: "[[i for i in range(0)] for j in range(2)]"}\nstate:')
+    with pytest.raises(SpecError, match="E204.*the constant 'rooms' is neither a grid of letters nor a matrix"):
+        build(read_text(text.replace("kind: grid,", "kind: grid, map: rooms,")))

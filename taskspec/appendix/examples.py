@@ -64,7 +64,7 @@ def _of(w: Writing, section: str, found: list[Followed]) -> Inlines:
 
 
 _WORDS = {"initial": "first", "reward": "reward", "observation": "observed", "expert": "expert"}
-_ENDS = {"terminal": "terminates", "truncated": "is cut"}
+_ENDS = {"terminal": "terminates", "truncated": "is truncated"}
 
 
 def _ends(w: Writing, example: Example) -> Inlines:

@@ -105,7 +105,7 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
 def _digits(value: Value | None) -> tuple[str, ...] | None:
     """A matrix as rows of characters, `#` for a condition that holds; None where it has other numbers, or is no matrix."""
     node = None if value is None else value.node
-    if not isinstance(node, Const) or len(node.type.shape) != 2:
+    if not isinstance(node, Const) or len(node.type.shape) != 2 or not node.type.size:
         return None
     if node.type.kind is Kind.BOOL:
         letters = ["#" if v else " " for v in node.flat]
