@@ -160,5 +160,5 @@ def test_what_may_hold_in_every_cell_marks_none() -> None:
 
 def test_a_map_without_columns_is_none() -> None:
     text = CROSSING.replace("state:", 'constants: {rooms: "[[i for i in range(0)] for j in range(2)]"}\nstate:')
-    with pytest.raises(SpecError, match="E204.*the constant 'rooms' is neither a grid of letters nor a matrix"):
+    with pytest.raises(SpecError, match=r"E204.*the constant 'rooms' is neither a grid of letters nor a matrix"):
         build(read_text(text.replace("kind: grid,", "kind: grid, map: rooms,")))
