@@ -1,4 +1,4 @@
-"""Functions of other libraries: the message says how the same is written here, and what it says is the same."""
+"""Functions, keys and types of other libraries: the message says how the same is written here, and what it says is the same."""
 
 from __future__ import annotations
 
@@ -113,9 +113,28 @@ def test_everything_that_is_advised_can_be_written(name: str) -> None:
     ("x.name", "attributes (`a.b`) are not part of the language", None),
     ("np.random.randint(0, 3)", "functions of Python modules (`np.f()`) are not part of the language",
      "write `UniformInt(low, high)`, which includes both ends"),
+    ("np.random.choice([1, 2], p=[0.3, 0.7])", "functions of Python modules (`np.f()`) are not part of the language",
+     "write `Categorical({a: p, b: 1 - p})`"),
     ("random.choice(x)", "functions of Python modules (`np.f()`) are not part of the language", "write `Uniform({a, b})`"),
     ("x.mean()", "methods (`x.f()`) are not part of the language", "write `sum(x) / len(x)`"),
 ])  # fmt: skip
 def test_modules_and_methods(written: str, message: str, hint: str | None) -> None:
     found = problem(written)
     assert (found.code, found.message, found.hint) == ("E316", message, hint)
+
+
+@pytest.mark.parametrize(("section", "entry", "message", "hint"), [
+    ("done", "s", "unknown key `done`", "write `terminal`"),
+    ("max_steps", 9, "unknown key `max_steps`", "write `horizon`"),
+    ("transitions", {}, "unknown key `transitions`", "write `dynamics`"),
+    ("state", {"s": {"type": "int", "max": 9}}, "unknown key `max`", "write `high`"),
+    ("state", {"s": {"type": "int", "n": 9}}, "unknown key `n`", "write `low: 0, high: n - 1`"),
+    ("state", {"s": {"type": "bool", "length": 9}}, "unknown key `length`", "write `shape`"),
+    ("parameters", {"L": {"type": "int", "default": 1, "maximum": 9}}, "unknown key `maximum`", "write `high`"),
+    ("state", {"s": {"type": "list"}}, "the text `list` is not one of int, real, bool, choice", "write `type: int, shape: [n]`"),
+])  # fmt: skip
+def test_keys_and_types_of_others(section: str, entry: Any, message: str, hint: str) -> None:
+    with pytest.raises(SpecError) as refused:
+        build(spec("0", **{section: entry}))
+    (found,) = refused.value.diagnostics
+    assert (found.message, found.hint) == (message, hint)

@@ -123,7 +123,7 @@ MISTAKES = [
     ("accept: [W509]\n", "E201", "3:9", "named entries", ""),
     ("variants: {v: {accept: {W59: it is meant}}}\n", "E206", "3:25", "`W59`", "did you mean 'W5"),
     ("observation: {space: boxes}\n", "E206", "3:22", "`boxes`", "one_hot"),
-    ("state: {s: {type: float}}\n", "E206", "3:19", "int, real, bool, choice", ""),
+    ("state: {s: {type: float}}\n", "E206", "3:19", "int, real, bool, choice", "write `type: real`"),
     ("reward: {by: [], rows: {a: 1}}\n", "E208", "3:14", "what the table looks at", "[s, a]"),
     ("reward: {by: [s], rows: {a: {b: {c: 1}}}}\n", "E208", "3:33", "deeper", ""),
     ("reward: {if: a, then: 1, else: 0}\n", "E209", "3:9", "is a list", "dash"),

@@ -11,7 +11,7 @@ from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.labels import check_comparable, numbered
 from taskspec.lang.scope import Lazy, Scope, Value
-from taskspec.lang.types import Domain, Refused
+from taskspec.lang.types import Domain, Refused, Shape
 
 
 def select(
@@ -23,7 +23,8 @@ def select(
 ) -> Value:
     """The first branch whose condition holds; one that parameters exclude may be without a value."""
     branches = tuple(branches)
-    conditions = checker.each([(lambda c=c: checker.condition(c, scope)) for c, _ in branches])  # type: ignore[misc]
+    where = partial(_where, checker, branches, otherwise, scope) if want is None else None
+    conditions = checker.each([partial(checker.condition, c, scope, where) for c, _ in branches])
     exprs = [*(e for _, e in branches), otherwise]
     without = excluded.excluded([(c, node) for (c, _), node in zip(branches, conditions, strict=True)], scope)
     jobs = [
@@ -36,6 +37,18 @@ def select(
     for (_, _, condition), node in zip(reversed(found[:-1]), reversed(nodes[:-1]), strict=True):
         result = _either(checker, condition, node, result)
     return Value(result, domain)
+
+
+def _where(
+    checker: BaseChecker, branches: Sequence[tuple[s.Expr, s.Expr]], otherwise: s.Expr, scope: Scope, shape: Shape
+) -> str | None:
+    """How one of two numbers is chosen for each element, where the condition is of some shape; None where that is impossible."""
+    condition, then = branches[0]
+    found = [checker.check(e, scope) for e in (then, otherwise)]
+    if len(branches) > 1 or any(v is None or v.domain or v.node.type.shape not in ((), shape) for v in found):
+        return None
+    each = f"`where({', '.join(e.place.written for e in (condition, then, otherwise))})`"
+    return f"{each} chooses element by element; `all(...)` or `any(...)` makes one condition of several"
 
 
 def _value(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> Value | None:

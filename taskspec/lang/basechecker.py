@@ -13,7 +13,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Scope, Value
-from taskspec.lang.types import Domain, Kind, Type
+from taskspec.lang.types import Domain, Kind, Shape, Type
 from taskspec.limits import how_to_raise, limits
 
 T = TypeVar("T")
@@ -108,35 +108,35 @@ class BaseChecker(ABC):
                       "`concat(x, y)` lays vectors end to end")  # fmt: skip
         return self.builder.structure("vector", nodes)
 
-    def condition(self, expr: s.Expr, scope: Scope) -> Node:
-        """An expression that must be a single condition."""
+    def condition(self, expr: s.Expr, scope: Scope, of_many: Callable[[Shape], str | None] | None = None) -> Node:
+        """An expression that must be a single condition; `of_many` may say what to do about several of some shape."""
         node = self.numeric(expr, scope)
         if node.type.kind is not Kind.BOOL:
             hint = "compare it with something, e.g. `x != 0`" if node.type.is_scalar else None
             self.fail("E306", expr, f"a condition is needed here, not {_article(node.type)}", hint)
         if not node.type.is_scalar:
-            self.fail(
-                "E307", expr, f"one condition is needed here, not {node.type.size} at once", self.of_many(expr, scope)
-            )
+            hint = (of_many and of_many(node.type.shape)) or self.of_many(expr, scope)
+            self.fail("E307", expr, f"one condition is needed here, not {node.type.size} at once", hint)
         return node
 
     def of_many(self, expr: s.Expr, scope: Scope) -> str:
         """What to do about several conditions where one is needed."""
         return "comparing vectors compares element by element; write `all(...)` or `any(...)`"
 
-    def constant(self, expr: s.Expr, scope: Scope, what: str) -> Const:
-        """An expression that must be known once parameters are."""
+    def constant(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> Const:
+        """An expression that must be known once parameters are; `instead` is what to write where it is not."""
         node = self.numeric(expr, scope)
         if not isinstance(node, Const):
             self.fail(
                 "E312",
                 expr,
                 f"{what} must be a constant: it may use parameters and constants, not the state",
+                instead,
             )
         return node
 
-    def integer(self, expr: s.Expr, scope: Scope, what: str) -> int:
-        node = self.constant(expr, scope, what)
+    def integer(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> int:
+        node = self.constant(expr, scope, what, instead)
         if not node.type.is_scalar or node.type.kind is Kind.REAL:
             self.fail("E306", expr, f"{what} must be an int, not {_article(node.type)}")
         return int(node.value)

@@ -52,7 +52,8 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
 def no_function(collector: Collector, expr: s.Call, scope: Scope) -> None:
     """Report a function that does not exist."""
     own = (n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef))
-    hint = advice(expr.function) or suggest(expr.function, (*FUNCTIONS, *dists.DISTS, dists.CATEGORICAL.name, *own))
+    known = advice(expr.function, dict(expr.keywords))
+    hint = known or suggest(expr.function, (*FUNCTIONS, *dists.DISTS, dists.CATEGORICAL.name, *own))
     collector.add("E303", expr.name_place, f"there is no function '{expr.function}'", hint)
 
 

@@ -152,7 +152,8 @@ class Checker(BaseChecker):
                     suggest(expr.id, scope.names()),
                 )
             primes = (
-                "only state components have one, in `dynamics`, `reward` and `terminal`; in `memory`, on what is seen"
+                "only state components have one, which `dynamics`, `reward` and `terminal` may use; "
+                "`memory` may use that of an observation"
             )
             if expr.id == "t":
                 primes = "after the step, it is `t + 1`"

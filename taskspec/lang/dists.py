@@ -241,7 +241,7 @@ def _has_one_weight(given: Mapping[str, Node | None]) -> bool:
 
 
 _P = Argument("p", low=0, high=1)
-_TRIALS = "of `s` trials, at most 10: `count([Bernoulli(p) and i < s for i in range(10)])`"
+_TRIALS = "for `s` trials, where `s` is at most 10, write `count([Bernoulli(p) and i < s for i in range(10)])`"
 DISTS: dict[str, Dist] = {
     d.name: d
     for d in (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from taskspec.lang.dists import DISTS
 
@@ -95,6 +95,8 @@ _WORKED_OUT: Mapping[str, str] = {
     "ite": "x if c else y",
     "ifelse": "x if c else y",
 }
+_WEIGHTS = frozenset({"p", "probs", "probabilities", "weights"})
+"""Keyword arguments by which a choice of others is not uniform."""
 FOREIGN: Mapping[str, str] = {**_DRAWN, **_WORKED_OUT}
 """How a function is written here, by its name elsewhere in small letters."""
 ATTRIBUTES: Mapping[str, str] = {
@@ -103,9 +105,11 @@ ATTRIBUTES: Mapping[str, str] = {
 """What others write behind a dot without calling it, and how the same is written here."""
 
 
-def advice(name: str) -> str | None:
-    """What to write for a function of another language; None where it is not known, or there is nothing."""
+def advice(name: str, keywords: Iterable[str] = ()) -> str | None:
+    """What to write for a function of another language, given its keyword arguments; None where nothing is known of it."""
     found = FOREIGN.get(name.lower())
+    if found == _DRAWN["choice"] and not _WEIGHTS.isdisjoint(keywords):
+        found = _DRAWN["choices"]
     if found is None:
         return None
     return f"write `{found}`" + (", which includes both ends" if found.startswith("UniformInt") else "")

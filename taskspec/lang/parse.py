@@ -239,7 +239,11 @@ class _Reader:
             what, name = "methods (`x.f()`)", node.func.attr
             if shown.partition(".")[0] in MODULES:
                 what = "functions of Python modules (`np.f()`)"
-            known = f"write `{FUNCTIONS[name].signature}`" if name in FUNCTIONS else advice(name)
+            known = (
+                f"write `{FUNCTIONS[name].signature}`"
+                if name in FUNCTIONS
+                else advice(name, [k.arg or "" for k in node.keywords])
+            )
             hint = known or "functions are written `f(x)`"
             self.fail(node.func, f"{what} are not part of the language", hint)
         shown = f"`{shown}`" if len(shown) < 20 else "this"

@@ -22,6 +22,10 @@ from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
 from taskspec.limits import count as count_of
 from taskspec.limits import how_to_raise, limits
 
+_FIXED = (
+    "a vector has a fixed length: go over a fixed range and test inside, `[x[j] if j < k else 0 for j in range(n)]`; "
+    "`UniformInt(low, high)` draws between ends that vary, and `low <= x <= high` compares with them"
+)
 MOST_AXES = 32  # as many as arrays may have
 Array = np.ndarray[Any, Any]
 
@@ -132,15 +136,16 @@ def _unrolled(
     with checker.repeated(max(1, len(points.rows))):
         for row in points.rows:
             inner = scope.child(_bind(checker, clause, row, points.domain, expr))
-            if all(_holds(checker, c, inner) for c in clause.conditions):
+            if all(_holds(checker, c, inner, expr) for c in clause.conditions):
                 nodes += _unrolled(checker, expr, clauses[1:], inner, make, wants)
     return nodes
 
 
-def _holds(checker: BaseChecker, condition: s.Expr, scope: Scope) -> bool:
+def _holds(checker: BaseChecker, condition: s.Expr, scope: Scope, expr: s.Comprehension) -> bool:
     node = checker.condition(condition, scope)
     if not isinstance(node, Const):
-        checker.fail("E312", condition, "the condition of a vector's comprehension must be a constant")
+        hint = f"test inside: `[{expr.element.place.written} if {condition.place.written} else 0 for ...]`"
+        checker.fail("E312", condition, "the condition of a vector's comprehension must be a constant", hint)
     return bool(node.value)
 
 
@@ -263,7 +268,7 @@ def _box(checker: BaseChecker, low: s.Expr, high: s.Expr, n: s.Expr, expr: s.Exp
 def _range(checker: BaseChecker, expr: s.Call, scope: Scope) -> _Points:
     if not 1 <= len(expr.args) <= 3:
         checker.fail("E304", expr, "range takes one to three arguments")
-    bounds = [checker.integer(e, scope, "an argument of `range`") for e in expr.args]
+    bounds = [checker.integer(e, scope, "an argument of `range`", _FIXED) for e in expr.args]
     if len(bounds) == 3 and bounds[2] == 0:
         checker.fail("E315", expr, "the step of `range` cannot be 0")
     chosen = range(*bounds)

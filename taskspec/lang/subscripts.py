@@ -53,12 +53,8 @@ def rows_for_an_element(checker: BaseChecker, expr: s.Expr, scope: Scope) -> str
             continue
         if index.node.type.shape == (len(value.node.type.shape),):
             at, n = part.indices[0], len(value.node.type.shape)
-            name = at.place.text.value[at.place.start : at.place.end]
-            written = (
-                [i.place.text.value[i.place.start : i.place.end] for i in at.items]
-                if isinstance(at, s.Vector)
-                else None
-            )
+            name = at.place.written
+            written = [i.place.written for i in at.items] if isinstance(at, s.Vector) else None
             places = ", ".join(written or [f"{name}[{i}]" for i in range(n)])
             return f"a vector of indices picks rows; one element has an index for each axis: `[{places}]`"
     return None
@@ -144,11 +140,16 @@ def moved(checker: BaseChecker, index: Node, length: int, expr: s.Expr) -> Node:
 
 
 def _slice_bounds(checker: BaseChecker, index: s.Slice, length: int, scope: Scope) -> tuple[int, int, int]:
-    parts = [
-        None if part is None else checker.integer(part, scope, "the bounds of a slice")
-        for part in (index.start, index.stop, index.step)
-    ]
+    ends = ((index.start, "i >="), (index.stop, "i <"), (index.step, None))
+    parts = [None if part is None else _bound(checker, part, test, scope) for part, test in ends]
     if parts[2] == 0:
         checker.fail("E315", index, "the step of a slice cannot be 0")
     chosen = range(length)[slice(*parts)]
     return chosen.start, len(chosen), chosen.step
+
+
+def _bound(checker: BaseChecker, expr: s.Expr, test: str | None, scope: Scope) -> int:
+    """One of the numbers of a slice; `test` is the start of a condition that does the same."""
+    inside = f"`[x[i] if {test} {expr.place.written} else 0 for i in range(len(x))]`"
+    instead = None if test is None else f"take all and test inside: {inside}"
+    return checker.integer(expr, scope, "the bounds of a slice", instead)

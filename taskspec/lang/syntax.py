@@ -33,6 +33,11 @@ class Place:
     def span(self) -> Span:
         return self.text.locate(self.start, self.end)
 
+    @property
+    def written(self) -> str:
+        """The characters themselves, in one line."""
+        return " ".join(self.text.value[self.start : self.end].split())
+
 
 @dataclass(frozen=True, slots=True)
 class Number:

@@ -335,8 +335,8 @@ def _side(expr: s.Expr, value: str) -> str:
     """A side of a comparison with its value; a number as written says so itself."""
     if isinstance(expr, s.Number):
         return ""
-    text = expr.place.text.value[expr.place.start : expr.place.end]
-    return "" if not text or text.strip() == value else f"{text.strip()} is {value}"
+    text = expr.place.written
+    return "" if not text or text == value else f"{text} is {value}"
 
 
 _STATEMENTS: dict[str, Callable[[Evaluator, s.Call], Truth]] = {

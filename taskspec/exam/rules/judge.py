@@ -250,7 +250,7 @@ def _compare(op: str, difference: Estimate) -> bool | None:
 
 def _text(expr: s.Expr, bound: Bound) -> str:
     """An expression as it is written, with the members of groups for their variables."""
-    written = " ".join(expr.place.text.value[expr.place.start : expr.place.end].split())
+    written = expr.place.written
     if not bound:
         return written
     return re.sub(rf"\b({'|'.join(map(re.escape, bound))})\b", lambda found: bound[found[1]], written)

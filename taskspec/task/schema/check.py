@@ -16,6 +16,7 @@ from taskspec.scan import EXTENDS
 from taskspec.source import Document, Path
 from taskspec.task.merge import Merged, statement, variant_names
 from taskspec.task.schema import fields, problems
+from taskspec.task.schema.elsewhere import advice
 from taskspec.task.schema.models import FORMAT
 from taskspec.task.schema.problems import Problem
 from taskspec.task.schema.variants import CHANGES, LIST, Extension, Spec
@@ -131,7 +132,7 @@ def _problems(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Problem
             known = _keys_at(model, loc[:-1])
             yield problems.unknown_key(str(loc[-1]), tuple(known)).below(*loc)
         case "literal_error":
-            yield _not_an_option(error["input"], error["ctx"]["expected"]).below(*loc)
+            yield _not_an_option(error["input"], error["ctx"]["expected"], loc[-1:]).below(*loc)
         case other:
             yield _wrong_kind(other, error).below(*loc)
 
@@ -148,9 +149,13 @@ def _missing_key(loc: Path) -> Problem:
     return Problem("E203", loc, f"{owner} has no `{loc[-1]}`", None, of_key=True)  # at the owner, or what removes it
 
 
-def _not_an_option(value: object, expected: str) -> Problem:
+def _not_an_option(value: object, expected: str, key: Path) -> Problem:
     options = re.findall(r"'([^']*)'", expected)
-    hint = suggest(value, options) if isinstance(value, str) else None
+    hint = (
+        (advice(value, ["type"] if key == ("type",) else []) or suggest(value, options))
+        if isinstance(value, str)
+        else None
+    )
     message = f"{problems.kind(value)} is not one of {', '.join(options)}"
     return Problem("E218" if value is None else "E206", (), message, hint)
 

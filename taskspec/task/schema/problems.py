@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from taskspec.diagnostics import suggest
+from taskspec.task.schema.elsewhere import advice
 
 WORDS = (*keyword.kwlist, "true", "false")
 """What no name can be, being words of the language."""
@@ -75,6 +76,6 @@ def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
 
 
 def unknown_key(key: str, known: tuple[str, ...]) -> Problem:
-    """The problem of a key that is not known here, with the nearest one that is."""
-    hint = suggest(key, known) or ("it can be one of: " + ", ".join(known))
+    """The problem of a key that is not known here, with what to write instead."""
+    hint = advice(key, known) or suggest(key, known) or ("it can be one of: " + ", ".join(known))
     return Problem("E202", (), f"unknown key `{key}`", hint, of_key=True)
