@@ -211,6 +211,32 @@ observation: {up: up, t: t}
 """
 
 
+BOUNDS = """
+taskspec: 1
+name: Bounds
+constants: {top: [3, 4, 5]}
+state: {s: {type: int, shape: [3], low: LOW, high: top}}
+action: {a: {type: bool}}
+horizon: 1
+initial: {s: [0, 0, 0]}
+dynamics: {}
+reward: 0
+"""
+
+
+@pytest.mark.parametrize(("low", "expected"), [
+    ("0", "s ∈ S = ∏_(i) {0, … , topᵢ}"), ("-top", "s ∈ S = ∏_(i) {(−top)ᵢ, … , topᵢ}"),
+    ("[0, -1, 2]", "s ∈ S = {0, … , top₀} × {−1, … , top₁} × {2, … , top₂}"),
+])  # fmt: skip
+def test_bounds_that_are_vectors_are_those_of_elements(low: str, expected: str) -> None:
+    found = page(build(read_text(BOUNDS.replace("LOW", low))))
+    state, action = found.section("state"), found.section("actions")
+    assert state is not None
+    assert action is not None
+    assert words(state.lines[0].content) == expected
+    assert words(action.lines[0].content) == "a ∈ A = {0, 1}"
+
+
 @pytest.mark.parametrize(("section", "expected"), [
     ("initial", "up = (ξᵢ)_(i ∈ {0, … , n − 1}),  ξᵢ ∼ Bernoulli(1/2)"),
     ("initial", "grid = ((ξ_(i, j))_(j ∈ {0, … , n − 1}))_(i ∈ {0, 1}),  ξ_(i, j) ∼ Bernoulli(1/4)"),

@@ -98,13 +98,21 @@ def grids(w: Writing) -> Iterator[tuple[str, str]]:
 
 
 def state(w: Writing) -> Iterator[Inlines]:
-    yield (formula(m.Ident("S", "calligraphic"), m.Sym("="), w.space(w.spec.state)), *_numbered(w.task.state))
-    yield from _components(w, w.spec.state, w.task.state)
+    yield from _space(w, "S", w.spec.state, w.task.state)
 
 
 def actions(w: Writing) -> Iterator[Inlines]:
-    yield (formula(m.Ident("A", "calligraphic"), m.Sym("="), w.space(w.spec.action)), *_numbered(w.task.action))
-    yield from _components(w, w.spec.action, w.task.action)
+    yield from _space(w, "A", w.spec.action, w.task.action)
+
+
+def _space(
+    w: Writing, letter: str, declared: Mapping[str, ComponentEntry], components: tuple[Component, ...]
+) -> Iterator[Inlines]:
+    """The set of states or of actions, then what its components are; a single one of which nothing is said is named at once."""
+    said = list(_components(w, declared, components))
+    name = () if said else (w.symbol(components[0].name), m.Sym("∈"))
+    yield (formula(*name, m.Ident(letter, "calligraphic"), m.Sym("="), w.space(declared)), *_numbered(components))
+    yield from said
 
 
 def _numbered(components: tuple[Component, ...]) -> Inlines:

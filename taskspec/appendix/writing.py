@@ -81,16 +81,37 @@ class Writing:
 
     def domain(self, name: str, entry: ComponentEntry | ParameterEntry) -> m.Math:
         """The set of values of a component or parameter."""
-        several = {key: ends for key in ("low", "high") if isinstance(ends := getattr(entry, key), list)}
+        bounds = {key: end for key in ("low", "high") if (end := getattr(entry, key)) is not None}
+        several = [end for end in bounds.values() if isinstance(end, list)]
         if several:  # a bound for each element
-            ends = [dict(zip(several, each, strict=True)) for each in zip(*several.values(), strict=False)]
-            return self._product([self._scalar(name, entry.model_copy(update=each)) for each in ends])
+            each = ({key: self._of_element(end, i) for key, end in bounds.items()} for i in range(len(several[0])))
+            return self._product([self._scalar(name, entry.model_copy(update=ends)) for ends in each])
+        ends = {key: self._of_element(end, "i") for key, end in bounds.items()}
+        if ends != bounds:
+            return m.Row((m.Big("∏", m.Ident("i")), self._scalar(name, entry.model_copy(update=ends))))
         inner = self._scalar(name, entry)
         shape = getattr(entry, "shape", None)
         lengths = shape if isinstance(shape, list) else [] if shape is None else [shape]
         if not lengths or lengths == [1]:
             return inner
         return m.Script(inner, sup=m.joined((self.declared(n) for n in lengths), "×"))
+
+    def _of_element(self, end: Any, index: int | str) -> Any:
+        """A bound of one element: that of a list, or of a vector among the constants."""
+        if isinstance(end, list):
+            return end[int(index)]
+        return f"({end})[{index}]" if self._is_vector(expression(end)) else end
+
+    def _is_vector(self, expr: s.Expr) -> bool:
+        match expr:
+            case s.Name(id=name):
+                return name in self.task.fixed and bool(self.task.fixed[name].type.shape)
+            case s.Unary(operand=inner):
+                return self._is_vector(inner)
+            case s.Binary(left=left, right=right):
+                return self._is_vector(left) or self._is_vector(right)
+            case _:
+                return False
 
     def _scalar(self, name: str, entry: ComponentEntry | ParameterEntry) -> m.Math:
         low, high = (None if end is None else self.declared(end) for end in (entry.low, entry.high))
