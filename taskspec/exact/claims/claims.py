@@ -11,9 +11,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.diagnostics import Diagnostic, Placed, SpecError
 from taskspec.exact.claims.evaluator import Evaluator, Terms, Truth
 from taskspec.exact.claims.refusals import Undecidable, Unfit
+from taskspec.exact.claims.settings import wrong_setting
 from taskspec.exact.model.space import words
 from taskspec.exact.scoring.returns import EPISODES, Results
 from taskspec.exact.scoring.statuses import CLAIMS, OfClaim
@@ -53,22 +54,21 @@ def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict
     known: dict[str, Results | SpecError] = {}
     if results is not None:
         known[_key(task.given)] = results
-    for number, claim in enumerate(task.claims, 1):
-        tell(f"claim {number} of {len(task.claims)}")
+    for number, claim in enumerate(task.claims):
+        tell(f"claim {number + 1} of {len(task.claims)}")
         for case in claim.cases or ({},):
-            yield _verdict(task, claim, case, known)
+            yield _verdict(task, number, case, known)
 
 
-def _verdict(task: Task, claim: Claim, case: Mapping[str, Any], known: dict[str, Results | SpecError]) -> Verdict:
-    values = task.given | dict(case)
+def _verdict(task: Task, number: int, case: Mapping[str, Any], known: dict[str, Results | SpecError]) -> Verdict:
+    values, claim = task.given | dict(case), task.claims[number]
     key = _key(values)
     if key not in known:
         known[key] = _results(task, values)
     results = known[key]
     if isinstance(results, SpecError):
-        return _failed(
-            claim, case, "broken", f"the parameters of the claim: {results.diagnostics[0].message}", claim.expr
-        )
+        wrong = wrong_setting(task, "claims", number, case, results)
+        return _failed(claim, case, "broken", wrong.message, wrong, hint=wrong.hint)
     return decide(claim, results, case)
 
 
@@ -90,11 +90,11 @@ def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None
     try:
         truth, episodes = _looked_at(claim, results)
     except Undecidable as error:
-        return _failed(claim, case, "undecided", str(error), error.place or claim.expr, hint=results.remedy)
+        return _failed(claim, case, "undecided", str(error), (error.place or claim.expr).place, hint=results.remedy)
     except Unfit as error:
-        return _failed(claim, case, "broken", str(error), error.place or claim.expr, hint=error.hint)
+        return _failed(claim, case, "broken", str(error), (error.place or claim.expr).place, hint=error.hint)
     except SpecError as error:
-        return _failed(claim, case, "undecided", error.diagnostics[0].message, claim.expr)
+        return _failed(claim, case, "undecided", error.diagnostics[0].message, claim.expr.place)
     return _settled(claim, case, truth, episodes)
 
 
@@ -126,7 +126,7 @@ def _looked_at(claim: Claim, results: Results) -> tuple[Truth, int]:
 
 
 def _settled(claim: Claim, case: Mapping[str, Any], truth: Truth, episodes: int) -> Verdict:
-    place = truth.place or claim.expr
+    place = (truth.place or claim.expr).place
     if truth.holds:
         return Verdict(claim, case, "tested" if episodes else "proved", truth.detail, episodes)
     if truth.holds is None:
@@ -148,12 +148,12 @@ def _failed(
     case: Mapping[str, Any],
     status: OfClaim,
     message: str,
-    place: s.Expr,
+    place: Placed,
     episodes: int = 0,
     hint: str | None = None,
 ) -> Verdict:
     notes = (f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}",) if case else ()
     code = CLAIMS[status].code
     assert code is not None
-    diagnostic = Diagnostic(code, place.place.span, message, hint, notes)
+    diagnostic = Diagnostic(code, place.span, message, hint, notes)
     return Verdict(claim, case, status, message, episodes, diagnostic)

@@ -23,6 +23,7 @@ from taskspec.exact.claims.conditions import (
     influences,
     preferred,
 )
+from taskspec.exact.claims.misplaced import refuse_misplaced
 from taskspec.exact.claims.models import rule_named
 from taskspec.exact.claims.refusals import Undecidable, Unfit
 from taskspec.exact.claims.vocabulary import RESULTS, RETURNS, holds_of_all
@@ -189,6 +190,7 @@ class Evaluator:
         except Refused as refused:
             raise Unfit(refused.message, expr) from None
         if value is None:
+            refuse_misplaced(expr, self._is_bound)
             found = collector.diagnostics
             hint = suggest(expr.id, [*RESULTS, *task.values]) if isinstance(expr, s.Name) else found and found[0].hint
             raise Unfit(found[0].message if found else "this is not a number", expr, hint or None)

@@ -13,6 +13,7 @@ from typing import Any
 
 from taskspec.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.exact.claims.follow import Consequence, compare, likely
+from taskspec.exact.claims.settings import wrong_setting
 from taskspec.exact.model.space import domain, words
 from taskspec.exact.planning.certified.readings import Reader
 from taskspec.lang.basechecker import Poisoned
@@ -39,7 +40,12 @@ def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
         for case in example.cases or ({},):
             key = repr(case)
             found = known[key] = known.get(key) or _for(task, case)
-            for problem in _problems(example, found, i):
+            problems = (
+                (wrong_setting(task, "examples", i, case, found),)
+                if isinstance(found, SpecError)
+                else _Trial(found, found.examples[i]).problems()
+            )
+            for problem in problems:
                 yield i, _with_case(problem, case)
 
 
@@ -49,13 +55,6 @@ def _for(task: Task, case: Mapping[str, Any]) -> Task | SpecError:
         return build(task.document, task.variant, task.given | dict(case), task.suite) if case else task
     except SpecError as error:
         return error
-
-
-def _problems(example: Example, found: Task | SpecError, number: int) -> tuple[Diagnostic, ...]:
-    if isinstance(found, SpecError):
-        message = f"the parameters of this example: {found.diagnostics[0].message}"
-        return (Diagnostic("E613", example.place.span, message),)
-    return _Trial(found, found.examples[number]).problems()
 
 
 def _with_case(problem: Diagnostic, case: Mapping[str, Any]) -> Diagnostic:
