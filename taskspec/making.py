@@ -35,8 +35,8 @@ ENTRY_POINT = "taskspec.making:make_registered"
 
 def make(
     source: TaskLike,
-    variant: str | None = None,
     /,
+    variant: str | None = None,
     *,
     render_mode: RenderMode | None = None,
     ending: Ending = "terminate",
@@ -123,8 +123,8 @@ def _take_instances() -> None:
 
 def make_vec(
     source: TaskLike,
-    variant: str | None = None,
     /,
+    variant: str | None = None,
     *,
     num_envs: int | None = None,
     backend: BackendName = "auto",

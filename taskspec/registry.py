@@ -99,7 +99,7 @@ def task_ids() -> list[str]:
 
 
 def load(
-    source: TaskLike, variant: str | None = None, /, *, modifiers: Iterable[Written] = (), **parameters: Any
+    source: TaskLike, /, variant: str | None = None, *, modifiers: Iterable[Written] = (), **parameters: Any
 ) -> Task:
     """The task of an id, of a spec's file, or the task itself, with parameters bound.
 

@@ -205,7 +205,7 @@ WRONG = {
     "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + heard}": ("E302", "before the step"),
     "lead: {type: int, low: -9, high: 9, initial: 0, next: lead + Bernoulli(1/2)}": ("E311", "seen and done"),
     "lead: {type: int, low: -9, high: 9, initial: 0}": ("E203", "`next`"),
-    "tiger: {type: int, low: -9, high: 9, initial: 0, next: 0}": ("E309", "state component"),
+    "tiger: {type: int, low: -9, high: 9, initial: 0, next: 0}": ("E309", "is a state component already, in line 5"),
     "lead: {type: int, low: -9, high: 9, initial: '0.5', next: 0}": ("E306", "a real"),
 }
 
@@ -289,3 +289,20 @@ def test_an_expert_with_a_memory_is_measured_by_what_can_be_seen() -> None:
         "DOOR", "0 if opened == 3 else 3 - chosen - opened"
     )
     assert "E409" not in {d.code for d in check(build(read_text(without))).diagnostics}
+
+
+def test_a_broken_observation_is_all_that_is_wrong() -> None:
+    with pytest.raises(SpecError) as error:
+        tiger(
+            observation="heard: heard + wind",
+            memory="lead: {type: int, low: -9, high: 9, initial: heard, next: heard'}",
+        )
+    assert [(d.code, d.message) for d in error.value.diagnostics] == [("E302", "'wind' is not defined here")]
+
+
+def test_an_expert_that_names_an_observation_is_told_what_it_reads() -> None:
+    memory = "lead: {type: int, low: -9, high: 9, initial: 0, next: 0}"
+    with pytest.raises(SpecError) as error:
+        build(read_text(spec("sound: heard", memory).replace("if: lead >= 2", "if: sound == left")))
+    (found,) = error.value.diagnostics
+    assert (found.code, found.message) == ("E302", "'sound' is an observation, and an expert reads the state")

@@ -203,6 +203,13 @@ def test_a_state_is_a_mapping(state: Any) -> None:
         env.state = state
 
 
+def test_a_variant_is_named_by_position_or_keyword() -> None:
+    for make in (taskspec.load, taskspec.make, taskspec.make_vec):
+        named: Any = make("Branching", variant="seals")
+        found = named if make is taskspec.load else named.task
+        assert found == taskspec.load("Branching", "seals")
+
+
 def test_a_variant_is_named_by_a_text() -> None:
     with pytest.raises(SpecError, match="E211"):
         taskspec.load("RiskyPath", 3)  # type: ignore[arg-type]

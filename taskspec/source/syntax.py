@@ -23,6 +23,11 @@ from taskspec.source.excerpts import (
 )
 from taskspec.source.nodes import MappingNode, ScalarNode, SequenceNode, TextProblem
 
+_FOREIGN = (
+    (r"[^?\n]+\s(\?)\s", "`c ? x : y` is not part of the language", "write `x if c else y`"),
+    (r"(lambda)\s", "`lambda` is not part of the language", "write what it returns, or a definition with arguments"),
+)
+"""Expressions of other languages that have a colon: in quotes they would be as wrong."""
 _WORD_LINE = re.compile(r"""[\w']+$|"[^"]*"$""")
 
 
@@ -175,6 +180,9 @@ def _colon(text: str, syntax: Syntax) -> TextProblem | None:
         return TextProblem("E110", start, at, message, hint)
     end = value_end(text, at, in_flow=False)
     message = "a colon followed by a space inside a value"
+    for form, what, hint in _FOREIGN:
+        if found := re.match(form, text[begin:at]):
+            return TextProblem("E104", begin + found.start(1), at + 1, what, hint)
     return TextProblem("E104", at, at + 1, message, in_quotes(text[begin:end]))
 
 

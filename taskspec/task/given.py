@@ -38,7 +38,8 @@ def convert(value: Any, kind: str) -> Any:
 
 
 def article(kind: str) -> str:
-    return {"int": "an int", "real": "a real number", "bool": "true or false"}.get(kind, f"a {kind}")
+    known = {"int": "an int", "real": "a real number", "bool": "true or false"}
+    return known.get(kind, f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}")
 
 
 def brief(value: Any) -> str:

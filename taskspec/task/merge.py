@@ -176,7 +176,7 @@ def _key(document: Document, variant: str) -> str:
         return keys[variant]
     message = f"{name} has no variant '{variant}'; it has: {', '.join(variants) or 'none'}"
     hint = suggest(variant, [*variants, *keys])
-    raise SpecError([Diagnostic("E211", document.span(("name",)), message, hint)])
+    raise SpecError([Diagnostic("E211", None, message, hint)])  # it was asked for from outside, not in the file
 
 
 def _base(step: Step) -> Step | None:

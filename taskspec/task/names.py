@@ -69,6 +69,8 @@ class Names:
         self._bind_time(bindings, section)
         self._bind_noise(bindings, section)
         self._bind_end(bindings, section)
+        if section == "expert":
+            self._bind_observed(bindings)
         return self._finished(section, bindings)
 
     def memory_scope(self, section: str, seen: Mapping[str, Value]) -> Scope:
@@ -92,6 +94,7 @@ class Names:
                 )
                 bindings[name] = Unavailable("E302", message, hint)
             bindings[name + "'" * later] = value
+        self._bind_broken(bindings, seen)
         for c in context.action if later else ():
             bindings[c.name] = context.read(c, Role.ACTION)
         self._bind_memory(bindings, section)
@@ -108,6 +111,8 @@ class Names:
             message = f"a symmetry maps observations and actions; '{c.name}' is not part of this"
             bindings[c.name] = Unavailable("E302", message)
         bindings |= visible
+        if section == "seen":
+            self._bind_broken(bindings, visible)
         self._bind_noise(bindings, section)
         self._bind_end(bindings, section)
         return self._finished(section, bindings)
@@ -148,6 +153,20 @@ class Names:
                 where = "the expert" if section == "expert" else f"`{section}`"
                 message = f"the action '{c.name}' cannot be used in {where}"
                 bindings[c.name] = Unavailable("E302", message, _WITHOUT_ACTION[section])
+
+    def _bind_broken(self, bindings: dict[str, Binding], seen: Mapping[str, Value]) -> None:
+        """Give up what reads an observation that is broken (and reported)."""
+        for name in self.context.exprs.get("observation", {}):
+            if name not in seen:
+                bindings[name] = bindings[name + "'"] = Lazy(poison)
+
+    def _bind_observed(self, bindings: dict[str, Binding]) -> None:
+        """Say what an expert reads, where it names what is observed."""
+        for name in self.context.exprs.get("observation", {}):
+            if not any(name in domain.labels for domain in self.context.domains):
+                message = f"'{name}' is an observation, and an expert reads the state"
+                hint = "only `memory` sees observations; what both use can be a definition"
+                bindings.setdefault(name, Unavailable("E302", message, hint))
 
     def _bind_memory(self, bindings: dict[str, Binding], section: str) -> None:
         for c in self.context.memory:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskspec.diagnostics import Collector
+from taskspec.diagnostics import Collector, Span
 from taskspec.lang.calls import is_function
 from taskspec.lang.check import CONSTANTS
 from taskspec.source import Path
+from taskspec.task.given import article
 from taskspec.task.merge import Merged
 from taskspec.task.names import signature
 
@@ -30,16 +31,19 @@ _RESERVED = {
 
 def check_names(merged: Merged, collector: Collector) -> None:
     """Report (E309) every declared name that is taken: by a declaration above it, or by the language."""
-    known: dict[str, str] = {}
+    known: dict[str, tuple[str, Span]] = {}
     for path, name, what in _declared(merged):
         place = merged.key_span(path)
         if name in known:
-            collector.add("E309", place, f"'{name}' is a {known[name]} already", "every name has one meaning in a spec")
+            before, there = known[name]
+            where = f"line {there.line}" if there.origin == place.origin else str(there)
+            message = f"'{name}' is {article(before)} already, in {where}"
+            collector.add("E309", place, message, "every name has one meaning in a spec")
         elif name in _RESERVED:
             collector.add("E309", place, f"'{name}' means {_RESERVED[name]} in every expression; choose another name")
         elif is_function(name):
             collector.add("E309", place, f"'{name}' is a function of the language; choose another name")
-        known.setdefault(name, what)
+        known.setdefault(name, (what, place))
 
 
 def _declared(merged: Merged) -> Iterator[tuple[Path, str, str]]:
