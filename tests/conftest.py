@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,13 @@ def pytest_collection_finish() -> None:
 @pytest.fixture
 def update_golden(request: pytest.FixtureRequest) -> bool:
     return bool(request.config.getoption("--update-golden"))
+
+
+@pytest.fixture
+def kept_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What TeX logs stays beside the documents that compile."""
+    module = import_module("taskspec.appendix.write")
+    monkeypatch.setattr(module, "_SCRATCH", tuple(ending for ending in module._SCRATCH if ending != "log"))
 
 
 @pytest.fixture

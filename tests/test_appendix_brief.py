@@ -48,6 +48,7 @@ def test_what_defines_a_task_is_there_and_nothing_else(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdfinfo") is None, reason="no TeX")
+@pytest.mark.usefixtures("kept_log")
 def test_the_tasks_of_the_paper_take_four_pages_at_most(tmp_path: Path) -> None:
     Done("docs", *(f"derail/{name}" for name in PAPER), "--brief", "-f", "pdf", "-o", tmp_path)
     said = subprocess.run(["pdfinfo", tmp_path / "document.pdf"], capture_output=True, text=True, check=True).stdout

@@ -121,6 +121,7 @@ def test_the_suite_is_written_fast(tmp_path: Path) -> None:
 @pytest.mark.skipif(
     shutil.which("pdflatex") is None or shutil.which("pdftotext") is None, reason="no TeX or no poppler"
 )
+@pytest.mark.usefixtures("kept_log")
 def test_the_suite_as_pdf(tmp_path: Path) -> None:
     """It compiles without an overfull box, and its text says what it should."""
     every = tasks()

@@ -24,6 +24,7 @@ from taskspec.printers.names import nowhere
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Claim
+from tests.shared.commands import Done
 
 ROOT = Path(__file__).parent.parent
 
@@ -117,6 +118,17 @@ def test_values_stand_beside_the_symbols() -> None:
     horizon = found.section("horizon")
     assert horizon is not None
     assert [words(v) for v in horizon.lines[0].values] == ["5", "2"]
+
+
+def test_a_setting_that_is_the_tasks_own_is_not_shown_twice(tmp_path: Path) -> None:
+    done = Done("docs", "derail/Branching", "-p", "L=5,10", "-f", "latex", "-f", "markdown", "-o", tmp_path)
+    assert done.status == 0, done.err
+    text = (tmp_path / "branching.tex").read_text(encoding="utf-8")
+    assert text.count(r"\begin{tikzpicture}") == 2
+    assert r"\taskspechead{L = 10, B = 2} & \taskspechead{L = 5} \\" in text
+    assert "L = 10:" not in (tmp_path / "branching.md").read_text(encoding="utf-8")
+    found = page(registry.load("derail/Branching-v0"), columns=[{"L": 5}, {"L": 5, "B": 2}, {}])
+    assert [s.title for s in found.settings] == ["L = 5"]
 
 
 def test_scores_claims_and_figure_are_those_of_the_values(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from taskspec.appendix import write
+from tests.shared.commands import Done
 
 FAMILY = [f"derail/{name}-v0" for name in ("Branching", "BranchingSeals", "Sort")]
 WIDE = """\
@@ -97,6 +98,16 @@ def test_tables_that_would_shrink_too_far_are_stacked(width: str, is_stacked: bo
 
 @pytest.mark.slow
 @TEX
+def test_nothing_that_tex_leaves_stays_beside_the_document(tmp_path: Path) -> None:
+    (tmp_path / "short.yaml").write_text(WIDE.replace("REWARD", "0"), encoding="utf-8")
+    done = Done("docs", tmp_path / "short.yaml", "-f", "pdf", "--no-results", "-o", tmp_path / "out")
+    assert done.status == 0, done.err
+    assert {path.name for path in (tmp_path / "out").glob("document.*")} == {"document.pdf", "document.tex"}
+
+
+@pytest.mark.slow
+@TEX
+@pytest.mark.usefixtures("kept_log")
 def test_the_document_has_numbered_captions_and_metadata(tmp_path: Path) -> None:
     path = write(FAMILY, ["pdf"], tmp_path, title="Three tasks")[-1]
     said = subprocess.run(["pdfinfo", path], capture_output=True, text=True, check=True).stdout
@@ -111,6 +122,7 @@ def test_the_document_has_numbered_captions_and_metadata(tmp_path: Path) -> None
 @pytest.mark.slow
 @TEX
 @pytest.mark.parametrize(("reward", "is_above"), [("x' == 4", False), (LONG, True)], ids=["short", "long"])
+@pytest.mark.usefixtures("kept_log")
 def test_figures_make_room_for_formulas_that_would_shrink_too_far(reward: str, is_above: bool, tmp_path: Path) -> None:
     (tmp_path / "wide.yaml").write_text(WIDE.replace("REWARD", reward), encoding="utf-8")
     path = write([tmp_path / "wide.yaml"], ["pdf"], tmp_path)[-1]

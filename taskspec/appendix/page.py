@@ -73,7 +73,8 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
         task: what to print, symbolic in its parameters.
         facts: scores and verdicts; none are shown without.
         columns: parameter values to show beside the symbols, each on top of the task's own. Scores and verdicts of
-            them are worked out if `facts` are given. Names that the task has no parameter for are left out.
+            them are worked out if `facts` are given. Names that the task has no parameter for are left out, and so are
+            columns that come to the task's own values or to those of an earlier column.
 
     Raises:
         SpecError: (E703) for values that a parameter cannot have.
@@ -112,10 +113,12 @@ def setting_title(task: Task) -> str:
 
 def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> Iterator[Setting]:
     names = {key: p.name for p in task.parameters for key in (p.alias, p.name)}
+    shown = [task.values]
     for column in columns:
         values = {names[name]: value for name, value in column.items() if name in names}
-        if values:
-            at = load(task, **values)
+        at = load(task, **values) if values else task
+        if at.values not in shown:
+            shown.append(at.values)
             title = ", ".join(f"{name} = {at.values[name]}" for name in values)
             yield Setting(title, at, gather(at) if known else Facts())
 

@@ -32,8 +32,8 @@ _WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
 FORMATS = (*_WRITERS, "pdf")
 """Names of the formats that pages are written in."""
 
-_SCRATCH = ("aux", "bbl", "blg", "out")
-"""Endings of what TeX leaves beside a document, but for its log."""
+_SCRATCH = ("aux", "bbl", "blg", "log", "out")
+"""Endings of what TeX leaves beside a document; where it fails, they stay."""
 _TAKEN = ("index", "appendix", "document", "preamble")
 """Names of the files around the pages."""
 
