@@ -191,3 +191,58 @@ def test_a_graph_that_no_page_has_room_for_is_drawn_as_a_table(letters: int, kin
     found = scene(one)
     assert found is not None and found.alt.startswith(kind)
     assert found.width < 25
+
+
+def ring(n: int, highlight: str, step: str = "s + (1 if a == 1 else n - 1)", horizon: int = 50) -> Scene:
+    """The figure of a ring, which its horizon cuts open where it is larger."""
+    text = f"""\
+taskspec: 1
+name: Ring
+parameters: {{n: {{type: int, default: {n}, low: 2, high: 90}}}}
+state: {{s: {{type: int, low: 0, high: n - 1}}}}
+action: {{a: {{type: int, low: 0, high: 1}}}}
+horizon: {horizon}
+initial: {{s: 0}}
+dynamics:
+  s': ({step}) % n
+reward: s' == n - 1
+terminal: s' == n - 1
+figure: {{kind: graph, highlight: {highlight}}}
+"""
+    found = scene(build(read_text(text)))
+    assert found is not None
+    return found
+
+
+def fills(found: Scene) -> list[str]:
+    """The roles of states, without the key below."""
+    shapes = [x for x in found.items if isinstance(x, Circle) or (isinstance(x, Box) and x.round)]
+    return sorted(x.fill for x in shapes if x.fill in ("good", "bad", "end"))
+
+
+def test_an_elided_graph_keeps_what_is_highlighted() -> None:
+    found = ring(60, "{good: s == n - 1, bad: s == n // 2}")
+    assert "elided" in found.alt and fills(found) == ["bad", "good"]
+    assert "30" in [plain(x.text) for x in found.items if isinstance(x, Label)]
+    assert not any("Not shown" in note for note in found.notes)
+
+
+def test_highlighted_states_that_have_no_room_are_named() -> None:
+    assert "Not shown: bad (11 states)." in ring(60, "{bad: s >= 20 and s <= 30}").notes
+    assert "Not shown: bad (47 states)." in ring(60, "{bad: s > 1 and s < 59}").notes
+
+
+def test_a_highlight_that_no_state_has_is_told() -> None:
+    found = ring(9, "{good: s == n - 1, bad: s == n // 2}", "s * 5 + 3 * a + 1")
+    assert "Not shown: good, which holds in no state that episodes reach." in found.notes
+    assert fills(found) == ["bad"]
+
+
+def test_states_of_two_colours_are_told() -> None:
+    assert "Marked bad, but good as well: s = 2." in ring(4, "{good: s == 2, bad: s >= 2}").notes
+
+
+def test_a_state_that_is_reached_as_the_time_is_up_says_why_it_leads_nowhere() -> None:
+    told = "Time is up where no arrow leads on from s = 50."
+    assert told in ring(60, "{good: s == n - 1}").notes
+    assert not any("Time is up" in note for note in ring(4, "{good: s == n - 1}").notes)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -19,9 +20,12 @@ from taskspec.lang.ir import Role as Reading
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.printers.notation import Notation
+from taskspec.printers.plain import plain
 from taskspec.task.task import Component
 
 _HIGHLIGHT: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end", "first": "accent", "second": "second"}
+FEW = 3
+"""As many states of one colour are always shown, and named where they are not, if there is room."""
 
 
 @dataclass(frozen=True)
@@ -56,17 +60,49 @@ class Captions:
         return parts[0] if len(parts) == 1 else m.joined(parts)
 
     @cached_property
-    def fills(self) -> Mapping[int, Role]:
-        """Colours of states by the conditions under `figure: highlight:`."""
+    def marks(self) -> Mapping[str, tuple[int, ...]]:
+        """States in which the conditions under `figure: highlight:` hold, by the names of their colours."""
         figure = self.machine.task.figure
-        found: dict[int, Role] = {}
+        found = {}
         codes = np.array(self.machine.states)
         for name, node in ({} if figure is None else figure.highlight).items():
             if node.type.shape or name not in _HIGHLIGHT:
                 continue
             holds = at_states(self.machine.task, node, dict(self.space.decode(codes)), len(codes))
-            found |= {int(c): _HIGHLIGHT[name] for c in codes[holds.astype(bool)]}
+            found[name] = tuple(codes[holds.astype(bool)].tolist())
         return found
+
+    @cached_property
+    def fills(self) -> Mapping[int, Role]:
+        """Colours of states; of several that one has, the last."""
+        return {code: _HIGHLIGHT[name] for name, codes in self.marks.items() for code in codes}
+
+    @property
+    def kept(self) -> frozenset[int]:
+        """Coloured states that are not to be left out of a graph: those of colours that few have."""
+        return frozenset(c for codes in self.marks.values() if len(codes) <= FEW for c in codes)
+
+    def unmarked(self, shown: Collection[int]) -> Iterator[str]:
+        """What a figure of some states does not show of `figure: highlight:`."""
+        for name, codes in self.marks.items():
+            left = [c for c in codes if c not in shown]
+            if not codes:
+                yield f"Not shown: {name}, which holds in no state that episodes reach."
+            elif left:
+                yield f"Not shown: {name} ({self.named(left)})."
+        for (one, codes), (other, others) in combinations(self.marks.items(), 2):
+            if both := [c for c in codes if c in others and c in shown]:
+                yield f"Marked {other}, but {one} as well: {self.named(both)}."
+
+    def named(self, codes: Sequence[int]) -> str:
+        """A few states by name, or how many there are."""
+        names = [plain(self.labels[c]) for c in codes]
+        if len(self.machine.task.state) == 1:
+            (c,) = self.machine.task.state
+            names = names if c.domain else [f"{plain(self.notation.symbol(c.name))} = {x}" for x in names]
+        else:
+            names = [f"({x})" for x in names]
+        return ", ".join(names) if len(names) <= FEW else f"{len(names):,} states"
 
     @property
     def good(self) -> frozenset[int]:
@@ -86,7 +122,7 @@ class Captions:
                 return how, {k: x.pop() for k, x in by.items()}, None
         return "arrow", {}, None
 
-    def notes(self, shows_loops: bool) -> Iterator[str]:
+    def notes(self, shows_loops: bool, shown: Collection[int]) -> Iterator[str]:
         how, _, same = self.rewards
         if how == "all" and same is not None:
             yield f"Every step pays {decimal(same)}."
@@ -97,6 +133,9 @@ class Captions:
             yield "Where no arrow leads on, the state stays."
         if self.machine.timed:
             yield "The time ends episodes, too."
+        leading = {t.source for t in self.machine.transitions}
+        if last := [v for v in shown if v not in leading and v not in self.machine.ending]:
+            yield f"Time is up where no arrow leads on from {self.named(last)}."
 
     def state(self, v: int, overlay: Overlay) -> list[m.Math]:
         """Reward and value told next to a state."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
 from dataclasses import dataclass
 
 from taskspec.figures.machine import Machine, Transition
@@ -44,8 +44,10 @@ class Drawing:
         return [v for layer in self.layers for v in layer]
 
 
-def drawings(machine: Machine) -> Iterator[Drawing]:
+def drawings(machine: Machine, marked: Collection[Vertex] = ()) -> Iterator[Drawing]:
     """What may be drawn of a machine, the usual first; nothing when even its outline is too large.
+
+    An outline keeps the states in `marked`; the next one does not, as there may be no room for them.
 
     The first column holds all states in which episodes start, or one of them from which the others are reached, which
     comes first where several roles start apart.
@@ -56,9 +58,9 @@ def drawings(machine: Machine) -> Iterator[Drawing]:
     for layers in (*ones, usual) if machine.starters else (usual, *ones):
         if _is_small(layers) and set(machine.start) <= {v for layer in layers for v in layer}:
             yield Drawing(tuple(map(tuple, layers)), tuple(arcs))
-    elided = None if _is_small(usual) else _elided(usual, arcs)
-    if elided is not None:
-        yield elided
+    if not _is_small(usual):
+        outlines = (_elided(usual, arcs, kept) for kept in dict.fromkeys((frozenset(marked), frozenset[Vertex]())))
+        yield from (x for x in outlines if x is not None)
 
 
 def whole(machine: Machine) -> Iterator[Drawing]:
@@ -115,37 +117,44 @@ def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
         layers.append(list(new))
 
 
-def _elided(layers: list[list[Vertex]], arcs: list[Arc]) -> Drawing | None:
-    """The first two layers and the last two, each cut to a few, with dots for what is left out."""
+def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vertex]) -> Drawing | None:
+    """The first two layers and the last two, each cut to a few, with what is marked, and dots for what is left out."""
     leaves_on = {a.source for a in arcs if a.target != a.source}
 
     def goes_on(v: Vertex) -> bool:
         return v in leaves_on
 
     if len(layers) <= LONG:
-        kept = [_narrow(layer, goes_on) for layer in layers]
+        kept = [_narrow(layer, goes_on, marked) for layer in layers]
         return _cut(kept, arcs) if sum(map(len, kept)) <= 2 * MANY else None
-    depth = len(layers) - 1
-    middle = [*[v for v in layers[2] if not goes_on(v)], ("dots", 2)]
+    depth, dots = len(layers) - 1, (DOTS, 2)
     to_last = {a.source for a in arcs if a.target in layers[depth]}
     before = [v for v in layers[depth - 1] if v in to_last]
-    kept = [_narrow(layers[0], goes_on), _narrow(layers[1], goes_on), _narrow(middle, lambda v: v == ("dots", 2)),
-            _narrow(before, goes_on), _narrow(layers[depth], goes_on)]  # fmt: skip
     if len(before) > WIDE or not before or len(layers[1]) > 3 * WIDE:
         return None
-    links = [Arc(v, ("dots", 2)) for v in kept[1] if goes_on(v)] + [Arc(("dots", 2), v) for v in kept[3]]
+    inner = [v for layer in layers[2:depth] for v in layer if v in marked and v not in before]
+    middle = [v for v in layers[2] if not goes_on(v) and v not in inner]
+    through, ends = [v for v in inner if goes_on(v)], [v for v in inner if not goes_on(v)]
+    kept = [_narrow(layers[0], goes_on, marked), _narrow(layers[1], goes_on, marked),
+            [*_narrow([*middle, dots], lambda v: v == dots), *through],
+            _narrow(before, goes_on, marked), [*_narrow(layers[depth], goes_on, marked), *ends]]  # fmt: skip
+    links = [Arc(v, dots) for v in kept[1] if goes_on(v)] + [Arc(dots, v) for v in kept[3]]
+    shown = {v for layer in kept for v in layer}
+    links += [Arc(dots, v) for v in inner if any(a.target == v and a.source not in shown for a in arcs)]
+    links += [Arc(v, dots) for v in inner if any(a.source == v and a.target not in shown for a in arcs)]
     return _cut(kept, arcs, links)
 
 
-def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool]) -> list[Vertex]:
-    """A layer of a few vertices: those that lead on, and the first of the others."""
+def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool], marked: Collection[Vertex] = ()) -> list[Vertex]:
+    """A layer of a few vertices: those that lead on, the first and the last of the others, and what is marked."""
     if len(layer) <= WIDE - 1:
         return layer
     main = [v for v in layer if goes_on(v)][:2]
     others = [v for v in layer if v not in main]
-    if len(others) <= 2:
+    held = [v for v in others[1:-1] if v in marked]
+    if len(others) - len(held) <= 2:
         return layer
-    return [others[0], ("dots", "column", layer[0]), others[-1], *main]
+    return [others[0], *held, (DOTS, "column", layer[0]), others[-1], *main]
 
 
 def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = None) -> Drawing | None:

@@ -68,7 +68,8 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
     """The best plan without a fault; None when all have faults, cross too often or are too large."""
     says = Captions(machine)
     best: Plan | None = None
-    for found in drawings(machine) if overlay.here is None else whole(machine):
+    least: tuple[int, int] | None = None
+    for found in drawings(machine, says.kept) if overlay.here is None else whole(machine):
         if len(found.arcs) > (MOST_ARROWS if overlay.here is None else 2 * MOST_ARROWS):
             continue
         vertices = [v for v in found.vertices if isinstance(v, int)]
@@ -85,9 +86,10 @@ def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
         plan = _planned(request)
         if plan is not None and overlay.here is None and plan.width > WIDEST:
             continue
-        if plan is not None and (best is None or plan.cost < best.cost):
-            best = plan
-        if best is not None and best.cost == 0:
+        if plan is not None:
+            cost = (len(says.kept.difference(vertices)), plan.cost)
+            best, least = (plan, cost) if least is None or cost < least else (best, least)
+        if least == (0, 0):
             break
     return best
 
@@ -233,7 +235,8 @@ class _Graph:
 
     def scene(self) -> Scene:
         nodes = [x for v in self.plan.spots for x in self.vertex(v)]
-        notes = tuple(self.says.notes(self.plan.shows_loops))
+        shown = [v for v in self.plan.spots if isinstance(v, int)]
+        notes = (*self.says.notes(self.plan.shows_loops, shown), *self.says.unmarked(shown))
         laid = self.overlay.values or self.overlay.policy or self.overlay.occupancy
         if laid and self.plan.drawing.elided:
             notes += ("Results of the states left out are not shown.",)

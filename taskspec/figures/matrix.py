@@ -44,7 +44,8 @@ class _Matrix:
     def scene(self) -> Scene:
         count, name = len(self.place), self.machine.task.name
         told = "Shade: how likely a uniformly random action leads from the state of a row to that of a column."
-        notes = (told, "The time ends episodes, too.") if self.machine.timed else (told,)
+        timed = ("The time ends episodes, too.",) if self.machine.timed else ()
+        notes = (told, *timed, *self.says.unmarked(self.machine.states))
         alt = f"Transitions of {name} as a table: {count} states, {self.machine.n_actions} actions"
         return fitted([*self.cells(), *self.labels(), *self.starts()], alt, notes)
 
