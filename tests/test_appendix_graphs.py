@@ -243,6 +243,10 @@ def test_states_of_two_colours_are_told() -> None:
 
 
 def test_a_state_that_is_reached_as_the_time_is_up_says_why_it_leads_nowhere() -> None:
-    told = "Time is up where no arrow leads on from s = 50."
+    told = "No arrow leads on from s = 50, as the time is up there."
     assert told in ring(60, "{good: s == n - 1}").notes
-    assert not any("Time is up" in note for note in ring(4, "{good: s == n - 1}").notes)
+    for n, step in (
+        (4, "s + a"),
+        (60, "min(s + a, 50)"),
+    ):  # all that is reached, and a state that steps would not leave
+        assert not any("time is up" in note for note in ring(n, "{good: s == n - 1}", step).notes)

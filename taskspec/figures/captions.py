@@ -133,9 +133,8 @@ class Captions:
             yield "Where no arrow leads on, the state stays."
         if self.machine.timed:
             yield "The time ends episodes, too."
-        leading = {t.source for t in self.machine.transitions}
-        if last := [v for v in shown if v not in leading and v not in self.machine.ending]:
-            yield f"Time is up where no arrow leads on from {self.named(last)}."
+        if last := [v for v in shown if v in self.machine.cut]:
+            yield f"No arrow leads on from {self.named(last)}, as the time is up there."
 
     def state(self, v: int, overlay: Overlay) -> list[m.Math]:
         """Reward and value told next to a state."""

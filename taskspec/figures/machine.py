@@ -43,6 +43,7 @@ class Machine:
     n_actions: int
     starters: Mapping[int, str] = field(default_factory=dict)  # who starts where, in tasks with roles
     timed: bool = False  # episodes end by the time as well
+    cut: frozenset[int] = frozenset()  # states first reached at the horizon, which further steps would leave
 
 
 def explore(task: Task) -> Machine | None:
@@ -60,10 +61,12 @@ def explore(task: Task) -> Machine | None:
     found = _walk(steps, np.array(list(first)))
     if found is None:
         return None
-    states, transitions = found
+    states, transitions, last = found
     ending = frozenset(t.target for t in transitions if t.ends)
     starters = {code: f"{who} starts" for who, by in starts.items() if who for code in by}
-    return Machine(task, first, states, transitions, ending, steps.actions.size, starters, steps.uses_time)
+    return Machine(
+        task, first, states, transitions, ending, steps.actions.size, starters, steps.uses_time, _cut(steps, last)
+    )
 
 
 def is_time(node: Node) -> bool:
@@ -89,8 +92,8 @@ def _weights(steps: Steps) -> dict[int, float]:
     return dict(zip(start.tolist(), weights.tolist(), strict=True))
 
 
-def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...]] | None:
-    """Breadth first, up to the horizon; states that only end episodes have no transitions."""
+def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...], list[int]] | None:
+    """Breadth first, up to the horizon, and the states first reached there; what only ends episodes has no transitions."""
     seen: dict[int, None] = dict.fromkeys(start.tolist())
     level, transitions, depth = list(seen), [], 0
     while level and (steps.task.horizon is None or depth < steps.task.horizon):
@@ -106,7 +109,17 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
         if len(transitions) > MAX_TRANSITIONS:
             return None
         level, depth = list(new), depth + 1
-    return (tuple(seen), tuple(transitions)) if len(seen) <= MAX_STATES else None
+    return (tuple(seen), tuple(transitions), level) if len(seen) <= MAX_STATES else None
+
+
+def _cut(steps: Steps, last: list[int]) -> frozenset[int]:
+    """Those of some states that a step leaves; none where no step can be taken in them."""
+    if not last or len(last) * steps.actions.size * steps.branching > MAX_CONSIDERED:
+        return frozenset()
+    try:
+        return frozenset(t.source for t in _from(steps, last) if t.source != t.target)
+    except SpecError:
+        return frozenset()
 
 
 def _from(steps: Steps, level: list[int]) -> Iterator[Transition]:
