@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from taskspec import figures
 from taskspec.cli import film
 from taskspec.cli.app import app
 from taskspec.envs import window
@@ -62,6 +63,52 @@ def test_frames_tell_what_was_done_paid_and_earned(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(window, "frame", frame)
     assert cli("run", "EarlyTermPos", "--policy", "expert", "-o", "x.gif").exit_code == 0
     assert told == ["start", *(f"action go_on, reward 1, return {n}" for n in range(1, 11))]
+
+
+MIXED = """\
+taskspec: 1
+name: Mixed
+state: {x: {type: real}, y: {type: int, low: 0, high: 5}}
+action:
+  m: {type: choice, values: {N: [-1, 0], S: [1, 0]}}
+  stay: {type: bool}
+  by: {type: int, shape: [2], low: -1, high: 1}
+horizon: 3
+initial: {x: 0, y: 0}
+dynamics: {x': "x + m[0]", y': 0 if stay else y}
+reward: -0.25
+"""
+
+
+def test_frames_tell_actions_by_their_labels_and_numbers_with_signs_on_one_line(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("imageio")
+    titles: list[str] = []
+    drawn = figures.render_frame
+
+    def render_frame(*args: Any, **more: Any) -> window.Frame:
+        titles.append(args[2])
+        return drawn(*args, **more)
+
+    monkeypatch.setattr(figures, "render_frame", render_frame)
+    (folder / "x.yaml").write_text(MIXED, encoding="utf-8")
+    (folder / "plan.json").write_text('[["S", 0, -1, 1], ["N", 1, 0, 0]]', encoding="utf-8")
+    done = cli("run", "x.yaml", "--policy", "plan.json", "-o", "x.gif")
+    assert done.exit_code == 0, done.stderr
+    first, second = (title.replace("\u00a0", " ").split("\n")[1:] for title in titles[1:3])
+    assert first == ["action S, stay = false, by = [−1, 1],", "reward −0.25, return −0.25"]
+    assert second == ["action N, stay = true, by = [0, 0],", "reward −0.25, return −0.5"]
+
+
+@pytest.mark.parametrize("digits", range(1, 12))
+def test_a_number_stays_with_its_name(digits: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    titles: list[str] = []
+    monkeypatch.setattr(figures, "render_frame", lambda *args, **more: titles.append(args[2]))
+    window.frame(load("derail/RiskyPath-v0"), {"s": 0}, 1, f"action {'1' * digits}.5, reward -1.25e-05, return -12.125")
+    (title,) = titles
+    lines = title.replace("\u00a0", " ").split("\n")
+    assert any("reward −1.25e−05" in line for line in lines) and any("return −12.125" in line for line in lines)
 
 
 def test_a_note_is_seen_and_cut_to_the_frame() -> None:

@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taskspec.cli.policies import Policy, ScriptEnd
+from taskspec.lang.types import BOOLEAN_LABELS, Kind
+from taskspec.task.spaces import action_layout, unpack
 
 if TYPE_CHECKING:
     from taskspec.envs import Environment
+    from taskspec.task.task import Component
 
 ENDINGS = {
     "terminated": "reached a terminal state",
@@ -22,6 +25,8 @@ ENDINGS = {
     "script": "ran out of script",
     "cut": "were cut by --max-steps",
 }
+MOST_ELEMENTS = 16
+"""Elements of an action that are all told."""
 _STUDENT = (12.706, 4.303, 3.182, 2.776)  # 97.5 % quantiles for 1 to 4 degrees of freedom
 
 
@@ -62,13 +67,28 @@ def rollout(env: Environment, policy: Policy, seed: int | None, max_steps: int, 
 
 
 def shown(env: Environment, action: Any) -> str:
-    """An action for people: labels where it has them."""
-    (first, *others) = env.task.action
-    if not others and first.domain is not None and first.type.is_scalar:
-        return first.domain.labels[int(action)]
-    if isinstance(action, np.ndarray):
-        return np.array2string(action, precision=4, suppress_small=True, threshold=16, separator=", ")
-    return str(action)
+    """An action for people: labels where it has them, and names for the other components of several."""
+    components = env.task.action
+    words = [_words(c, flat) for c, flat in zip(components, unpack(action_layout(env.task), action), strict=True)]
+    if len(words) == 1:
+        return words[0]
+    return ", ".join(x if _has_labels(c) else f"{c.name} = {x}" for c, x in zip(components, words, strict=True))
+
+
+def _has_labels(c: Component) -> bool:
+    return c.domain is not None and c.type.kind is not Kind.BOOL
+
+
+def _words(c: Component, flat: tuple[Any, ...]) -> str:
+    """A component's value: labels, true and false, or numbers; in brackets where it has several elements."""
+    if c.type.kind is Kind.BOOL:
+        items = [BOOLEAN_LABELS[int(x)] for x in flat]
+    elif c.domain is not None:
+        items = [c.domain.labels[int(x)] for x in flat]
+    else:
+        items = [f"{x:.4g}" if isinstance(x, float) else str(x) for x in flat]
+    items = items if len(items) <= MOST_ELEMENTS else [*items[:3], "...", *items[-3:]]
+    return items[0] if c.type.is_scalar else f"[{', '.join(items)}]"
 
 
 def rollouts(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import re
 import textwrap
 from collections.abc import Mapping
 from typing import Any
@@ -64,9 +65,15 @@ def frame(
 
     title = picture.heading(task, time)
     if note is not None:
-        lines = textwrap.wrap(note, LETTERS, max_lines=LINES, placeholder="…")
+        lines = textwrap.wrap(_set(note), LETTERS, max_lines=LINES, placeholder="…")
         title = "\n".join([title, *lines, *[""] * (LINES - len(lines))])
     return render_frame(task, state, title, seen=seen or {time: state})
+
+
+def _set(note: str) -> str:
+    """A note with minus signs, and with numbers that stay on the line of what they are the values of."""
+    note = re.sub(r"(?<![\w-])-(?=[\d.]|inf)|(?<=\de)-(?=\d)", "−", note)
+    return re.sub(r"(?<=\w) (?==)|(?<=[\w=]) (?=[−\d]|inf)|(?<==) ", "\u00a0", note)
 
 
 class Window:
