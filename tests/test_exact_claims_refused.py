@@ -45,6 +45,8 @@ WRITTEN_OTHERWISE = [
         "optimal_return()",
         "write `optimal_return`, without brackets",
     ),
+    ("probability(s = n) == 1", "probability has no argument 's'", "n", "`==` compares: `s == n`"),
+    ("max(2, s = 1) == 1", "takes no keyword arguments", "max(2, s = 1)", "`==` compares"),
     ("max(1, optimal_return) == 1", "no other function", "optimal_return", "a claim of its own"),
     ("max(probability(s == 1), 0) == 1", "no other function", "probability(s == 1)", "a claim of its own"),
 ]

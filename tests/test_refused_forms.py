@@ -56,6 +56,7 @@ FORMS = [
         "for `s` trials, where `s` is at most 10, write `count(",
     ),
     ("sum([j for j in range(s)])", "E312", 23, "must be a constant", "go over a fixed range and test inside"),
+    ("s in range(s)", "E312", 12, "must be a constant", "`low <= x <= high` compares"),
     ("sum([j for j in range(3) if j < s])", "E312", 29, "must be a constant", "`[j if j < s else 0 for ...]`"),
     ("sum((1, 2)[:s])", "E312", 13, "must be a constant", "`[x[i] if i < s else 0 for i in range(len(x))]`"),
     ("sum((1, 2)[s:])", "E312", 12, "must be a constant", "`[x[i] if i >= s else 0 for i in range(len(x))]`"),

@@ -73,7 +73,7 @@ def refuse_keywords(collector: Collector, expr: s.Call) -> None:
     """Report the keyword arguments of a function that takes none."""
     for name, value in expr.keywords:
         message = f"'{expr.function}' takes no keyword arguments"
-        collector.add("E305", _keyword(name, value), message, f"write it without `{name}=`")
+        collector.add("E305", _keyword(name, value), message, f"write it without `{name}=`; `==` compares")
 
 
 def _keyword(name: str, value: s.Expr) -> s.Place:

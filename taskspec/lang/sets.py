@@ -23,9 +23,9 @@ from taskspec.limits import count as count_of
 from taskspec.limits import how_to_raise, limits
 
 _FIXED = (
-    "a vector has a fixed length: go over a fixed range and test inside, `[x[j] if j < k else 0 for j in range(n)]`; "
-    "`UniformInt(low, high)` draws between ends that vary, and `low <= x <= high` compares with them"
+    "go over a fixed range and test inside: `[x if j < k else 0 for j in range(n)]`, or `j < k and c` for conditions"
 )
+_VARYING = "`UniformInt(low, high)` draws between ends that vary, and `low <= x <= high` compares with them"
 MOST_AXES = 32  # as many as arrays may have
 Array = np.ndarray[Any, Any]
 
@@ -130,7 +130,8 @@ def _unrolled(
     if not clauses:
         return [make(scope)]
     clause, nodes = clauses[0], []
-    points = _candidates(checker, clause, scope, wants.get(clause.targets[0]) if len(clause.targets) == 1 else None)
+    want = wants.get(clause.targets[0]) if len(clause.targets) == 1 else None
+    points = _candidates(checker, clause, scope, want, _FIXED)
     _check_few(checker, "unrolled", len(points.rows), expr, "elements to write out")
     checker.expand(expr, len(points.rows))
     with checker.repeated(max(1, len(points.rows))):
@@ -144,7 +145,9 @@ def _unrolled(
 def _holds(checker: BaseChecker, condition: s.Expr, scope: Scope, expr: s.Comprehension) -> bool:
     node = checker.condition(condition, scope)
     if not isinstance(node, Const):
-        hint = f"test inside: `[{expr.element.place.written} if {condition.place.written} else 0 for ...]`"
+        test = condition.place.written
+        inside = f"`[{expr.element.place.written} if {test} else 0 for ...]`"
+        hint = f"test inside: {inside}, or `({test}) and c` for conditions"
         checker.fail("E312", condition, "the condition of a vector's comprehension must be a constant", hint)
     return bool(node.value)
 
@@ -228,7 +231,10 @@ def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.E
     return np.moveaxis(np.broadcast_to(result, (*result.shape[:-1], count)), -1, 0)
 
 
-def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope, want: Domain | None = None) -> _Points:
+def _candidates(
+    checker: BaseChecker, clause: s.Clause, scope: Scope, want: Domain | None = None, instead: str = _VARYING
+) -> _Points:
+    """What a clause goes over; `instead` is what to write for a range whose ends vary."""
     expr = clause.domain
     match expr:
         case s.Call(function="box", args=(low, high, n)):
@@ -237,7 +243,7 @@ def _candidates(checker: BaseChecker, clause: s.Clause, scope: Scope, want: Doma
             checker.fail("E304", expr, "box(low, high, n) was given the wrong arguments",
                          "`box(-1, 1, 2)` is the square of integer points from -1 to 1")  # fmt: skip
         case s.Call(function="range"):
-            return _range(checker, expr, scope)
+            return _range(checker, expr, scope, instead)
         case s.SetOf() | s.Comprehension(is_set=True):
             table, domain = _table(checker, expr, scope, want)
         case _:
@@ -265,10 +271,10 @@ def _box(checker: BaseChecker, low: s.Expr, high: s.Expr, n: s.Expr, expr: s.Exp
     return _Points(rows)
 
 
-def _range(checker: BaseChecker, expr: s.Call, scope: Scope) -> _Points:
+def _range(checker: BaseChecker, expr: s.Call, scope: Scope, instead: str) -> _Points:
     if not 1 <= len(expr.args) <= 3:
         checker.fail("E304", expr, "range takes one to three arguments")
-    bounds = [checker.integer(e, scope, "an argument of `range`", _FIXED) for e in expr.args]
+    bounds = [checker.integer(e, scope, "an argument of `range`", instead) for e in expr.args]
     if len(bounds) == 3 and bounds[2] == 0:
         checker.fail("E315", expr, "the step of `range` cannot be 0")
     chosen = range(*bounds)

@@ -244,7 +244,8 @@ class Evaluator:
             raise Unfit(f"{expr.function}({', '.join(names)}) was given {len(expr.args)} arguments", expr)
         for name, value in expr.keywords:
             if name not in names:
-                raise Unfit(f"{expr.function} has no argument '{name}'; it has {', '.join(names)}", value)
+                compared = f"`==` compares: `{name} == {value.place.written}`" if self._is_bound(name) else None
+                raise Unfit(f"{expr.function} has no argument '{name}'; it has {', '.join(names)}", value, compared)
             found[name] = value
         return found
 
