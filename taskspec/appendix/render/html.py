@@ -12,6 +12,7 @@ from typing import Any
 from markupsafe import Markup
 
 from taskspec.appendix.hypertext import HtmlWriter
+from taskspec.appendix.notation import notation
 from taskspec.appendix.page import Page
 from taskspec.appendix.prose import is_safe
 from taskspec.appendix.render.environment import html_environment
@@ -36,7 +37,11 @@ def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]
     safe = {name: address for name, address in (links or {}).items() if is_safe(address)}
     common = {"suite": suite.title, "links": safe, "style": Markup(_style())}
     count = len(suite.pages)
-    files = {"index.html": env.get_template("index.html").render(count=count, **_gallery(suite), **common)}
+    files = {
+        "index.html": env.get_template("index.html").render(
+            count=count, notation=HtmlWriter({}).prose(notation(suite.pages)), **_gallery(suite), **common
+        )
+    }
     for i, page in enumerate(suite.pages):
         before = suite.pages[i - 1] if i else None
         after = suite.pages[i + 1] if i + 1 < len(suite.pages) else None

@@ -9,6 +9,7 @@ from urllib.parse import quote
 
 from taskspec import __version__
 from taskspec.appendix.brief import Family, families
+from taskspec.appendix.notation import notation
 from taskspec.appendix.page import Page
 from taskspec.appendix.prose import (
     Block,
@@ -54,7 +55,7 @@ def document(suite: Suite) -> dict[str, str]:
     files = {f"{anchor}.tex": text for anchor, text in texts.items()}
     names = list(texts)
     files["appendix.tex"] = env.get_template("appendix.tex").render(
-        names=names, title=escape(suite.title), results=any(page.section("scores") for page in suite.pages)
+        names=names, title=escape(suite.title), notation=writer.prose(notation(suite.pages))
     )
     files["preamble.tex"] = env.get_template("preamble.tex").render(colors=tikz_colors())
     files["document.tex"] = env.get_template("document.tex").render(
