@@ -33,5 +33,10 @@ def visible_json(data: Any) -> str:
     return "".join(json.dumps(c)[1:-1] if c != "\n" and _is_hidden(c) else c for c in text)
 
 
+def lettered(letter: str) -> str:
+    """A character of a map by itself: as it is, or the word for a blank."""
+    return letter if letter.strip() else "blank"
+
+
 def _is_hidden(char: str) -> bool:
     return not char.isprintable() and unicodedata.category(char) in _HIDDEN

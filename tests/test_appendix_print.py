@@ -8,8 +8,10 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from taskspec.appendix import write
+from taskspec.cli.app import app
 from tests.shared.commands import Done
 
 FAMILY = [f"derail/{name}-v0" for name in ("Branching", "BranchingSeals", "Sort")]
@@ -138,3 +140,12 @@ def test_a_variant_shows_the_parameters_alone_that_have_other_values(tmp_path: P
     )
     assert "number of columns" in first and "number of columns" not in second
     assert r"Configurable parameters: $\mathrm{xy} = \mathrm{true}$" in second
+
+
+def test_blanks_of_a_map_are_named(tmp_path: Path) -> None:
+    spec = Path(__file__).parent / "specs" / "figures" / "keys.yaml"
+    write([spec], ["html", "markdown", "latex"], tmp_path)
+    pages = [next(tmp_path.glob(f"keys*.{ending}")) for ending in ("html", "md", "tex")]
+    assert all("# = 1, blank = 0)" in page.read_text(encoding="utf-8") for page in pages)
+    done = CliRunner().invoke(app, ["show", str(spec)], env={"COLUMNS": "100", "NO_COLOR": "1"})
+    assert "# 1  blank 0" in done.stdout

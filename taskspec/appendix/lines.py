@@ -18,6 +18,7 @@ from taskspec.printers.text import text
 from taskspec.task.names import signature
 from taskspec.task.schema import ComponentEntry
 from taskspec.task.task import Component, Soft
+from taskspec.visible import lettered
 
 _SPACES = {
     "dict": "as a dictionary of its components", "one_hot": "as one-hot vectors",
@@ -93,7 +94,7 @@ def grids(w: Writing) -> Iterator[tuple[str, str]]:
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
             text = value["grid"] if isinstance(value["grid"], str) else "\n".join(value["grid"])
-            legend = ", ".join(f"{k} = {v}" for k, v in (value.get("legend") or {}).items())
+            legend = ", ".join(f"{lettered(k)} = {v}" for k, v in (value.get("legend") or {}).items())
             yield f"{name} ({legend})", text
 
 

@@ -23,7 +23,7 @@ from taskspec.printers import text as written
 from taskspec.task.schema import Erratum, Source
 from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Component, Followed, Parameter, Soft, Task
-from taskspec.visible import visible
+from taskspec.visible import lettered, visible
 
 _MATH = re.compile(r"\$([^$\n]+)\$")
 _KEYS = ("definitions", "noise", "initial", "dynamics")
@@ -235,7 +235,8 @@ def _constant(value: Any, drawn: str = "") -> RenderableType:
     if isinstance(value, Mapping) and "grid" in value:
         grid = value["grid"]
         rows = grid.splitlines() if isinstance(grid, str) else grid
-        legend = "  ".join(f"{letter} {visible(str(meaning))}" for letter, meaning in value.get("legend", {}).items())
+        meanings = value.get("legend", {}).items()
+        legend = "  ".join(f"{lettered(letter)} {visible(str(meaning))}" for letter, meaning in meanings)
         return VisibleText("\n".join([*(visible(str(row)) for row in rows), legend]))
     text = visible(str(value)) + drawn
     return colored(text if len(text) <= 300 else text[:300] + " …")
