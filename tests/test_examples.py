@@ -265,7 +265,7 @@ def test_pages_print_examples_as_a_table(tmp_path: Path) -> None:
     assert rows[2].startswith(r"|  | $s = 1$ | $a = \text{on}$ | $s' = \begin{cases} 1 &")
     assert rows[2].endswith(r"\end{cases}$ | slips &amp; 1\|4 |  |")
     assert rows[3].endswith(r"$s' = 2$, reward $2$, with probability $\frac{3}{4}$ |  |  |")
-    assert rows[4] == r"|  | $s = 1$, $t = 4$ | $a = \text{on}$ | the episode is cut |  |  |"
+    assert rows[4] == r"|  | $s = 1$, $t = 4$ | $a = \text{on}$ | the episode is truncated |  |  |"
     assert rows[5].startswith(r"| $n = 2$ | $s = 2$ |  | expert $a = \text{on}$, $b \sim \mathrm{Bernoulli}")
     assert rows[5].endswith("|  | (✗ does not hold) |")
     assert rows[6] == r"|  |  |  | first $\mathrm{mood} = \text{calm}$ |  |  |"
