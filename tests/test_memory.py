@@ -306,3 +306,9 @@ def test_an_expert_that_names_an_observation_is_told_what_it_reads() -> None:
         build(read_text(spec("sound: heard", memory).replace("if: lead >= 2", "if: sound == left")))
     (found,) = error.value.diagnostics
     assert (found.code, found.message) == ("E302", "'sound' is an observation, and an expert reads the state")
+
+
+def test_a_label_of_a_parameter_may_be_called_as_an_observation() -> None:
+    memory = "lead: {type: int, low: -9, high: 9, initial: 0, next: 0}"
+    text = spec("sound: heard", memory, "parameters: {ear: {type: choice, values: [sound, deaf], default: deaf}}")
+    assert build(read_text(text.replace("if: lead >= 2", "if: ear == sound"))).expert is not None

@@ -162,8 +162,9 @@ class Names:
 
     def _bind_observed(self, bindings: dict[str, Binding]) -> None:
         """Say what an expert reads, where it names what is observed."""
+        known = Scope(bindings, self.context.domains)
         for name in self.context.exprs.get("observation", {}):
-            if not any(name in domain.labels for domain in self.context.domains):
+            if not known.is_label(name):
                 message = f"'{name}' is an observation, and an expert reads the state"
                 hint = "only `memory` sees observations; what both use can be a definition"
                 bindings.setdefault(name, Unavailable("E302", message, hint))
