@@ -46,6 +46,25 @@ def test_what_defines_a_task_is_there_and_nothing_else(name: str) -> None:
     assert long.description and not brief.description
 
 
+def test_no_sign_stands_alone_after_a_table_or_a_formula_on_a_line_of_its_own(tmp_path: Path) -> None:
+    write(["derail/LargestSumSeals-v0", "derail/Branching-v0"], ["latex"], tmp_path, brief=True,
+          columns=[{"L": 5}], facts={"derail/Branching-v0": Facts({"optimal return": ScoreFact(1)})})  # fmt: skip
+    formulas = (tmp_path / "largest-sum-seals.tex").read_text(encoding="utf-8")
+    assert r"\right].}" in formulas and "}.\n" not in formulas
+    text = (tmp_path / "branching.tex").read_text(encoding="utf-8")
+    assert (
+        r"$\mathcal{S} = \{0, \ldots , LB\}$ \taskspecaside{L = 5}{$\mathcal{S} = \{0, \ldots , 10\}$);} $s$: " in text
+    )
+    assert re.search(r"\\taskspectable\{.*\}$", text, re.MULTILINE)
+    assert r"\taskspecvalues" not in text
+
+
+def test_no_sign_ends_a_map(tmp_path: Path) -> None:
+    write([Path(__file__).parent / "specs" / "frozen_lake.yaml"], ["latex"], tmp_path, brief=True)
+    (text,) = (path.read_text(encoding="utf-8") for path in tmp_path.glob("*.tex") if "ttfamily" in path.read_text())
+    assert re.search(r"\\par\{\\ttfamily .*\}\\par$", text, re.MULTILINE)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdfinfo") is None, reason="no TeX")
 @pytest.mark.usefixtures("kept_log")

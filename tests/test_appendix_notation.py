@@ -47,7 +47,7 @@ def paragraphs(folder: Path, *arguments: object) -> tuple[str, str]:
 @pytest.mark.parametrize(
     ("task", "signs"),
     [
-        ("derail/Branching", {r"\taskspecone "}),
+        ("derail/Branching", {r"\taskspecone ", r"\mathbb{P}"}),
         ("derail/Sort", {r"\taskspecone ", r"\#", r"\mathrm{swap}", r"\mathrm{Unif}"}),
         ("derail/ProcGoal", {r"\xi", r"\mathrm{Unif}"}),
         ("put", {r"\leftarrow ", r"\#"}),

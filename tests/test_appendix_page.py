@@ -265,7 +265,8 @@ def test_each_element_of_a_comprehension_has_its_own_draw(section: str, expected
 def test_values_are_printed_in_every_format(tmp_path: Path) -> None:
     write([registry.load("derail/Branching-v0")], ["latex", "html", "markdown"], tmp_path, columns=[{"L": 5, "B": 3}])
     assert (
-        r"\taskspecvalues{L = 5, B = 3}{$\mathcal{S} = \{0, \ldots , 15\}$}" in (tmp_path / "branching.tex").read_text()
+        r"\taskspecvalues{L = 5, B = 3}{$\mathcal{S} = \{0, \ldots , 15\}$)}"
+        in (tmp_path / "branching.tex").read_text()
     )
     assert 'alttext="S = {0, … , 15}"' in (tmp_path / "branching.html").read_text()
     assert r"\ldots , 15\rbrace" in (tmp_path / "branching.md").read_text()

@@ -149,3 +149,38 @@ def test_blanks_of_a_map_are_named(tmp_path: Path) -> None:
     assert all("# = 1, blank = 0)" in page.read_text(encoding="utf-8") for page in pages)
     done = CliRunner().invoke(app, ["show", str(spec)], env={"COLUMNS": "100", "NO_COLOR": "1"})
     assert "# 1  blank 0" in done.stdout
+
+
+def test_figures_at_settings_say_what_is_seen(tmp_path: Path) -> None:
+    write(["derail/Branching-v0"], ["latex", "html", "markdown"], tmp_path, columns=[{"L": 5}])
+    said = "L = 5. Transition graph of Branching: 11 states, 2 actions. "
+    assert rf"\taskspecother{{{said}" in (tmp_path / "branching.tex").read_text(encoding="utf-8")
+    assert f"<figcaption>{said}" in (tmp_path / "branching.html").read_text(encoding="utf-8")
+    assert f"*{said}" in (tmp_path / "branching.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@TEX
+@pytest.mark.parametrize(
+    ("task", "settings", "stand_beside"), [("derail/Branching-v0", (5, 7), False), ("derail/Sort-v0", (2, 3), True)]
+)
+def test_figures_at_settings_are_stacked_where_they_would_shrink_too_far(
+    task: str, settings: tuple[int, ...], stand_beside: bool, tmp_path: Path
+) -> None:
+    path = write([task], ["pdf"], tmp_path, columns=[{"L": at} for at in settings])[-1]
+    text = subprocess.run(["pdftotext", "-layout", path, "-"], capture_output=True, text=True, check=True).stdout
+    (line,) = (line for line in text.splitlines() if "Figure 3:" in line)
+    assert (line.index("Figure 3:") > 40) == stand_beside
+
+
+@pytest.mark.slow
+@TEX
+def test_figures_of_short_pages_keep_most_of_their_size_on_slides(tmp_path: Path) -> None:
+    write(FAMILY, ["latex"], tmp_path, brief=True)
+    figure, fitted = (
+        r"\sbox{\taskspecfigure}{\rule{1cm}{100pt}}",
+        r"\sbox0{\taskspecfitbrief{\usebox{\taskspecfigure}}}",
+    )
+    frame = rf"\begin{{frame}}{figure}{fitted}\typeout{{TALL \the\ht0}}\end{{frame}}"
+    said = compiled(tmp_path, rf"\documentclass{{beamer}}\input{{preamble}}\begin{{document}}{frame}\end{{document}}")
+    assert float(re.findall(r"TALL ([\d.]+)pt", said)[0]) == pytest.approx(80, abs=0.1)

@@ -23,7 +23,7 @@ _SIGNS = (
           r"the equation is evaluated."),
     (r"\bUnif\b", r"$\mathrm{Unif}$ is the uniform distribution: over the elements of a set, or over the real numbers from one "
                   r"bound to the other; its power $n$ is that of $n$ independent draws."),
-    ("ℙ_π", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
+    ("ℙ_", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
             r"condition holds."),
 )  # fmt: skip
 _RETURNS = (

@@ -92,7 +92,7 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
         "sections": [writer.section(s, [each.title for each in page.settings]) for s in page.sections],
         "figure": Markup(svg(scene, css=True)) if scene else None,
         "caption": scene.caption if scene else "",
-        "others": [(each.title, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
+        "others": [(each.caption, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
         "source": _highlighted(page.source_text),
     }
 

@@ -77,7 +77,7 @@ class LatexWriter:
         return text_environment().get_template("task.tex").render(
             self.parts(suite, head), title=escape(family.title), id=escape(head.id), capability=escape(head.capability),
             labels=[page.anchor for page in (head, *family.others)],
-            others=[(tikz(each.scene), escape(each.title)) for each in suite.others(head)],
+            others=[(tikz(each.scene), escape(each.caption)) for each in suite.others(head)],
             family=[self.parts(suite, page, head) for page in family.others],
         )  # fmt: skip
 
@@ -112,7 +112,8 @@ class LatexWriter:
         """Sections with their titles in the line; those of one paragraph follow each other."""
         last = None
         for section in page.sections:
-            text = "; ".join(self.line(line, page, BRIEF_ROOM) for line in section.lines)
+            ends = [";"] * (len(section.lines) - 1) + ["."]
+            text = " ".join(self.brief_line(*each, page) for each in zip(section.lines, ends, strict=False))
             paragraph = next((i for i, keys in enumerate(PARAGRAPHS) if section.key in keys), section.key)
             opens, last = paragraph != last, paragraph
             yield {"title": escape(section.title), "text": text + self.table(section), "opens": opens}
@@ -148,11 +149,25 @@ class LatexWriter:
             text += rf"\par{{\ttfamily {rows}}}"
         for setting, values in zip(page.settings, line.values, strict=False):
             if values:
-                text += rf" \taskspecvalues{{{escape(setting.title)}}}{{{self.prose(values, room)}}}"
+                text += rf" \taskspecvalues{{{escape(setting.title)}}}{{{self.prose(values, room, ')')}}}"
         return text
 
-    def prose(self, content: Inlines, room: float = WHOLE_ROOM) -> str:
-        return "".join(self.inline(piece, room) for piece in content)
+    def brief_line(self, line: SectionLine, end: str, page: Page) -> str:
+        """A line among others of its paragraph, with the sign that ends it; a map has none."""
+        if line.verbatim is not None:
+            return rf"{self.line(line, page, BRIEF_ROOM)}\par"
+        asides = [(s.title, values) for s, values in zip(page.settings, line.values, strict=False) if values]
+        told = [self.prose(line.content, BRIEF_ROOM, "" if asides else end)]
+        for i, (title, values) in enumerate(asides):
+            closing = ")" + (end if i == len(asides) - 1 else "")
+            told.append(rf"\taskspecaside{{{escape(title)}}}{{{self.prose(values, BRIEF_ROOM, closing)}}}")
+        return " ".join(told)
+
+    def prose(self, content: Inlines, room: float = WHOLE_ROOM, end: str = "") -> str:
+        """Pieces of prose; the sign that ends them stays with a formula on a line of its own."""
+        if end and content and isinstance(content[-1], Formula):
+            return self.prose(content[:-1], room) + formula(content[-1].math, room, content[-1].display, end)
+        return "".join(self.inline(piece, room) for piece in content) + end
 
     def inline(self, piece: Inline, room: float) -> str:
         match piece:
@@ -192,12 +207,12 @@ class LatexWriter:
                 return rf"{{\ttfamily {rows}}}"
 
 
-def formula(math: m.Math, room: float, display: bool = False) -> str:
-    """Mathematics in a line; what cannot break and may be too wide is put on a line of its own and fitted."""
+def formula(math: m.Math, room: float, display: bool = False, end: str = "") -> str:
+    """Mathematics and a sign after it; what cannot break and may be too wide is put on a line of its own and fitted."""
     if display or (_is_rigid(math) and m.width(math) > room):
-        return rf"\taskspecwide{{{latex(math)}}}"
+        return rf"\taskspecwide{{{latex(math)}{end}}}"
     style = r"\displaystyle " if any(isinstance(part, m.Frac) and _has_fraction(part) for part in _parts(math)) else ""
-    return f"${style}{latex(math)}$"
+    return f"${style}{latex(math)}${end}"
 
 
 def _parts(math: m.Math) -> Iterator[m.Math]:

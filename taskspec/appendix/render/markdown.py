@@ -66,7 +66,7 @@ class MarkdownWriter:
             description=[self.block(b) for b in page.description], sections=[self.section(s, page) for s in page.sections],
             figure=f"figures/{page.anchor}.svg" if scene else "", alt=escape(scene.alt) if scene else "",
             notes=escape(" ".join(scene.notes)) if scene else "",
-            others=[(f"figures/{o.anchor}.svg", escape(o.scene.alt), escape(o.title)) for o in self.suite.others(page)],
+            others=[(f"figures/{o.anchor}.svg", escape(o.scene.alt), escape(o.caption)) for o in self.suite.others(page)],
         )  # fmt: skip
 
     def section(self, section: Section, page: Page) -> dict[str, object]:

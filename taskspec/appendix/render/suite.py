@@ -20,6 +20,11 @@ class Other:
     anchor: str
     scene: Scene
 
+    @property
+    def caption(self) -> str:
+        """The values, and what is seen."""
+        return f"{self.title}. {self.scene.caption}"
+
 
 def setting_anchor(page: Page, setting: Setting) -> str:
     """The page's anchor with the values of the setting."""
