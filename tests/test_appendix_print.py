@@ -184,3 +184,11 @@ def test_figures_of_short_pages_keep_most_of_their_size_on_slides(tmp_path: Path
     frame = rf"\begin{{frame}}{figure}{fitted}\typeout{{TALL \the\ht0}}\end{{frame}}"
     said = compiled(tmp_path, rf"\documentclass{{beamer}}\input{{preamble}}\begin{{document}}{frame}\end{{document}}")
     assert float(re.findall(r"TALL ([\d.]+)pt", said)[0]) == pytest.approx(80, abs=0.1)
+
+
+def test_cells_of_tables_are_not_broken_within_words(tmp_path: Path) -> None:
+    """What is wider than the page scrolls in the box of the table."""
+    write(["derail/Branching-v0"], ["html"], tmp_path)
+    text = (tmp_path / "branching.html").read_text(encoding="utf-8")
+    assert ".section dd :is(th, td) { overflow-wrap: normal; }" in text
+    assert ".wide { overflow-x: auto; }" in text and '<div class="wide"' in text
