@@ -27,6 +27,7 @@ _OF_VALUES = ("E307", "E314", "E315", "E407", "E408")
 """Mistakes that may hang on the values of parameters: shapes, sizes, ranges."""
 _WITHOUT_VALUE = ("E307", "E315", "E401", "E402", "E407", "E408")
 """Those of expressions that have no value for some parameters."""
+_ALL_OR_ANY = "comparing vectors compares element by element; write `all(...)` or `any(...)`"
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,13 +116,13 @@ class BaseChecker(ABC):
             hint = "compare it with something, e.g. `x != 0`" if node.type.is_scalar else None
             self.fail("E306", expr, f"a condition is needed here, not {_article(node.type)}", hint)
         if not node.type.is_scalar:
-            hint = (of_many and of_many(node.type.shape)) or self.of_many(expr, scope)
+            hint = self.of_many(expr, scope) or (of_many and of_many(node.type.shape)) or _ALL_OR_ANY
             self.fail("E307", expr, f"one condition is needed here, not {node.type.size} at once", hint)
         return node
 
-    def of_many(self, expr: s.Expr, scope: Scope) -> str:
-        """What to do about several conditions where one is needed."""
-        return "comparing vectors compares element by element; write `all(...)` or `any(...)`"
+    def of_many(self, expr: s.Expr, scope: Scope) -> str | None:
+        """What was meant by several conditions where one is needed, as far as their form tells."""
+        return None
 
     def constant(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> Const:
         """An expression that must be known once parameters are; `instead` is what to write where it is not."""

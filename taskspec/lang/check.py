@@ -89,8 +89,8 @@ class Checker(BaseChecker):
             case _:
                 assert_never(expr)
 
-    def of_many(self, expr: s.Expr, scope: Scope) -> str:
-        return subscripts.rows_for_an_element(self, expr, scope) or super().of_many(expr, scope)
+    def of_many(self, expr: s.Expr, scope: Scope) -> str | None:
+        return subscripts.rows_for_an_element(self, expr, scope)
 
     # -- leaves ---------------------------------------------------------------------------------------------------
 
