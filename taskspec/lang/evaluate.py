@@ -35,14 +35,15 @@ def evaluate(roots: Iterable[Node], reads: Mapping[tuple[Role, str], Flat], samp
     for node in walk(roots):
         match node:
             case Const():
-                value = node.flat
+                values[id(node)] = node.flat
+                continue
             case Read(role=role, name=name):
                 value = reads[role, name]
             case Apply(op=op, args=args, static=static, type=type_):
                 flats = [values[id(a)] for a in args]
                 if (
                     op in OPERATORS
-                ):  # fractions are exact among constants, which are folded; what is computed with is a real
+                ):  # fractions stay exact in constants, which are folded; what is computed with is a real
                     flats = [tuple(map(plain, flat)) for flat in flats]
                 value = apply_flat(op, flats, tuple(a.type for a in args), static, type_)
             case Draw(args=args):

@@ -137,9 +137,9 @@ def exact(value: Any, kind: Kind) -> Any:
         return bool(value)
     if kind is Kind.INT:
         return int(value)
-    return value if isinstance(value, Fraction) else float(value)
+    return value if type(value) is Fraction else float(value)  # `isinstance` asks the numbers' abstract classes
 
 
 def plain(value: Any) -> Any:
     """A constant's scalar as a bool, int or float: what leaves the compiler."""
-    return float(value) if type(value) is Fraction else value  # `isinstance` asks the numbers' abstract classes
+    return float(value) if type(value) is Fraction else value

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
 
-from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, exact, reads, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, reads, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
@@ -24,6 +25,7 @@ TaskRule = tuple[str, Callable[[Task], bool]]
 
 _PRESENT = {Role.STATE, Role.TIME}
 _STEP = {*_PRESENT, Role.ACTION}
+_NUMBERS = {Kind.BOOL: {bool}, Kind.INT: {int}, Kind.REAL: {float, Fraction}}
 
 OF_NODES: tuple[NodeRule, ...] = (
     ("a constant has one scalar for each element", lambda n: not isinstance(n, Const) or _sized(n)),
@@ -129,7 +131,7 @@ def _sized(node: Const) -> bool:
 
 
 def _of_kind(node: Const) -> bool:
-    return all(type(v) is type(exact(v, node.type.kind)) for v in node.flat)
+    return set(map(type, node.flat)) <= _NUMBERS[node.type.kind]
 
 
 def _ruled(node: Apply) -> bool:
