@@ -138,3 +138,19 @@ def test_keys_and_types_of_others(section: str, entry: Any, message: str, hint: 
         build(spec("0", **{section: entry}))
     (found,) = refused.value.diagnostics
     assert (found.message, found.hint) == (message, hint)
+
+
+@pytest.mark.parametrize(("entry", "said"), [
+    ({"value": "s", "type": "int"}, [("E202", "unknown key `type`", "its type follows from its expression")]),
+    ({"value": "s", "space": "box"}, [("E202", "unknown key `space`", "it stands under `observation`, beside the names")]),
+    ({"type": "int", "low": 0, "high": 3}, [
+        ("E202", "unknown key `type`", "its type follows from its expression"),
+        ("E203", "this observation has no `value`", "an expression over the state"),
+    ]),
+])  # fmt: skip
+def test_an_observation_is_declared_as_in_gymnasium(entry: dict[str, Any], said: list[tuple[str, str, str]]) -> None:
+    with pytest.raises(SpecError) as refused:
+        build(spec("0", observation={"seen": entry}))
+    found = sorted((d.code, d.message, str(d.hint)) for d in refused.value.diagnostics)
+    assert [(code, message) for code, message, _ in found] == [(code, message) for code, message, _ in said]
+    assert all(words in hint for (_, _, hint), (_, _, words) in zip(found, said, strict=True))

@@ -16,7 +16,7 @@ _NAMES: Mapping[str, str] = {
     "dynamics": "transition transitions next step cpfs update",
     "initial": "init init_state initial_state reset start",
     "constants": "non_fluents consts",
-    "definitions": "derived derived_fluents intermediate functions let",
+    "definitions": "derived derived_fluents intermediate functions let define defines where macros helpers formulas",
     "parameters": "params args arguments",
     "expert": "policy",
     "default": "value initial init",

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, Literal
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from taskspec.task.schema import problems
 from taskspec.task.schema.fields import Bound, Expression, Labels, Name, Setting, Shape, fail
 from taskspec.task.schema.problems import Problem
-
-Kind = Literal["int", "real", "bool", "choice"]
+from taskspec.task.schema.values import Kind
 
 
 class Strict(BaseModel):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal, get_args
 
 from taskspec.diagnostics import CODES, suggest
 from taskspec.task.schema.problems import Problem, kind, name, unknown_key, wrong_kind
@@ -17,6 +17,7 @@ _FUNCTION = re.compile(r"([^()]*)\(([^()]*)\)")
 _PIECE_KEYS = ("if", "then", "else")
 _TABLE_KEYS = ("by", "rows")
 _ENDLESS = ("no", "none", "null", "off", "never", "inf", "infinite", "infinity", "unlimited", "~")
+Kind = Literal["int", "real", "bool", "choice"]
 WARNINGS = tuple(code for code, entry in CODES.items() if entry.severity == "warning")
 SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
 
@@ -289,11 +290,22 @@ def _observation(value: Any, nullable: bool) -> Iterator[Problem]:
             yield from (problem.below(key) for problem in _observed(part))
 
 
+_OBSERVED = ("value", "low", "high")
+_TYPED = "its type follows from its expression: `name: expression`, or `{value: expression, low: ..., high: ...}`"
+_BESIDE = "`space` is one for all: it stands under `observation`, beside the names"
+
+
 def _observed(part: Any) -> Iterator[Problem]:
     """An expression, or `{value: expression, low: ..., high: ...}` to declare the bounds of its space."""
-    if not (isinstance(part, dict) and "value" in part and part.keys() <= {"value", "low", "high"}):
+    if not isinstance(part, dict) or not ("value" in part or part.get("type") in get_args(Kind)):
         yield from expression(part)
         return
+    for key in part:
+        if key not in _OBSERVED:
+            yield unknown_key(key, _OBSERVED)._replace(path=(key,), hint=_BESIDE if key == "space" else _TYPED)
+    if "value" not in part:
+        yield Problem("E203", (), "this observation has no `value`", "an expression over the state: `name: expression`")
+        return
     yield from (problem.below("value") for problem in expression(part["value"]))
-    for key in part.keys() & {"low", "high"}:
+    for key in sorted(part.keys() & {"low", "high"}):
         yield from (problem.below(key) for problem in bound(part[key]))
