@@ -124,9 +124,9 @@ def _take_instances() -> None:
 def make_vec(
     source: TaskLike,
     /,
-    num_envs: int | None = None,
-    *,
     variant: str | None = None,
+    *,
+    num_envs: int | None = None,
     backend: BackendName = "auto",
     autoreset_mode: AutoresetMode | Autoreset = "NextStep",
     reuse: bool = False,
@@ -227,9 +227,7 @@ def make_vec_registered(
     Raises:
         SpecError: E713, where `max_episode_steps`, as the spec of an environment has it, is not the horizon.
     """
-    made = make_vec(
-        _source(task, path), variant=variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options
-    )
+    made = make_vec(_source(task, path), variant, modifiers=(*id_modifiers, *registry.listed(modifiers)), **options)
     _check_horizon(made.task, max_episode_steps)
     return made
 

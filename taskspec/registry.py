@@ -141,7 +141,8 @@ def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) ->
     if not isinstance(source, Task | str | os.PathLike):
         raise SpecError([Diagnostic("E701", None, f"a task is named by its id or a path, not by {source!r}")])
     if variant is not None and not isinstance(variant, str):
-        raise SpecError([Diagnostic("E211", None, f"a variant is named by a text, not by {variant!r}")])
+        hint = f"the number of environments is `num_envs={variant}`" if type(variant) is int else None
+        raise SpecError([Diagnostic("E211", None, f"a variant is named by a text, not by {variant!r}", hint)])
     if isinstance(source, Task):
         return _changed(source, variant, parameters)
     if isinstance(source, os.PathLike):

@@ -122,6 +122,8 @@ FAIL: list[tuple[dict[str, Any], str, tuple[str | int, ...], str]] = [
     ({"state": {"s": 1}, "observation": {"x": 1}}, "E216", ("observation", "x"), "no observation 'x'"),
     ({"state": {"s": 1}, "expert": {"c": "on"}}, "E216", ("expert", "c"), "no action component 'c'"),
     ({"state": {"s": 1}, "action": {"a": "on"}}, "E203", (), "does not say what follows"),
+    ({"initial": {}, "probability": "1/2"}, "E203", (), "does not say what follows"),
+    ({"state": {"s": 1}, "action": {"a": "on"}, "next": {}}, "E203", (), "does not say what follows"),
     ({"state": {"s": 1}, "initial": {"s": 1}}, "E214", ("state",), "an example of the first state has no `state`"),
     ({"state": {"s": 1}, "nxt": {"s": 1}}, "E202", ("nxt",), "unknown key `nxt`"),
 ]  # fmt: skip

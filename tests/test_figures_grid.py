@@ -14,7 +14,7 @@ from taskspec.figures.scene import Box, Circle, Label, Line, Scene
 from taskspec.printers.plain import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
-from tests.test_contact_sheet import outside, overlapping
+from tests.test_contact_sheet import extent, letters, outside, overlapping
 
 SPECS = Path(__file__).parent / "specs" / "figures"
 
@@ -162,3 +162,38 @@ def test_a_map_without_columns_is_none() -> None:
     text = CROSSING.replace("state:", 'constants: {rooms: "[[i for i in range(0)] for j in range(2)]"}\nstate:')
     with pytest.raises(SpecError, match=r"E204.*the constant 'rooms' is neither a grid of letters nor a matrix"):
         build(read_text(text.replace("kind: grid,", "kind: grid, map: rooms,")))
+
+
+def crossed(found: Scene) -> list[str]:
+    """Labels that an arrow runs over, and signs that it touches."""
+    lines = [x for x in found.items if isinstance(x, Line)]
+    frames = [(plain(x.text), letters(x)) for x in found.items if isinstance(x, Label)]
+    frames += [("sign", extent(x)) for x in lines if not x.arrow and x.color == "ink"]
+    along = [
+        tuple(a + i / 20 * (b - a) for a, b in zip(*x.points, strict=True)) for x in lines if x.arrow for i in range(21)
+    ]
+    return [word for word, (x0, y0, x1, y1) in frames if any(x0 < x < x1 and y0 < y < y1 for x, y in along)]
+
+
+@pytest.mark.parametrize("source", [SPECS / "lake.yaml", "seals/CliffWorld"], ids=["moves", "diagonal moves"])
+def test_arrows_run_over_no_number_and_no_sign(source: str | Path) -> None:
+    one = registry.load(source)
+    found = scene(one, overlay(one, ["values", "policy"]))
+    assert found is not None
+    assert overlapping(found) == outside(found) == crossed(found) == []
+    assert sum(isinstance(x, Line) and x.arrow for x in found.items) >= 15
+
+
+@pytest.mark.parametrize(
+    ("source", "scale"),
+    [
+        ("derail/EarlyTermPos", "up to 5 per episode"),
+        ("derail/RiskyPath", "up to 3 per episode"),
+        (SPECS / "keys.yaml", "relative to the most visited cell"),
+    ],
+)
+def test_the_shade_of_visits_has_a_scale(source: str | Path, scale: str) -> None:
+    one = registry.load(source)
+    found = scene(one, overlay(one, ["occupancy"]))
+    assert found is not None
+    assert any(f"shade, {scale}: " in plain(x.text) for x in found.items if isinstance(x, Label))

@@ -210,10 +210,8 @@ def test_a_variant_is_named_by_position_or_keyword() -> None:
         assert found == taskspec.load("Branching", "seals")
 
 
-def test_the_number_of_environments_comes_second_as_in_gymnasium() -> None:
-    assert taskspec.make_vec("Branching", 3).num_envs == taskspec.make_vec("Branching", num_envs=3).num_envs == 3
-
-
 def test_a_variant_is_named_by_a_text() -> None:
     with pytest.raises(SpecError, match="E211"):
-        taskspec.load("RiskyPath", 3)  # type: ignore[arg-type]
+        taskspec.load("RiskyPath", ["seals"])  # type: ignore[arg-type]
+    with pytest.raises(SpecError, match=r"E211.*\n.*`num_envs=3`"):
+        taskspec.make_vec("RiskyPath", 3)  # type: ignore[arg-type]

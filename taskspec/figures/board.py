@@ -15,7 +15,8 @@ from taskspec.figures.scene import BROAD, Box, Circle, Item, Label, Line, Role, 
 from taskspec.figures.ways import Cell, Way
 from taskspec.printers import tree as m
 
-CELL = 0.8
+CELL, ROOMY = 0.8, 1.15
+"""Sides of cells, and of those that have room for a number and arrows beside it."""
 LARGEST = 24
 """Columns or rows that are drawn one by one."""
 KEPT = 2
@@ -141,7 +142,12 @@ class Board:
         if alone and cell in self.shades:
             yield replace(box, fill="accent", shade=self.shades[cell])
         written = not alone or any(cell in found for found in (self.values, self.letters, self.agents))
-        yield from marked(box, 0.3 * self.cell if written else 0.0)
+        yield from marked(box, 0.3 * self.cell if written else 0.0, self._free_corner(cell))
+
+    def _free_corner(self, cell: Cell) -> tuple[int, int]:
+        """A corner of a cell from its middle that no arrow points to, if there is one."""
+        taken = {tuple(round(d) for d in way) for at, way in self.moves if at == cell}
+        return next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in taken), (1, -1))
 
     def _marks(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
         """What is in the cells that are drawn, which lie at these places; a value takes the room of all else."""
@@ -149,10 +155,8 @@ class Board:
         for cell, text in self.letters.items():
             if cell in middle and cell not in self.values and text != WALL:
                 yield Label(middle[cell], m.Words(text), LETTER, color="muted")
-        yield from (self._move(at[cell], way) for cell, way in self.moves if cell in at)
-        for cell, value in self.values.items():
-            if cell in middle:
-                yield Label(middle[cell], m.Num(_short(value)), VALUE)
+        yield from (self._move(at[cell], cell, way) for cell, way in self.moves if cell in at)
+        yield from (Label(middle[cell], self._value(cell), VALUE) for cell in self.values if cell in middle)
         for cell, weight in self.agents.items():
             if cell in middle and cell not in self.values:
                 yield from agent(*middle[cell], weight, self.cell)
@@ -170,7 +174,8 @@ class Board:
             yield Line((near, far), arrow=True, width=0.05)
         if not thing.word:
             return
-        side, word = (0.62 if not taken else 0.36) * self.cell, m.Words(thing.word)
+        whole = 0.62 if thing.cell not in self.colors else 0.48  # beside a sign
+        side, word = (whole if not taken else 0.36) * self.cell, m.Words(thing.word)
         dx, dy = CORNERS[(taken - 1) % len(CORNERS)] if taken else (0.0, 0.0)
         x, y = at[0] + dx * self.cell, at[1] + dy * self.cell
         yield Box((x - side / 2, y - side / 2), side, side, "second", "ink", round=0.15 * side)
@@ -215,12 +220,20 @@ class Board:
             else:
                 yield Label((-0.15, at), text, COORDINATE, "end", color="muted")
 
-    def _move(self, cell: Cell, way: Way) -> Line:
-        """An arrow from near the middle of a cell to its edge."""
-        near, far = (
-            (self.cell * (cell[0] + 0.5 + r * way[0]), self.cell * (cell[1] + 0.5 + r * way[1])) for r in (0.2, 0.48)
+    def _move(self, at: Cell, cell: Cell, way: Way) -> Line:
+        """An arrow from near the middle of a cell, or from the number there, to its edge."""
+        first = 0.2
+        if cell in self.values:
+            room = text_width(self._value(cell), VALUE) / 2 + 0.05, VALUE / 2 + 0.05
+            leaves = min(r / (self.cell * abs(d)) for r, d in zip(room, way, strict=True) if d)
+            first = min(max(first, leaves), 0.36)
+        (near, far) = (
+            (self.cell * (at[0] + 0.5 + r * way[0]), self.cell * (at[1] + 0.5 + r * way[1])) for r in (first, 0.48)
         )
         return Line((near, far), arrow=True, color="muted")
+
+    def _value(self, cell: Cell) -> m.Math:
+        return m.Num(_short(self.values[cell]))
 
 
 def _short(value: float) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from taskspec.exact.model.space import Space
 from taskspec.exact.model.transitions import Steps
-from taskspec.figures.board import LARGEST, Board, Thing
+from taskspec.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Thing
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.scene import Role, Scene, fitted, shifted
 from taskspec.figures.seen import is_noisy, seen
@@ -138,7 +138,10 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     if things and overlay.here is None:  # which belong to one state
         agents = {by_code[_code(task, one)]: 1.0}
     letters = _letters(task)
-    board = Board(columns, rows, colors, letters, agents, shades, values, moves, things, overlay.here is None)
+    cell = ROOMY if values and moves and len(columns) * ROOMY <= WIDEST else CELL
+    board = Board(
+        columns, rows, colors, letters, agents, shades, values, moves, things, overlay.here is None, cell=cell
+    )
     alt = f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows"
     notes = (*_key(task), *unplaced, *board.notes())
     first = ("One of many starts.",) if things and len(agents) > 1 and overlay.here is None else ()

@@ -50,11 +50,11 @@ def hatched(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
                 yield Line(((x + start, y + rise - start), (x + end, y + rise - end)), color="paper", width=0.03)
 
 
-def marked(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
+def marked(item: Circle | Box, clear: float = 0.0, corner: tuple[int, int] = (1, -1)) -> Iterator[Line]:
     """What tells a state that is good, bad or an end from others without its colour: a tick, a cross on hatching, a square.
 
-    The mark is at the top of what is round, and in the middle of a cell, or in its upper right corner where something is
-    written within `clear` of the middle.
+    The mark is at the top of what is round, and in the middle of a cell, or in a corner, its upper right one if no
+    other is named, where something is written within `clear` of the middle.
     """
     if item.fill not in SIGNS:
         return
@@ -65,8 +65,8 @@ def marked(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
         yield from sign(item.fill, (x, y - 0.7 * top), 0.42 * top)
     else:
         (x, y), side = _centre(item), min(item.width, item.height)
-        dx, dy = (item.width / 2 - 0.17 * side, 0.17 * side - item.height / 2) if clear else (0.0, 0.0)
-        yield from sign(item.fill, (x + dx, y + dy), (0.22 if clear else 0.4) * side)
+        dx, dy = ((d / 2 - 0.17 * side) if clear else 0.0 for d in (item.width, item.height))
+        yield from sign(item.fill, (x + corner[0] * dx, y + corner[1] * dy), (0.22 if clear else 0.4) * side)
 
 
 def _height(item: Circle | Box) -> float:

@@ -51,17 +51,17 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
         raise SpecError((Diagnostic("E713", None, message),))
     known = _Known(extract(task), abstraction(task), wanted)
     shown = {} if known.abstraction is not None else {part: getattr(known, part) for part in PARTS}
-    return Overlay(**shown, legend=dict(_legend(task, wanted)), told=known.told)
+    return Overlay(**shown, legend=dict(_legend(task, known)), told=known.told)
 
 
-def _legend(task: Task, wanted: set[str]) -> Iterator[tuple[str, tuple[str, str]]]:
+def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
     """What is laid over the figure: how it is drawn, and what it is."""
     left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
     on_grid = task.figure is not None and task.figure.kind == "grid"
     number, arrow = ("numbers", "arrows") if on_grid else ("V", "thick arrows")
     if on_grid and shares_cells(task):
         number, arrow = f"{number}, of the best state in a cell", f"{arrow}, where all states in a cell agree"
-    whose = "the expert's" if task.expert is not None else "an optimal policy's"
+    wanted, whose = known.wanted, "the expert's" if task.expert is not None else "an optimal policy's"
     if "values" in wanted:
         yield "values", (number, f"best return{left}")
     if "policy" in wanted:
@@ -69,7 +69,10 @@ def _legend(task: Task, wanted: set[str]) -> Iterator[tuple[str, tuple[str, str]
     elif "expert" in wanted:
         yield "policy", (arrow, f"{whose} actions at first")
     if "occupancy" in wanted:
-        yield "occupancy", ("shade", f"{whose} visits")
+        scale = f"up to {decimal(float(known.visits.max(initial=0.0)))} per episode"
+        if on_grid and shares_cells(task):
+            scale = "relative to the most visited cell"
+        yield "occupancy", (f"shade, {scale}", f"{whose} {'' if task.discount == 1 else 'discounted '}visits")
 
 
 @dataclass(frozen=True)
@@ -91,8 +94,17 @@ class _Known:
         return _policy(self.model, (self.optimal if "policy" in self.wanted else self.acting)(0))
 
     @cached_property
+    def visits(self) -> np.ndarray[Any, Any]:
+        """How often each state is visited, (S,)."""
+        return solve.occupancy(self.model, self.acting)
+
+    @cached_property
     def occupancy(self) -> Mapping[int, float]:
-        return _visits(self.model, self.acting) if "occupancy" in self.wanted else {}
+        """By code; the most visited state 1."""
+        if "occupancy" not in self.wanted:
+            return {}
+        share = self.visits / (self.visits.max(initial=0.0) or 1.0)
+        return dict(zip(self.model.codes.tolist(), share.tolist(), strict=True))
 
     @cached_property
     def optimal(self) -> plans.Plan:
@@ -129,9 +141,3 @@ def _values(model: Model) -> dict[int, float]:
 def _policy(model: Model, table: np.ndarray[Any, Any]) -> dict[int, tuple[int, ...]]:
     """Actions (A, S) of positive probability, by code of the states in which some episode acts."""
     return {int(model.codes[i]): tuple(np.flatnonzero(table[:, i] > 0).tolist()) for i in np.flatnonzero(model.acting)}
-
-
-def _visits(model: Model, plan: plans.Plan) -> dict[int, float]:
-    """How often states are visited, by code; the most visited one 1."""
-    total = solve.occupancy(model, plan)
-    return dict(zip(model.codes.tolist(), (total / (total.max() or 1.0)).tolist(), strict=True))

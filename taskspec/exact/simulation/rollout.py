@@ -141,16 +141,23 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
     Episodes act at random, by holding on to an action, and by the expert.
     """
     rng = np.random.default_rng(0)
-    acts = isinstance(task.expert, tuple) and task.memory is None
-    everyone = [(sampled_actions(task), STEPS), (_held(task), _affordable(task))]
-    everyone += [(by_expert(task), STEPS)] if acts else []
-    numbers = sum(c.type.size for c in (*task.state, *task.action)) * sum(steps for _, steps in everyone)
-    lanes = max(1, min(LANES, int(limits().megabytes * 1e6 / (BYTES * numbers))))
-    return columns(part for choose, steps in everyone for part in _episodes(task, choose, lanes, steps, ends, rng))
+    far = _affordable(task)
+    rounds = max(1, far // max(STEPS, task.horizon or far))
+    everyone = [(sampled_actions(task), STEPS, LANES), (_held(task), far // rounds, LANES * rounds)]
+    everyone += [(by_expert(task), STEPS, LANES)] if isinstance(task.expert, tuple) and task.memory is None else []
+    numbers = sum(c.type.size for c in (*task.state, *task.action)) * sum(steps * lanes for _, steps, lanes in everyone)
+    share = min(1.0, limits().megabytes * 1e6 / (BYTES * numbers))
+    return columns(
+        part for choose, steps, lanes in everyone
+        for part in _episodes(task, choose, max(1, int(share * lanes)), steps, ends, rng)
+    )  # fmt: skip
 
 
 def _affordable(task: Task) -> int:
-    """How many steps are taken by holding on to an action, which leads far: more than others where they cost little."""
+    """How many steps are taken by holding on to an action, which leads far: more than others where they cost little.
+
+    They are taken one after the other as far as an episode goes, and side by side beyond, which is quicker.
+    """
     cost = Cost((*task.next, task.reward, task.terminal), simulated=True)
     return max(STEPS, min(MANY_STEPS, int(HELD / cost.seconds(LANES))))
 

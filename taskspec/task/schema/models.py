@@ -117,7 +117,7 @@ class ExampleEntry(Strict):
 
 
 def _example_problems(entry: ExampleEntry) -> Iterator[Problem]:
-    if not any(getattr(entry, key) is not None for key in FOLLOWS):
+    if all(getattr(entry, key) in (None, {}) for key in FOLLOWS):
         yield Problem("E203", (), "this example does not say what follows", f"one of {', '.join(FOLLOWS)}")
     at_start = ("initial", "observation", "probability", "for_", "doc")
     for key in type(entry).model_fields if entry.initial is not None else ():
