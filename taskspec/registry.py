@@ -134,15 +134,19 @@ def listed(modifiers: Any) -> tuple[Written, ...]:
     return tuple(modifiers)
 
 
+def _check_variant(variant: object) -> None:
+    if variant is not None and not isinstance(variant, str):
+        hint = f"the number of environments is `num_envs={variant}`" if type(variant) is int else None
+        raise SpecError([Diagnostic("E211", None, f"a variant is named by a text, not by {variant!r}", hint)])
+
+
 def _found(source: TaskLike, variant: str | None, parameters: dict[str, Any]) -> Task:
     """What `load` gives before any more modifiers."""
     from taskspec.task.task import Task
 
     if not isinstance(source, Task | str | os.PathLike):
         raise SpecError([Diagnostic("E701", None, f"a task is named by its id or a path, not by {source!r}")])
-    if variant is not None and not isinstance(variant, str):
-        hint = f"the number of environments is `num_envs={variant}`" if type(variant) is int else None
-        raise SpecError([Diagnostic("E211", None, f"a variant is named by a text, not by {variant!r}", hint)])
+    _check_variant(variant)
     if isinstance(source, Task):
         return _changed(source, variant, parameters)
     if isinstance(source, os.PathLike):

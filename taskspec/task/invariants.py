@@ -25,7 +25,7 @@ TaskRule = tuple[str, Callable[[Task], bool]]
 
 _PRESENT = {Role.STATE, Role.TIME}
 _STEP = {*_PRESENT, Role.ACTION}
-_NUMBERS = {Kind.BOOL: {bool}, Kind.INT: {int}, Kind.REAL: {float, Fraction}}
+_NUMBERS: dict[Kind, set[type]] = {Kind.BOOL: {bool}, Kind.INT: {int}, Kind.REAL: {float, Fraction}}
 
 OF_NODES: tuple[NodeRule, ...] = (
     ("a constant has one scalar for each element", lambda n: not isinstance(n, Const) or _sized(n)),
