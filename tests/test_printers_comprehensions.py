@@ -1,4 +1,4 @@
-"""Comprehensions as mathematics: sets, counts, quantifiers and sums over what their variables go through."""
+"""Comprehensions and joined vectors as mathematics: what variables go through, and one list of what is joined."""
 
 from __future__ import annotations
 
@@ -30,4 +30,16 @@ from tests.test_printers_math import written
     ],
 )
 def test_variables_go_through_their_domain(source: str, expected: str) -> None:
+    assert written(source) == expected
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("concat([x], s)", r"(x, s)"),
+        ("concat([x, x + 1], concat(s, [1]))", r"(x, x + 1, s, 1)"),
+        ("concat([[1, 2]], [[3, x]])", r"\begin{pmatrix} 1 & 2 \\ 3 & x \end{pmatrix}"),
+    ],
+)
+def test_what_is_joined_is_one_list(source: str, expected: str) -> None:
     assert written(source) == expected

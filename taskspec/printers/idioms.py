@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from taskspec.lang import syntax as s
@@ -213,10 +213,26 @@ def _box(w: Writer, call: s.Call) -> Piece | None:
     return Piece(m.Script(interval(low, high), sup=n))
 
 
+def _joined(w: Writer, call: s.Call) -> Piece:
+    """One list of all that is joined: the elements of lists that are written out, and what nested calls join."""
+    return w.piece(s.Vector(tuple(_parts(w, call.args)), call.place))
+
+
+def _parts(w: Writer, parts: Iterable[s.Expr]) -> Iterator[s.Expr]:
+    for part in parts:
+        match part:
+            case s.Call(function="concat", args=inner):
+                yield from _parts(w, inner)
+            case s.Vector(items=items) if not any(isinstance(x, s.Comprehension) or is_vector(w, x) for x in items):
+                yield from items
+            case _:
+                yield part
+
+
 IDIOMS: dict[str, Callable[[Writer, s.Call], Piece | None]] = {
     "any": _quantifier("∃", "or"), "all": _quantifier("∀", "and"), "count": _count,
     "sum": _total("∑"), "prod": _total("∏"), "argmax": _extreme("arg max"), "argmin": _extreme("arg min"),
-    "where": _where, "range": _range, "box": _box,
+    "where": _where, "range": _range, "box": _box, "concat": _joined,
 }  # fmt: skip
 
 
