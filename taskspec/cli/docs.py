@@ -11,7 +11,7 @@ import typer
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, show
 from taskspec.cli.options import Json, Modifiers, Parameters, Targets, TaskArgument, Variant
-from taskspec.diagnostics import raise_if_errors
+from taskspec.diagnostics import Diagnostic, SpecError, raise_if_errors
 
 if TYPE_CHECKING:
     from taskspec.appendix import Facts
@@ -88,11 +88,19 @@ def docs(
             columns=settings(parameters) if parameters else (), brief=brief,
         )  # fmt: skip
     show(each for task in tasks for each in set_aside(task, appendix.undrawn(task))[0])
+    _is_something(written)
     if json:
         write_json([str(path) for path in written])
     else:
         count = len({task.id for task in tasks})
         say(f"wrote {plural(len(written), 'file')} on {plural(count, 'task')} to {near(output)}")
+
+
+def _is_something(written: Sequence[Path]) -> None:
+    from taskspec.figures import HINT
+
+    if not written:  # of figures alone, as every task has a page
+        raise SpecError((Diagnostic("E713", None, "there is no figure to write", HINT),))
 
 
 def figure(

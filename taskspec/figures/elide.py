@@ -12,6 +12,8 @@ DOTS = "dots"
 LONG, WIDE, MANY = 5, 6, 16
 WHOLE, WHOLE_LONG, WHOLE_WIDE = 60, 16, 10
 """As many states, layers, and states of a layer as a frame of an episode has room for, which leaves none out."""
+BACK = 3
+"""Layers that arrows may lead back among those left out; where they lead further, these are no family that dots stand for."""
 FIRSTS = 2
 """So many states of several in which episodes start are tried as the first column."""
 
@@ -138,11 +140,13 @@ def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vert
     kept = [_narrow(layers[0], goes_on, marked), _narrow(layers[1], goes_on, marked),
             [*_narrow([*middle, dots], lambda v: v == dots), *through],
             _narrow(before, goes_on, marked), [*_narrow(layers[depth], goes_on, marked), *ends]]  # fmt: skip
-    links = [Arc(v, dots) for v in kept[1] if goes_on(v)] + [Arc(dots, v) for v in kept[3]]
-    shown = {v for layer in kept for v in layer}
-    links += [Arc(dots, v) for v in inner if any(a.target == v and a.source not in shown for a in arcs)]
-    links += [Arc(v, dots) for v in inner if any(a.source == v and a.target not in shown for a in arcs)]
-    return _cut(kept, arcs, links)
+    shown = {v for layer in (*kept, middle, before) for v in layer}  # or stood for by the dots of a column
+    gone = {v: i for i, layer in enumerate(layers[2:depth]) for v in layer if v not in shown}
+    if any(a.source in gone and a.target in gone and gone[a.target] < gone[a.source] - BACK for a in arcs):
+        return None
+    out = (Arc(a.source, dots) for a in arcs if a.source in shown and a.target in gone)
+    back = (Arc(dots, a.target) for a in arcs if a.source in gone and a.target in shown)
+    return _cut(kept, arcs, list(dict.fromkeys((*out, *back))))
 
 
 def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool], marked: Collection[Vertex] = ()) -> list[Vertex]:

@@ -16,6 +16,10 @@ from taskspec.task.task import Task
 SIDE, LARGEST_CELL = 7.0, 0.55
 """Of the table and of a cell, in centimetres."""
 LETTERS = 0.28
+NAMED, ROOM = 30, 0.36
+"""As many states are all named, and the height of a row with a name, in centimetres."""
+GAP = 0.08
+"""Between names beside one another, in centimetres."""
 STRIP = 0.3
 """Width of the column that says which states are good, bad or an end, in centimetres."""
 MOST = 300
@@ -37,7 +41,8 @@ class _Matrix:
     def __init__(self, machine: Machine, overlay: Overlay) -> None:
         self.machine, self.overlay, self.says = machine, overlay, Captions(machine)
         self.place = {code: i for i, code in enumerate(sorted(machine.states))}
-        self.cell = min(LARGEST_CELL, SIDE / len(self.place))
+        self.named = len(self.place) <= NAMED
+        self.cell = min(LARGEST_CELL, max(SIDE / len(self.place), ROOM if self.named else 0.0))
         self.side = self.cell * len(self.place)
         self.strip = STRIP if self.says.fills else 0.0
 
@@ -69,22 +74,31 @@ class _Matrix:
                 yield Box((0, here * self.cell), self.side, self.cell, "accent", None, shade=0.4)
 
     def labels(self) -> Iterator[Label]:
-        """Names of states on the left and above: of all (with values) where there is room, else of the ends."""
+        """Names of states on the left, with numbers where columns have no room for names, and values on the right."""
         texts = [self.says.labels[code] for code in self.place]
-        last, widest = len(texts) - 1, max(text_width(text, LETTERS) for text in texts)
-        every = max(widest, LETTERS) < self.cell
-        for i, text in enumerate(texts):
-            if every or i in (0, last):
-                along = (i + 0.5) * self.cell
-                yield Label((-0.12 - self.strip, along), text, LETTERS, "end", "muted")
-                if every or (i == 0 or widest < 0.8 * self.side):
-                    yield Label((along, -0.22), text, LETTERS, "middle", "muted")
-        for code, value in self.overlay.values.items() if every else ():
+        widest = max(text_width(text, LETTERS) for text in texts)
+        numbered = self.named and widest + GAP > self.cell and not all(isinstance(text, m.Num) for text in texts)
+        numbers = [m.Num(str(i + 1)) for i in range(len(texts))] if numbered else None
+        left = -0.12 - self.strip
+        beside = left if numbers is None else left - text_width(numbers[-1], LETTERS) - 2 * GAP
+        for i in self._spaced(ROOM):
+            y = (i + 0.5) * self.cell
+            yield Label((beside, y), texts[i], LETTERS, "end", "muted")
+            if numbers is not None:
+                yield Label((left, y), numbers[i], LETTERS, "end", "muted")
+        for i in self._spaced(self.cell if numbers else widest + GAP):
+            yield Label(((i + 0.5) * self.cell, -0.22), (numbers or texts)[i], LETTERS, "middle", "muted")
+        for code, value in self.overlay.values.items() if self.named else ():
             if code in self.place:
                 text = m.Row((m.Ident("V"), m.Sym("="), signed(value)))
                 yield Label((self.side + 0.6, (self.place[code] + 0.5) * self.cell), text, LETTERS, "start", "muted")
         yield Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
-        yield Label((-0.35 - widest - self.strip, self.side / 2), m.Words("from"), LETTERS, "end")
+        yield Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
+
+    def _spaced(self, room: float) -> range:
+        """Every state, or every second, fifth, tenth, …, so that each has some room, in centimetres."""
+        steps = (k * 10**e for e in range(4) for k in (1, 2, 5))
+        return range(0, len(self.place), next(k for k in steps if k * self.cell >= room - 1e-9))
 
     def starts(self) -> Iterator[Item]:
         """Arrows to the rows in which episodes start, or dots where there is no room."""

@@ -39,6 +39,8 @@ OTHER_FORMATS = {
 """Documents that are no specs, by their first key: what they are, and what to do with one."""
 Shape = TypeVar("Shape", bound=BaseModel)
 _MAPPINGS = ("dict_type", "model_type", "model_attributes_type")
+MOST_LABELS = 9
+"""Of a choice that a hint writes out."""
 
 
 class Located(Protocol):
@@ -146,7 +148,8 @@ def _missing_key(loc: Path) -> Problem:
         return Problem("E203", (), "the file does not say in which format it is", f"start it with `{loc[0]}: 1`")
     if len(loc) == 1:
         return Problem("E203", (), f"the file has no `{loc[-1]}`")
-    return Problem("E203", loc, f"{owner} has no `{loc[-1]}`", None, of_key=True)  # at the owner, or what removes it
+    types = "one of `type: int`, `real`, `bool` and `choice`" if loc[-1] == "type" and len(loc) == 3 else None
+    return Problem("E203", loc, f"{owner} has no `{loc[-1]}`", types, of_key=True)  # at the owner, or what removes it
 
 
 def _not_an_option(value: object, expected: str, key: Path) -> Problem:
@@ -163,8 +166,7 @@ def _not_an_option(value: object, expected: str, key: Path) -> Problem:
 def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
     value = error["input"]
     if error_type in _MAPPINGS:
-        hint = f"write {{type: {value}}}" if value in ("bool", "int", "real") else None
-        problem = problems.wrong_kind("named entries (`name: ...`)", value, hint)
+        problem = problems.wrong_kind("named entries (`name: ...`)", value, _entry_meant(error["loc"], value))
         return problem if value is None else problem._replace(code="E201")
     if error_type == "greater_than_equal":
         return Problem("E204", (), f"{value} is too small: at least {error['ctx']['ge']}")
@@ -173,6 +175,20 @@ def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
         hint = "put it in quotes" if expected == "text" and is_number else None
         return problems.wrong_kind(expected, value, hint)
     return Problem("E204", (), f"{problems.kind(value)} is not allowed here: {error['msg']}")
+
+
+def _entry_meant(loc: Path, value: Any) -> str | None:
+    """How a parameter or component is declared that is given by its type, its default or its labels alone."""
+    types = {bool: "bool", int: "int", float: "real"}
+    match value:
+        case "bool" | "int" | "real":
+            return f"write {{type: {value}}}"
+        case bool() | int() | float() if loc[:-1] == ("parameters",):
+            return f"write {{type: {types[type(value)]}, default: {str(value).lower()}}}"
+        case [str(), *rest] if loc[:-1] in (("state",), ("action",)) and len(rest) < MOST_LABELS:
+            return f"write {{type: choice, values: [{', '.join(map(str, value))}]}}"
+        case _:
+            return None
 
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:

@@ -137,8 +137,14 @@ def _probabilities(value: dict[str, Any]) -> Iterator[Problem]:
         yield Problem("E204", (), "expected an expression, found an empty mapping")
     for key, weight in value.items():
         if isinstance(weight, dict):
-            message = "rows are nested deeper than `by` is long, or a probability is a mapping"
-            yield Problem("E208", (key,), message)
+            if weight.keys() & set(_TABLE_KEYS):
+                message, hint = f"a table stands by itself, not below `{key}`", f"put `by` and `rows` where `{key}` is"
+            else:
+                message, hint = "rows are nested deeper than `by` is long, or a probability is a mapping", None
+            yield Problem("E208", (key,), message, hint)
+        elif isinstance(weight, list) and any(isinstance(x, dict) and x.keys() & set(_PIECE_KEYS) for x in weight):
+            message, hint = f"cases stand by themselves, not below `{key}`", f"put the list where `{key}` is"
+            yield Problem("E208", (key,), message, hint)
         elif isinstance(weight, list):
             hint = "a mapping is a draw; a vector for each label is a list of them, in order, and `ways[a]` is that of a label"
             yield wrong_kind("a probability", weight, hint).below(key)
