@@ -88,12 +88,8 @@ def joint_kind(values: Iterable[Value]) -> str:
 
 
 def settled(kind: str, shape: Shape, data: Iterable[Any], *, fixed: bool, rough: bool = False) -> Value:
-    """A value whose elements have the form of their kind; fractions end where the task begins to run.
-
-    Vectors without elements are known before; reals among them end fractions all the same.
-    """
+    """A value whose elements have the form of their kind; fractions end where the task begins to run."""
     elements = tuple(data)
-    fixed = fixed or (not elements and kind != "real")
     if kind == "real" and not fixed:
         elements = tuple(as_float(x) for x in elements)
     elif kind == "int":
