@@ -65,7 +65,7 @@ class Context:
         low, high = entry.get("low"), entry.get("high")
         ends = (low if isinstance(low, int) else -math.inf, high if isinstance(high, int) else math.inf)
         node = self.builder.read(role, c.name, c.type, c.least, c.most)
-        return Value(node, c.domain, ends=ends)
+        return Value(node, c.domain, late=True, ends=ends)  # late even where it has no elements and is a constant
 
     # -- names worked out on first use ----------------------------------------------------------------------------
 

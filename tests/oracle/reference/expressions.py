@@ -14,8 +14,20 @@ from tests.oracle.reference import operators
 from tests.oracle.reference.chance import Chance
 from tests.oracle.reference.distributions import DISTRIBUTIONS, Call
 from tests.oracle.reference.functions import FUNCTIONS
+from tests.oracle.reference.late import names_late
 from tests.oracle.reference.syntax import parse
-from tests.oracle.reference.values import Choice, Value, Wrong, elementwise, joint_kind, number, same, scalar, vector
+from tests.oracle.reference.values import (
+    Choice,
+    Value,
+    Wrong,
+    elementwise,
+    joint_kind,
+    number,
+    same,
+    scalar,
+    settled,
+    vector,
+)
 
 Lookup = Callable[[str], Value | None]
 
@@ -50,6 +62,8 @@ class Scope:
     functions: dict[str, Function]
     labelled: Callable[[str], Choice | None] = no_choice
     """The choice that a name is of, found without evaluating anything."""
+    late: Callable[[str], bool] = lambda name: False
+    """Whether a name is known only when the task runs, found without evaluating anything."""
     chance: Chance | None = None
     place: Place = field(default_factory=Place)
     local: dict[str, Value] = field(default_factory=dict)
@@ -96,7 +110,8 @@ def visit(node: ast.expr, scope: Scope, expected: Choice | None = None) -> Value
         case ast.Tuple(elts=parts) | ast.List(elts=parts):
             return vector([visit(p, scope) for p in parts])
         case ast.ListComp(elt=element, generators=generators):
-            return vector([visit(element, inner) for inner in scopes(generators, scope)])
+            parts = [visit(element, inner) for inner in scopes(generators, scope)]
+            return vector(parts) if parts else replace(vector(parts), fixed=not names_late(node, scope))
         case ast.Subscript(value=value, slice=index):
             return subscript(visit(value, scope), index, scope)
         case ast.Call():
@@ -301,7 +316,8 @@ def folded(node: ast.Call, scope: Scope) -> Value:
     for element in number(visit(x, scope)).rows():
         value = scope_forms()(f.body, scope.body(dict(zip(f.arguments, (value, element), strict=True))), None)
         found.append(value)
-    return value if node.func.id == "fold" else vector(found)
+    whole = value if node.func.id == "fold" else vector(found)
+    return whole if found else settled(whole.kind, whole.shape, whole.data, fixed=not names_late(node, scope))
 
 
 def scope_forms() -> Callable[[Any, Scope, Choice | None], Value]:

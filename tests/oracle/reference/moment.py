@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from tests.oracle.reference.chance import Chance
 from tests.oracle.reference.expressions import Place, Scope
 from tests.oracle.reference.forms import form
-from tests.oracle.reference.syntax import PRIME
+from tests.oracle.reference.late import names_late, texts
+from tests.oracle.reference.syntax import PRIME, parse
 from tests.oracle.reference.task import State, Task
 from tests.oracle.reference.values import Choice, Value, Wrong, number, settled
 
@@ -35,8 +38,17 @@ class Moment:
         def lookup(name: str) -> Value | None:
             return self.name(name, scope, primes=primes, observing=observing)
 
-        scope = Scope(lookup, self.task.functions, self.task.labelled, self.chance, Place(root))
+        scope = Scope(lookup, self.task.functions, self.task.labelled, self.late, self.chance, Place(root))
         return scope
+
+    def late(self, name: str) -> bool:
+        """Whether a name is known only when the task runs."""
+        task = self.task
+        if name in task.definitions:
+            return any(names_late(parse(text), self.scope("")) for text in texts(task.definitions[name]))
+        components = {c.name for c in (*task.state, *task.action)}
+        noises = task.sections.get("noise") or {}
+        return name.endswith(PRIME) or name in ("t", "terminal") or name in components or name in noises
 
     def name(self, name: str, scope: Scope, *, primes: bool, observing: bool) -> Value | None:
         if primes and name.endswith(PRIME):
@@ -58,20 +70,25 @@ class Moment:
     def noise_value(self, name: str) -> Value:
         """A noise is drawn where it is read first; all other uses see the same value."""
         if name not in self.noise:
-            self._enter(name)
-            self.noise[name] = form(self.task.sections["noise"][name], self.scope("noise " + name))
+            with self._entered(name):
+                self.noise[name] = form(self.task.sections["noise"][name], self.scope("noise " + name))
         return self.noise[name]
 
     def next_value(self, name: str) -> Value:
         if name not in self.following:
-            self._enter(name + "'")
-            self.following[name] = self._next(name)
+            with self._entered(name + "'"):
+                self.following[name] = self._next(name)
         return self.following[name]
 
-    def _enter(self, name: str) -> None:
+    @contextmanager
+    def _entered(self, name: str) -> Iterator[None]:
         if name in self.busy:
             raise Wrong(f"{name} needs itself")
         self.busy.add(name)
+        try:
+            yield
+        finally:
+            self.busy.remove(name)
 
     def _next(self, name: str) -> Value:
         component = next(c for c in self.task.state if c.name == name)

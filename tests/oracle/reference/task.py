@@ -52,7 +52,7 @@ class Task:
 
     def value(self, data: Any, chance: Chance | None = None, root: str = "", expected: Choice | None = None) -> Value:
         """The value of a form over parameters and constants."""
-        scope = Scope(self._fixed_name, self.functions, self.labelled, chance, Place(root))
+        scope = Scope(self._fixed_name, self.functions, self.labelled, chance=chance, place=Place(root))
         return form(data, scope, expected)
 
     def labelled(self, name: str) -> Choice | None:

@@ -1,0 +1,56 @@
+"""Names of what is known only when the task runs, where nothing is evaluated that would tell: for no points at all."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from tests.oracle.reference.distributions import DISTRIBUTIONS
+from tests.oracle.reference.syntax import parse
+from tests.oracle.reference.values import scalar
+
+if TYPE_CHECKING:
+    from tests.oracle.reference.expressions import Scope
+
+
+def names_late(node: ast.expr, scope: Scope) -> bool:
+    """Whether an expression names the state, the action, the time or a draw; lengths are known before."""
+    own = {n.id for part in ast.walk(node) if isinstance(part, ast.comprehension) for n in ast.walk(part.target)
+           if isinstance(n, ast.Name)}  # fmt: skip
+    return any(_is_late(name, scope) for name in _names(node) if name not in own)
+
+
+def _names(node: ast.AST) -> Iterator[str]:
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "len":
+        return
+    if isinstance(node, ast.Name):
+        yield node.id
+    for part in ast.iter_child_nodes(node):
+        yield from _names(part)
+
+
+def _is_late(name: str, scope: Scope) -> bool:
+    if name in scope.local:
+        return not scope.local[name].fixed
+    if name in DISTRIBUTIONS:
+        return True
+    if name in scope.functions:
+        f = scope.functions[name]
+        inner = scope.body({a: scalar(0) for a in f.arguments})  # what they stand for is named in the call
+        return any(names_late(parse(text), inner) for text in texts(f.body))
+    return scope.late(name)
+
+
+def texts(form: Any) -> Iterator[str]:
+    """All expressions in what stands in the place of one."""
+    match form:
+        case str():
+            yield form
+        case list():
+            for part in form:
+                yield from texts(part)
+        case dict():
+            for key, part in form.items():
+                yield from texts(key)
+                yield from texts(part)
