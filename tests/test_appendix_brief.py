@@ -11,8 +11,11 @@ import pytest
 
 from taskspec import load
 from taskspec.appendix import Facts, write
+from taskspec.appendix.brief import families
 from taskspec.appendix.facts import ScoreFact
 from taskspec.appendix.write import gather_pages
+from taskspec.source import read_text
+from taskspec.task.build import build
 from tests.shared.commands import Done
 
 PAPER = [
@@ -30,9 +33,9 @@ def test_tasks_of_one_spec_share_a_section_that_says_what_differs(tmp_path: Path
     assert r"\label{task:early-term-pos}" in text and r"\label{task:early-term-neg}" in text
     first, second = text.split(r"\par\smallskip\noindent\texttt{EarlyTermNeg}")
     assert re.findall(r"\\textbf\{(.*?)\}: (.*?)\.$", second, re.MULTILINE) == [
-        ("Rewards", "$R = - 1$"), ("Exact scores", "optimal return $2$"),
+        ("Rewards", "$R = - 1$"), ("Exact scores", "optimal $2$"),
     ]  # fmt: skip
-    assert "Dynamics" in first and "optimal return $1$" in first
+    assert "Dynamics" in first and "optimal $1$" in first
 
 
 @pytest.mark.parametrize("name", PAPER)
@@ -73,3 +76,33 @@ def test_the_tasks_of_the_paper_take_four_pages_at_most(tmp_path: Path) -> None:
     said = subprocess.run(["pdfinfo", tmp_path / "document.pdf"], capture_output=True, text=True, check=True).stdout
     assert 0 < int(re.findall(r"Pages:\s+(\d+)", said)[0]) <= 4
     assert "Overfull" not in (tmp_path / "document.log").read_text(errors="replace")
+
+
+FAMILY = """\
+taskspec: 1
+name: First
+state: {s: {type: int, low: 0, high: 4}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 5
+initial: {s: 0}
+dynamics: {s': "min(s + a, 4)"}
+reward: s' == 4
+terminal: s' == 4
+variants:
+  Other: {horizon: 9, terminal: null, reward: s' == 3}
+  Third: {base: Other, horizon: 8}
+"""
+
+
+def test_each_task_is_told_by_the_one_that_it_differs_least_from(tmp_path: Path) -> None:
+    text = read_text(FAMILY, "family.yaml")
+    tasks = [build(text, variant=name) for name in (None, "Other", "Third")]
+    [family] = families(gather_pages(tasks, brief=True).pages)
+    told = [(x.page.name, x.base.name, [(s.key, len(s.lines)) for s in x.page.sections]) for x in family.others]
+    assert told == [
+        ("FirstOther", "First", [("horizon", 1), ("rewards", 1), ("termination", 1)]),
+        ("FirstThird", "FirstOther", [("horizon", 1)]),
+    ]  # fmt: skip
+    write(tasks, ["latex"], tmp_path, brief=True)
+    printed = (tmp_path / "first.tex").read_text()
+    assert r"\textbf{Termination}: none." in printed and r"\texttt{FirstThird}, as \texttt{FirstOther}:" in printed

@@ -8,6 +8,7 @@ import pytest
 
 from taskspec import source
 from taskspec.exact.lint import sense
+from taskspec.exact.scoring import returns
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.specs import SHIPPED, tasks
@@ -143,3 +144,12 @@ def test_two_first_states_are_named_that_have_no_best_action_in_common(good: lis
 def test_shipped_tasks_make_sense(made: Task) -> None:
     accepted = made.spec.accept
     assert [d for d in sense(made) if d.code not in accepted] == []
+
+
+def test_random_actions_that_do_not_end_are_not_simulated_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    simulate = returns.simulate
+    made: list[object] = []
+    monkeypatch.setattr(returns, "simulate", lambda *args: [made.append(args), simulate(*args)][1])
+    rarely = {"state": "{s: {type: real, low: 0}}", "dynamics": "{s': s + 1 if a == go else 0}", "terminal": "s' > 30"}
+    sense(task(**rarely, horizon="none", reward="s > 30"))
+    assert len(made) == 2  # the expert, and random actions once

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
 from taskspec.appendix.page import Page
-from taskspec.appendix.sections import Section
+from taskspec.appendix.prose import Inlines, Text
+from taskspec.appendix.sections import Section, SectionLine
 
 _KEPT = frozenset({
     "parameters", "modifiers", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
@@ -17,16 +18,28 @@ _KEPT = frozenset({
 
 
 @dataclass(frozen=True, slots=True)
+class Sibling:
+    """A page with only what differs from another one of its spec."""
+
+    page: Page
+    base: Page
+
+
+@dataclass(frozen=True, slots=True)
 class Family:
-    """A page, and for other tasks of its spec the pages with only what differs."""
+    """A page, and the other tasks of its spec, each by what differs from the one before that is most like it."""
 
     head: Page
-    others: tuple[Page, ...] = ()
+    others: tuple[Sibling, ...] = ()
+
+    @property
+    def pages(self) -> tuple[Page, ...]:
+        return self.head, *(other.page for other in self.others)
 
     @property
     def title(self) -> str:
         """The part of their titles, up to a comma or a colon, that all begin with; else that of the first."""
-        titles = [page.title for page in (self.head, *self.others)]
+        titles = [page.title for page in self.pages]
         first = re.split("[,:]", titles[0])[0]
         return first if len(set(titles)) > 1 and all(title.startswith(first) for title in titles) else titles[0]
 
@@ -34,7 +47,16 @@ class Family:
 def briefly(page: Page) -> Page:
     """The page without its description, and without the sections that a reader of the paper can do without."""
     kept = tuple(s for s in page.sections if s.key in _KEPT and not (s.key == "observations" and _is_state(page)))
-    return replace(page, sections=kept, description=())
+    return replace(page, sections=tuple(_shorter(s) if s.key == "scores" else s for s in kept), description=())
+
+
+def _shorter(scores: Section) -> Section:
+    """The scores with "optimal" for "optimal return"."""
+
+    def told(content: Inlines) -> Inlines:
+        return tuple(Text(x.text.replace(" return ", " ")) if isinstance(x, Text) else x for x in content)
+
+    return replace(scores, lines=tuple(replace(line, content=told(line.content)) for line in scores.lines))
 
 
 def _is_state(page: Page) -> bool:
@@ -46,19 +68,39 @@ def families(pages: Iterable[Page]) -> list[Family]:
     found = []
     for _, group in groupby(pages, key=lambda page: page.task.document.origin.name):
         head, *others = group
-        found.append(Family(head, tuple(replace(page, sections=_differing(head, page)) for page in others)))
+        told = [_sibling(page, [head, *others[:i]]) for i, page in enumerate(others)]
+        found.append(Family(head, tuple(told)))
     return found
 
 
-def _differing(head: Page, page: Page) -> tuple[Section, ...]:
-    """The sections of a page that its head has not, or has with other content; of its parameters, those at other values."""
-    found = (section for section in page.sections if head.section(section.key) != section)
-    same = [p.name for p in page.task.parameters] == [p.name for p in head.task.parameters]
-    return tuple(_changed(head, section) if same and section.key == "parameters" else section for section in found)
+def _sibling(page: Page, before: Sequence[Page]) -> Sibling:
+    """The differences from that page before it which leaves the fewest lines to tell, or the first of these."""
+    differing = [_differing(base, page) for base in before]
+    sections, base = min(zip(differing, before, strict=True), key=lambda pair: _told(pair[0]))
+    return Sibling(replace(page, sections=sections), base)
 
 
-def _changed(head: Page, section: Section) -> Section:
-    """A section with the lines alone that differ from those of the head."""
-    known = head.section(section.key)
+def _told(sections: Sequence[Section]) -> int:
+    """How many lines define what differs; scores follow from them."""
+    return sum(len(section.lines) for section in sections if section.key != "scores")
+
+
+def _differing(base: Page, page: Page) -> tuple[Section, ...]:
+    """The sections of a page that its base lacks, or has with other content; of its parameters, those at other values."""
+    found = [section for section in page.sections if base.section(section.key) != section]
+    same = [p.name for p in page.task.parameters] == [p.name for p in base.task.parameters]
+    changed = [_changed(base, section) if same and section.key == "parameters" else section for section in found]
+    return (*changed, *(_without(section) for section in base.sections if page.section(section.key) is None))
+
+
+def _changed(base: Page, section: Section) -> Section:
+    """A section with the lines alone that differ from those of the base."""
+    known = base.section(section.key)
     kept = tuple(line for line in section.lines if known is None or line not in known.lines)
     return replace(section, lines=kept, lead=section.lead or len(kept) == 1)
+
+
+def _without(section: Section) -> Section:
+    """What stands in the place of a section that a page does not have."""
+    told = "the state" if section.key == "observations" else "none"
+    return replace(section, lines=(SectionLine((Text(told),)),), lead=True, run_on=False, table=None)

@@ -8,7 +8,7 @@ from typing import assert_never
 from urllib.parse import quote
 
 from taskspec import __version__
-from taskspec.appendix.brief import Family, families
+from taskspec.appendix.brief import Family, Sibling, families
 from taskspec.appendix.notation import notation
 from taskspec.appendix.page import Page
 from taskspec.appendix.prose import (
@@ -55,11 +55,11 @@ def document(suite: Suite) -> dict[str, str]:
     files = {f"{anchor}.tex": text for anchor, text in texts.items()}
     names = list(texts)
     files["appendix.tex"] = env.get_template("appendix.tex").render(
-        names=names, title=escape(suite.title), notation=writer.prose(notation(suite.pages))
+        names=names, brief=suite.brief, notation=writer.prose(notation(suite.pages))
     )
     files["preamble.tex"] = env.get_template("preamble.tex").render(colors=tikz_colors())
     files["document.tex"] = env.get_template("document.tex").render(
-        title=escape(suite.title), cites=bool(suite.cited), version=__version__
+        title=escape(suite.title), brief=suite.brief, cites=bool(suite.cited), version=__version__
     )
     files["references.bib"] = "\n".join(r.bibtex() for r in suite.cited.values())
     return files
@@ -76,17 +76,17 @@ class LatexWriter:
         head = family.head
         return text_environment().get_template("task.tex").render(
             self.parts(suite, head), title=escape(family.title), id=escape(head.id), capability=escape(head.capability),
-            labels=[page.anchor for page in (head, *family.others)],
+            labels=[page.anchor for page in family.pages],
             others=[(tikz(each.scene), escape(each.caption)) for each in suite.others(head)],
-            family=[self.parts(suite, page, head) for page in family.others],
+            family=[{**self.parts(suite, other.page, other.base), "base": _base(other, head)} for other in family.others],
         )  # fmt: skip
 
-    def parts(self, suite: Suite, page: Page, head: Page | None = None) -> dict[str, object]:
-        """What is printed of a page; of one that follows `head`, a figure and a description of its own if it has them."""
+    def parts(self, suite: Suite, page: Page, base: Page | None = None) -> dict[str, object]:
+        """What is printed of a page; of one that is told by another, a figure and a description of its own if it has them."""
         scene = suite.scenes.get(page.anchor)
-        if head is not None and scene is not None and scene.shows(suite.scenes.get(head.anchor)):
+        if base is not None and scene is not None and scene.shows(suite.scenes.get(base.anchor)):
             scene = None
-        told = () if head is not None and page.description == head.description else page.description
+        told = () if base is not None and page.description == base.description else page.description
         return {
             "name": escape(page.name), "summary": self.prose(page.summary), "make": escape(page.make),
             "description": [self.block(b) for b in told],
@@ -101,10 +101,10 @@ class LatexWriter:
         scene = suite.scenes.get(head.anchor)
         return text_environment().get_template("brief.tex").render(
             name=escape(head.name), title=escape(family.title), id=escape(head.id), summary=self.prose(head.summary),
-            labels=[page.anchor for page in (head, *family.others)], cites=", ".join(map(self.cite, head.sources)),
+            labels=[page.anchor for page in family.pages], cites=", ".join(map(self.cite, head.sources)),
             sections=[*self.run_in(head)],
-            others=[{"name": escape(page.name), "summary": self.prose(page.summary),
-                     "sections": [*self.run_in(page)]} for page in family.others],
+            others=[{"name": escape(other.page.name), "base": _base(other, head), "summary": self.prose(other.page.summary),
+                     "sections": [*self.run_in(other.page)]} for other in family.others],
             figure=tikz(scene) if scene else "", caption=escape(scene.caption) if scene else "",
         )  # fmt: skip
 
@@ -205,6 +205,11 @@ class LatexWriter:
             case _:
                 rows = r"\\".join(escape(row).replace(" ", "~") for row in block.text.splitlines())
                 return rf"{{\ttfamily {rows}}}"
+
+
+def _base(sibling: Sibling, head: Page) -> str:
+    """The name of the page that another is told by, where it is not that at the head."""
+    return "" if sibling.base is head else escape(sibling.base.name)
 
 
 def formula(math: m.Math, room: float, display: bool = False, end: str = "") -> str:

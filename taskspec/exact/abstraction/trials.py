@@ -12,7 +12,16 @@ import numpy as np
 from taskspec.exact.abstraction.abstraction import Abstraction
 from taskspec.exact.model.outcomes import branches, is_finite
 from taskspec.exact.model.space import shown
-from taskspec.exact.simulation.rollout import Choose, Moved, Rollout, at_random, by_expert, reads_of, sampled_actions
+from taskspec.exact.simulation.rollout import (
+    Choose,
+    Moved,
+    Rollout,
+    at_random,
+    by_expert,
+    is_bounded,
+    reads_of,
+    sampled_actions,
+)
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, draws
 from taskspec.task.task import Component, Task
@@ -82,8 +91,7 @@ class Simulation:
         return None
 
     def choosers(self) -> Iterator[Choose]:
-        ends = [v for c in self.task.action for v in (*c.low, *c.high)]
-        yield at_random(self.task) if all(map(math.isfinite, ends)) else sampled_actions(self.task)
+        yield at_random(self.task) if is_bounded(self.task) else sampled_actions(self.task)
         if isinstance(self.task.expert, tuple):
             yield by_expert(self.task)
 

@@ -7,7 +7,7 @@ from taskspec.exact.lint.case import SAME, Linted
 from taskspec.exact.model.inert import differs
 from taskspec.exact.scoring.returns import Return
 from taskspec.exact.scoring.yardsticks import yardsticks
-from taskspec.exact.simulation.rollout import at_random
+from taskspec.exact.simulation.rollout import at_random, is_bounded
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Role, reads
 from taskspec.task.task import Soft, Task
@@ -48,7 +48,8 @@ def expert(case: Linted, collector: Collector) -> None:
 
 def _no_better(case: Linted, found: Return, collector: Collector) -> None:
     """By simulation: an expert that is one returns more, on average, than random actions do."""
-    random = case.results.random or case.results.estimated(at_random(case.task), 200)
+    results = case.results
+    random = results.random if is_bounded(case.task) else results.estimated(at_random(case.task), 200)
     if random is not None and random.value >= found.value:
         message = f"the expert returns {_shown(found)} on average, and random actions {_shown(random)}"
         notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]

@@ -24,7 +24,7 @@ from taskspec.exact.planning.certified.solver import Solvers
 from taskspec.exact.planning.plans import Greedy, Plan, Uniform, rule_of, tables
 from taskspec.exact.scoring.statuses import OfNumber
 from taskspec.exact.simulation.confidence import CUT, mean_interval, return_range
-from taskspec.exact.simulation.rollout import Choose, Rollout, at_random, by_expert
+from taskspec.exact.simulation.rollout import Choose, Rollout, at_random, by_expert, is_bounded
 from taskspec.lang.ir import Const
 from taskspec.progress import tell
 from taskspec.registry import load
@@ -244,8 +244,7 @@ class Results:
     def _chooser(self, which: str) -> Choose | None:
         if which == "expert":
             return by_expert(self.task) if isinstance(self.task.expert, tuple) and self.given is None else None
-        ends = [v for c in self.task.action for v in (*c.low, *c.high)]
-        return at_random(self.task) if which == "random" and all(map(math.isfinite, ends)) else None
+        return at_random(self.task) if which == "random" and is_bounded(self.task) else None
 
     def interval(self, sample: Return, confidence: float, soundly: bool) -> Enclosure:
         """Where the expectation behind a sample lies; `soundly`: whatever the distribution of the returns."""

@@ -77,6 +77,11 @@ def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) ->
     return found
 
 
+def is_bounded(task: Task) -> bool:
+    """Whether every action has both ends, so that there are uniformly random ones."""
+    return all(map(math.isfinite, (v for c in task.action for v in (*c.low, *c.high))))
+
+
 def at_random(task: Task) -> Choose:
     """Random actions as those of `action_space.sample()`: uniform, where a range has both ends."""
 

@@ -198,10 +198,10 @@ def cumsum(x: Value) -> Value:
 def dot(x: Value, y: Value) -> Value:
     """Of vectors a number; a matrix is taken row by row, and one on the right column by column."""
     if len(number(x).shape) == 2:
-        return vector([dot(row, y) for row in number(x).rows()])
+        return touched(vector([dot(row, y) for row in number(x).rows()]), x, y)
     if len(number(y).shape) == 2:
         rows = [row.rows() for row in number(y).rows()]
-        return vector([dot(x, vector([row[j] for row in rows])) for j in range(number(y).shape[1])])
+        return touched(vector([dot(x, vector([row[j] for row in rows])) for j in range(number(y).shape[1])]), x, y)
     return FUNCTIONS["sum"](elementwise(a.multiply, numeric(x, y), x, y))
 
 
@@ -228,12 +228,13 @@ def concat(*parts: Value) -> Value:
     for part in map(number, parts):
         rows.extend(part.rows() if part.shape else [part])
     made = vector(rows)
-    return settled(joint_kind(map(number, parts)), made.shape, made.data, fixed=made.fixed, rough=made.rough)
+    known = all(part.fixed for part in parts)  # those without elements included
+    return settled(joint_kind(map(number, parts)), made.shape, made.data, fixed=known, rough=made.rough)
 
 
 @function("reverse")
 def reverse(x: Value) -> Value:
-    return vector(number(x).rows()[::-1])
+    return touched(vector(number(x).rows()[::-1]), x)
 
 
 def places(index: Value, n: int) -> list[int]:

@@ -103,7 +103,7 @@ def element(value: Value, index: Value) -> Value:
     if not rows and index.data:
         raise Wrong("there is no element")
     picked = vector([rows[i] for i in places(index, len(rows))]) if index.shape else rows[place(index, len(rows))]
-    return touched(picked, index)
+    return touched(picked, value, index)
 
 
 def section(value: Value, piece: slice) -> Value:
