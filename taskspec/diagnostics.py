@@ -189,7 +189,8 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
     if name.lower() in by_lower:
         return by_lower[name.lower()]
     cutoff = 0.5 if len(name) <= 4 else 0.6
-    found = difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
+    alike = [each for each in known if len(each) < 2 * len(name) or each.startswith(name)]
+    found = difflib.get_close_matches(name, alike, n=1, cutoff=cutoff)
     return found[0] if found else None
 
 
