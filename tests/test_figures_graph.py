@@ -13,7 +13,8 @@ from taskspec.figures import Overlay, scene
 from taskspec.figures.elide import DOTS, drawings
 from taskspec.figures.machine import Machine, explore
 from taskspec.figures.matrix import NAMED
-from taskspec.figures.scene import Label, Scene
+from taskspec.figures.results import OVERLAYS, overlay
+from taskspec.figures.scene import Box, Label, Scene
 from taskspec.printers.plain import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -114,3 +115,24 @@ def test_irregular_states_are_a_table_and_nothing_is_written_of_them_unasked(tmp
     ran = CliRunner().invoke(app, ["docs", str(spec), "-f", "svg", "-o", str(tmp_path / "out")])
     assert ran.exit_code == 1
     assert "kind: ..." in ran.output.replace("\n", " ")
+
+
+def test_tables_frame_where_chosen_actions_lead_and_shade_visits(tmp_path: Path) -> None:
+    task = chain("max(s - 1, 0)", last=9, kind="matrix")
+    laid = scene(task, overlay(task, OVERLAYS))
+    assert laid is not None
+    boxes = [x for x in laid.items if isinstance(x, Box)]
+    frames = [x for x in boxes if x.line == "accent"]
+    (table, column) = (x for x in boxes if x.line == "faint" and x.fill is None)
+    places = [((x.corner[1] - table.corner[1]) / x.height, (x.corner[0] - table.corner[0]) / x.width) for x in frames]
+    assert [(round(row), round(to)) for row, to in places] == [(s, min(s + 1, 9)) for s in range(10)]
+    visited = [x for x in boxes if x.fill == "accent"]
+    assert [x.shade == 1 for x in visited] == [False] * 9 + [True]  # it stays in the last state
+    assert all(x.corner[0] == pytest.approx(column.corner[0]) for x in visited)
+    assert {x for x in labels(laid) if ":" in x} == {
+        "V: best return with all 400 steps to go",
+        "frames where they lead: best actions with all 400 steps to go",
+        "shade, up to 391 per episode, in the column on the right: an optimal policy's visits",
+    }
+    assert not overlapping(laid)
+    assert not outside(laid)

@@ -89,7 +89,7 @@ def _legend(task: Task, found: Scene, over: Overlay) -> Iterator[str]:
     for part, (how, what) in over.legend.items():
         drawn = _drawn(task, over.only(part))
         if drawn is not None and not drawn.shows(bare):
-            yield f"{how}: {what}"
+            yield f"{drawn.ways.get(part, '{0}').format(how)}: {what}"
         elif part in known:
             yield f"{what}, from the first state shown: {known[part]}"
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from taskspec.figures.captions import Captions
 from taskspec.figures.machine import Machine, explore
@@ -25,6 +26,8 @@ STRIP = 0.3
 MOST = 300
 """States whose cells can still be seen."""
 LEAST_SHADE = 0.12
+WAYS = {"policy": "frames where they lead", "occupancy": "{0}, in the column on the right"}
+"""How results are drawn that are laid over the table."""
 HEAD_ROOM = 0.13
 """Height of a row, in centimetres, beside which an arrow head has room."""
 
@@ -45,6 +48,7 @@ class _Matrix:
         self.cell = min(LARGEST_CELL, max(SIDE / len(self.place), ROOM if self.named else 0.0))
         self.side = self.cell * len(self.place)
         self.strip = STRIP if self.says.fills else 0.0
+        self.right = self.side + (GAP + STRIP if overlay.occupancy else 0.0)  # of all columns
 
     def scene(self) -> Scene:
         count, name = len(self.place), self.machine.task.name
@@ -52,7 +56,8 @@ class _Matrix:
         timed = ("The time ends episodes, too.",) if self.machine.timed else ()
         notes = (told, *timed, *self.says.unmarked(self.machine.states))
         alt = f"Transitions of {name} as a table: {count} states, {self.machine.n_actions} actions"
-        return fitted([*self.cells(), *self.labels(), *self.starts()], alt, notes)
+        found = fitted([*self.cells(), *self.results(), *self.labels(), *self.starts()], alt, notes)
+        return replace(found, ways=WAYS)
 
     def cells(self) -> Iterator[Item]:
         total: dict[tuple[int, int], float] = {}
@@ -73,6 +78,18 @@ class _Matrix:
             if here is not None:
                 yield Box((0, here * self.cell), self.side, self.cell, "accent", None, shade=0.4)
 
+    def results(self) -> Iterator[Item]:
+        """Frames around where the chosen actions lead, and on the right how often states are visited."""
+        chosen = (t for t in self.machine.transitions if self.overlay.chosen(t.source, t.action))
+        for row, column in dict.fromkeys((self.place[t.source], self.place[t.target]) for t in chosen):
+            yield Box((column * self.cell, row * self.cell), self.cell, self.cell, None, "accent")
+        for code, share in self.overlay.occupancy.items():
+            if code in self.place:
+                corner = (self.side + GAP, self.place[code] * self.cell)
+                yield Box(corner, STRIP, self.cell, "accent", None, shade=min(1.0, share))
+        if self.overlay.occupancy:
+            yield Box((self.side + GAP, 0), STRIP, self.side, None, "faint")
+
     def labels(self) -> Iterator[Label]:
         """Names of states on the left, with numbers where columns have no room for names, and values on the right."""
         texts = [self.says.labels[code] for code in self.place]
@@ -91,7 +108,7 @@ class _Matrix:
         for code, value in self.overlay.values.items() if self.named else ():
             if code in self.place:
                 text = m.Row((m.Ident("V"), m.Sym("="), signed(value)))
-                yield Label((self.side + 0.6, (self.place[code] + 0.5) * self.cell), text, LETTERS, "start", "muted")
+                yield Label((self.right + 0.6, (self.place[code] + 0.5) * self.cell), text, LETTERS, "start", "muted")
         yield Label((self.side / 2, -0.65), m.Words("to"), LETTERS)
         yield Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
 
@@ -105,6 +122,6 @@ class _Matrix:
         for code in self.machine.start:
             y = (self.place[code] + 0.5) * self.cell
             if self.cell > HEAD_ROOM:
-                yield Line(((self.side + 0.5, y), (self.side + 0.06, y)), arrow=True, color="muted")
+                yield Line(((self.right + 0.5, y), (self.right + 0.06, y)), arrow=True, color="muted")
             else:
-                yield Circle((self.side + 0.1, y), 0.05, "muted", None)
+                yield Circle((self.right + 0.1, y), 0.05, "muted", None)

@@ -73,7 +73,8 @@ class Scene:
     """Items from back to front, inside a frame; `alt` says in words what is to be seen.
 
     `state` is the one state of the task that is shown, or the first one of several; `focus` is where the present state of a
-    frame is, which stays in sight where there is no room for all.
+    frame is, which stays in sight where there is no room for all. `ways` says of what is laid over it how it is drawn, where that
+    is not as its legend has it: `{0}` stands for what this says.
     """
 
     width: float
@@ -83,6 +84,7 @@ class Scene:
     notes: tuple[str, ...] = ()
     state: Mapping[str, Any] | None = field(default=None, compare=False)
     focus: Point | None = None
+    ways: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     @property
     def caption(self) -> str:
