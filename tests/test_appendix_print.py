@@ -33,7 +33,7 @@ expert: {move: right}
 figure: {kind: grid, at: [x, y]}
 """
 LONG = """[
-  {if: "x' == 4 and (y' == 0 or y' == 1 or y' == 2) and not (x == 4 and y == 4)", then: 1},
+  {if: "x' == 4 and (y' == 0 or y' == 1 or y' == 2 or y' == x) and not (x == 4 and y == 4)", then: 1},
   {if: "x' == 2", then: -1}, {else: 0}]"""
 TEX = pytest.mark.skipif(shutil.which("pdflatex") is None or shutil.which("pdfinfo") is None, reason="no TeX")
 
