@@ -148,11 +148,14 @@ def unary(op: ast.unaryop, operand: Value) -> Value:
 def branch(node: ast.IfExp, scope: Scope, expected: Choice | None) -> Value:
     condition, expected = visit(node.test, scope), expected or choice_of(node, scope)
     values = [(lambda n=n: visit(n, scope, expected)) for n in (node.body, node.orelse)]
-    return alternatives([condition], values)
+    return alternatives([condition], values, lambda: names_late(node, scope))
 
 
-def alternatives(conditions: Sequence[Value], values: Sequence[Callable[[], Value]]) -> Value:
-    """The first value whose condition holds, or else the last; one that parameters exclude may not exist."""
+Values = Sequence[Callable[[], Value]]
+
+
+def alternatives(conditions: Sequence[Value], values: Values, is_late: Callable[[], bool]) -> Value:
+    """The first value whose condition holds, or else the last; one that parameters exclude may not exist, but names things."""
     decided, found = False, []
     for i, value in enumerate(values):
         condition = conditions[i] if i < len(conditions) else None
@@ -166,7 +169,7 @@ def alternatives(conditions: Sequence[Value], values: Sequence[Callable[[], Valu
     result = found[-1][1]
     for condition, value in reversed(found[:-1]):
         result = choose(condition, value, result)
-    return result
+    return result if len(found) == len(values) else replace(result, fixed=result.fixed and not is_late())
 
 
 def choose(condition: Value, x: Value, y: Value) -> Value:

@@ -8,6 +8,7 @@ from typing import Any
 
 from tests.oracle.reference.distributions import DISTRIBUTIONS, Call
 from tests.oracle.reference.expressions import Scope, alternatives, choice_of, evaluate, of_label
+from tests.oracle.reference.late import form_names_late
 from tests.oracle.reference.syntax import parse
 from tests.oracle.reference.values import (
     Choice,
@@ -51,7 +52,7 @@ def cases(entries: Sequence[dict[str, Any]], scope: Scope, expected: Choice | No
     expected = beside([e.get("then", e.get(ELSE)) for e in entries], scope, expected)
     conditions = [form(e["if"], scope) for e in entries if "if" in e]
     values = [(lambda e=e: form(e.get("then", e.get(ELSE)), scope, expected)) for e in entries]
-    return alternatives(conditions, values)
+    return alternatives(conditions, values, lambda: form_names_late(list(entries), scope))
 
 
 def beside(parts: Sequence[Any], scope: Scope, expected: Choice | None) -> Choice | None:

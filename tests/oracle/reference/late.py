@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from tests.oracle.reference.distributions import DISTRIBUTIONS
@@ -37,20 +38,28 @@ def _is_late(name: str, scope: Scope) -> bool:
         return True
     if name in scope.functions:
         f = scope.functions[name]
-        inner = scope.body({a: scalar(0) for a in f.arguments})  # what they stand for is named in the call
-        return any(names_late(parse(text), inner) for text in texts(f.body))
+        return form_names_late(f.body, scope.body({a: scalar(0) for a in f.arguments}))  # the call names what these are
     return scope.late(name)
 
 
-def texts(form: Any) -> Iterator[str]:
-    """All expressions in what stands in the place of one."""
+def form_names_late(form: Any, scope: Scope) -> bool:
+    """The same of what stands in the place of an expression."""
+    return any(names_late(node, scope) for text in _texts(form) for node in _parsed(text))
+
+
+def _parsed(text: str) -> Iterator[ast.expr]:
+    with suppress(SyntaxError):  # a label may be any text
+        yield parse(text)
+
+
+def _texts(form: Any) -> Iterator[str]:
     match form:
         case str():
             yield form
         case list():
             for part in form:
-                yield from texts(part)
+                yield from _texts(part)
         case dict():
             for key, part in form.items():
-                yield from texts(key)
-                yield from texts(part)
+                yield from _texts(key)
+                yield from _texts(part)

@@ -10,8 +10,8 @@ from typing import Any
 from tests.oracle.reference.chance import Chance
 from tests.oracle.reference.expressions import Place, Scope
 from tests.oracle.reference.forms import form
-from tests.oracle.reference.late import names_late, texts
-from tests.oracle.reference.syntax import PRIME, parse
+from tests.oracle.reference.late import form_names_late
+from tests.oracle.reference.syntax import PRIME
 from tests.oracle.reference.task import State, Task
 from tests.oracle.reference.values import Choice, Value, Wrong, number, settled
 
@@ -45,7 +45,7 @@ class Moment:
         """Whether a name is known only when the task runs."""
         task = self.task
         if name in task.definitions:
-            return any(names_late(parse(text), self.scope("")) for text in texts(task.definitions[name]))
+            return form_names_late(task.definitions[name], self.scope(""))
         components = {c.name for c in (*task.state, *task.action)}
         noises = task.sections.get("noise") or {}
         return name.endswith(PRIME) or name in ("t", "terminal") or name in components or name in noises
