@@ -73,6 +73,9 @@ def written(source: str) -> str:
         ("x in {1, 2}", r"\taskspecone [x \in \{1, 2\}]"),
         ("1e-3", "10^{- 3}"),
         ("any((x == 1, y == 2))", r"\taskspecone [x = 1 \lor y = 2]"),
+        ("sum(s * s)", r"\sum_{i} s_is_i"),
+        ("Normal(shape=(L + 1, 2))", r"{\mathcal{N}(0, 1)}^{(L + 1) \times 2}"),
+        ("Normal(shape=L + 1)", r"{\mathcal{N}(0, 1)}^{L + 1}"),
     ],
 )  # fmt: skip
 def test_hand_writing(source: str, expected: str) -> None:
@@ -259,7 +262,9 @@ def test_symbols_of_names(name: str, expected: str) -> None:
      (r"\prod^n x", r"\prod^{n} x", "∏^(n) x"), (r"\sqrt{x} y", r"\sqrt{x}y", "√(x)y"), ("a~b", r"a\,b", "a b"),
      (r"\begin{cases} a & b \\ c \end{cases} + 1", r"\begin{cases} a & b \\ c & \end{cases} + 1", "{ a b; c } + 1"),
      (r"\begin{pmatrix} a & b \\ c & d \end{pmatrix} x", r"\begin{pmatrix} a & b \\ c & d \end{pmatrix}x", "[a b; c d]x"),
-     (r"\left( x \right] y", "(x]y", "(x]y"), (r"\mathbb R", r"\mathbb{R}", "ℝ")],
+     (r"\mathit{αx}", r"\mathit{\alpha x}", "αx"),
+     ("{a}" * 50, "a" * 50, "a" * 50), ("(a)" * 50, "(a)" * 50, "(a)" * 50), (r"\left( x \right] y", "(x]y", "(x]y"),
+     (r"\mathbb R", r"\mathbb{R}", "ℝ")],
 )  # fmt: skip
 def test_symbols_that_authors_give(source: str, tex: str, text: str) -> None:
     found = read_tex(source)

@@ -117,3 +117,9 @@ def test_sections_of_shipped_specs_come_back_as_yaml(path: Path) -> None:
         for place in [(section, key) for key in found] if named else [(section,)] * (found is not None):
             tree = forms.expr(place)
             assert bare(forms.tree(data(tree), place)) == bare(tree)  # type: ignore[arg-type]
+
+
+def test_cases_are_written_as_conditions() -> None:
+    branches = ((parsed("x > 1"), parsed("2")), (parsed("x if y else s"), parsed("3")))
+    found = s.Piecewise(branches, parsed("4 + x"), PLACE)
+    assert text(found) == "2 if x > 1 else 3 if (x if y else s) else 4 + x"

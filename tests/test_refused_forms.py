@@ -7,6 +7,8 @@ import json
 import pytest
 
 from taskspec.diagnostics import SpecError
+from taskspec.lang.evaluate import evaluate
+from taskspec.lang.ir import Role
 from taskspec.source import read_text
 from taskspec.task.build import build
 from tests.shared.sections import text
@@ -83,3 +85,46 @@ def test_each_is_refused_where_it_stands(
     assert (found.code, found.span.column - len('reward: "')) == (code, column)
     assert message in found.message
     assert (hint in (found.hint or "")) if hint else found.hint is None
+
+
+PLACES = {
+    "after a comment": ("|\n  s + # the first\n  q + 1", "E302", "3:3", "'q' is not defined"),
+    "after comments with quotes": (
+        '|\n  s + (  # it\'s\n    2 * # "two"\n    s) + q',
+        "E302",
+        "4:10",
+        "'q' is not defined",
+    ),
+    "a row for no condition": (
+        "{by: s > 1, rows: {0: 1, 1: 2, 2: 3}}",
+        "E313",
+        "1:40",
+        "'2' is not a value of this column",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_places_in_what_has_parts(name: str) -> None:
+    written, code, place, message = PLACES[name]
+    lines = text(reward=written)
+    first = lines[: lines.index("reward: ")].count("\n")
+    with pytest.raises(SpecError) as caught:
+        build(read_text(lines))
+    (found,) = caught.value.diagnostics
+    assert found.span is not None
+    assert (found.code, f"{found.span.line - first}:{found.span.column}") == (code, place)
+    assert message in found.message
+
+
+def test_an_index_for_each_axis_may_be_a_vector_of_any_kind() -> None:
+    indices = [
+        "(1, s % 2)",
+        "[s % 2 for i in range(2)]",
+        "where(s > 1, (1, 0), (0, 1))",
+        "(1, 1) * (s % 2)",
+        "(s % 2, -1)",
+    ]
+    made = [build(read_text(text(reward=f'"sum(put([[1, 2], [3, 4]], {each}, 5)[1])"'))) for each in indices]
+    rewards = [[evaluate([task.reward], {(Role.STATE, "s"): (k,)})[0][0] for k in (1, 2)] for task in made]
+    assert rewards == [[8, 9], [8, 7], [7, 9], [8, 7], [8, 7]]

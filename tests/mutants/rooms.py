@@ -20,7 +20,7 @@ class Room:
 ROOMS = {
     "lang": Room("taskspec/lang", (
         "functions", "bounds", "linearity", "operators", "operands", "indices", "foreign", "diagnostics", "errors", "limits",
-        "refused_forms",
+        "refused_forms", "distributions", "variates", "labels", "printers_text",
     )),
     "draws": Room("taskspec/draws", ("draws*", "dirichlet", "seeding*")),
     "exact": Room("taskspec/exact", (
