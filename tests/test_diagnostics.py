@@ -168,6 +168,9 @@ def test_spec_errors_are_value_errors_and_can_be_pickled() -> None:
         ("hihg", ["low", "high"], "did you mean 'high'?"),
         ("zzz", ["low", "high"], None),
         ("x", [], None),
+        ("name", ["examples", "zebra"], None),
+        ("obs", ["observation", "zebra"], "did you mean 'observation'?"),
+        ("Branchng", ["derail/Branching"], "did you mean 'derail/Branching'?"),
     ],
 )
 def test_suggest(name: str, candidates: list[str], expected: str | None) -> None:
