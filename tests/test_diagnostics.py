@@ -169,7 +169,7 @@ def test_spec_errors_are_value_errors_and_can_be_pickled() -> None:
         ("zzz", ["low", "high"], None),
         ("x", [], None),
         ("name", ["examples", "zebra"], None),
-        ("obs", ["observation", "zebra"], "did you mean 'observation'?"),
+        ("act", ["action", "zebra"], "did you mean 'action'?"),
         ("Branchng", ["derail/Branching"], "did you mean 'derail/Branching'?"),
     ],
 )
