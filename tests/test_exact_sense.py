@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -148,8 +149,13 @@ def test_shipped_tasks_make_sense(made: Task) -> None:
 
 def test_random_actions_that_do_not_end_are_not_simulated_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     simulate = returns.simulate
-    made: list[object] = []
-    monkeypatch.setattr(returns, "simulate", lambda *args: [made.append(args), simulate(*args)][1])
+    made = []
+
+    def counted(*args: Any) -> Any:
+        made.append(args)
+        return simulate(*args)
+
+    monkeypatch.setattr(returns, "simulate", counted)
     rarely = {"state": "{s: {type: real, low: 0}}", "dynamics": "{s': s + 1 if a == go else 0}", "terminal": "s' > 30"}
     sense(task(**rarely, horizon="none", reward="s > 30"))
     assert len(made) == 2  # the expert, and random actions once

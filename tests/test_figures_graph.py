@@ -117,7 +117,7 @@ def test_irregular_states_are_a_table_and_nothing_is_written_of_them_unasked(tmp
     assert "kind: ..." in ran.output.replace("\n", " ")
 
 
-def test_tables_frame_where_chosen_actions_lead_and_shade_visits(tmp_path: Path) -> None:
+def test_tables_frame_where_chosen_actions_lead_and_shade_visits() -> None:
     task = chain("max(s - 1, 0)", last=9, kind="matrix")
     laid = scene(task, overlay(task, OVERLAYS))
     assert laid is not None

@@ -76,11 +76,11 @@ def families(pages: Iterable[Page]) -> list[Family]:
 def _sibling(page: Page, before: Sequence[Page]) -> Sibling:
     """The differences from that page before it which leaves the fewest lines to tell, or the first of these."""
     differing = [_differing(base, page) for base in before]
-    sections, base = min(zip(differing, before, strict=True), key=lambda pair: _told(pair[0]))
+    sections, base = min(zip(differing, before, strict=True), key=lambda pair: _defining_lines(pair[0]))
     return Sibling(replace(page, sections=sections), base)
 
 
-def _told(sections: Sequence[Section]) -> int:
+def _defining_lines(sections: Sequence[Section]) -> int:
     """How many lines define what differs; scores follow from them."""
     return sum(len(section.lines) for section in sections if section.key != "scores")
 

@@ -86,10 +86,10 @@ def _legend(task: Task, found: Scene, over: Overlay) -> Iterator[str]:
         return
     bare = _drawn(task, over.only(None))
     known = {} if found.state is None or over.told is None else over.told(found.state)
-    for part, (how, what) in over.legend.items():
-        drawn = _drawn(task, over.only(part))
-        if drawn is not None and not drawn.shows(bare):
-            yield f"{drawn.ways.get(part, '{0}').format(how)}: {what}"
+    for part, (scale, what) in over.legend.items():
+        laid = _drawn(task, over.only(part))
+        if laid is not None and not laid.shows(bare):
+            yield f"{laid.drawn[part].format(scale)}: {what}"
         elif part in known:
             yield f"{what}, from the first state shown: {known[part]}"
         else:

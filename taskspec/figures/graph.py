@@ -26,6 +26,8 @@ WIDEST = 20.0
 """Centimetres between vertices that are farthest apart: on a page wider graphs are too small to read."""
 STRETCHES = (1.0, 1.4)
 RIM = 0.07
+DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}
+"""How results are drawn."""
 
 
 def graph(task: Task, overlay: Overlay) -> Scene | None:
@@ -241,7 +243,7 @@ class _Graph:
         if laid and self.plan.drawing.elided:
             notes += ("Results of the states left out are not shown.",)
         focus = None if self.present is None else self.plan.spots[self.present].at
-        return fitted([*self.arrows(), *self.plan.starts, *nodes], self.alt, notes, focus=focus)
+        return fitted([*self.arrows(), *self.plan.starts, *nodes], self.alt, notes, focus=focus, drawn=DRAWN)
 
     @property
     def alt(self) -> str:

@@ -27,6 +27,13 @@ NOWHERE = 2**53
 """Places beyond it, or that are no number, are taken for this one."""
 SMALL = 0.44
 """The side of a cell, in centimetres, where a part of a vast grid is drawn."""
+DRAWN = {"values": "numbers", "policy": "arrows", "occupancy": "shade, {0}"}
+DRAWN_TOGETHER = {
+    "values": "numbers, of the best state in a cell",
+    "policy": "arrows, where all states in a cell agree",
+    "occupancy": "shade, relative to the most visited cell",
+}
+"""How results are drawn: with a state in each cell, and with several."""
 _COLORS: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end"}
 
 
@@ -47,7 +54,7 @@ def _with_seen(task: Task, drawn: Scene) -> Scene:
     items = [shifted(item, left, 0.0) for item in drawn.items]
     items += [shifted(item, left + (drawn.width - strip.width) / 2, drawn.height + 0.1) for item in strip.items]
     notes = (*drawn.notes, "Below the grid: what the agent sees at the start of an episode.")
-    return fitted(items, f"{drawn.alt}, and an observation", notes, state=drawn.state)
+    return fitted(items, f"{drawn.alt}, and an observation", notes, state=drawn.state, drawn=drawn.drawn)
 
 
 def _place(task: Task) -> tuple[Node, ...] | None:
@@ -106,19 +113,11 @@ def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Role, np.ndar
             yield _COLORS[name], at_states(task, node, reads, count)
 
 
-def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overlay: Overlay) -> Scene | None:
-    cells = _cells(task, place, reads, count)
-    if np.ptp(np.vstack([cells, [(0, 0)]]), axis=0).max() >= FARTHEST:
-        return None
-    columns, rows = (
-        range(min(0, int(low)), max(int(high) + 1, size))
-        for low, high, size in zip(cells.min(0), cells.max(0), _size(task), strict=True)
-    )
+def _marked(task: Task, cells: np.ndarray[Any, Any], reads: Reads, one: Reads) -> tuple[dict[Cell, Role], list[str]]:
+    """The colours of marked cells, those of places as they are in one state; and notes on what is not marked."""
     colors: dict[Cell, Role] = {}
-    state = overlay.here or first_state(task)
-    one = reads_of(task, state)
     unplaced: list[str] = []
-    for role, found in _marks(task, reads, count):
+    for role, found in _marks(task, reads, len(cells)):
         if found.ndim == 1:
             marked = {(int(x), int(y)): role for x, y in cells[found.astype(bool)]}
             if not found.all() and len(marked) == len(np.unique(cells, axis=0)):
@@ -128,6 +127,20 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     for role, found in _marks(task, one, 1):
         if found.ndim == 2:
             colors |= {(int(x), int(y)): role for x, y in _whole_numbers(found)}
+    return colors, unplaced
+
+
+def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overlay: Overlay) -> Scene | None:
+    cells = _cells(task, place, reads, count)
+    if np.ptp(np.vstack([cells, [(0, 0)]]), axis=0).max() >= FARTHEST:
+        return None
+    columns, rows = (
+        range(min(0, int(low)), max(int(high) + 1, size))
+        for low, high, size in zip(cells.min(0), cells.max(0), _size(task), strict=True)
+    )
+    state = overlay.here or first_state(task)
+    one = reads_of(task, state)
+    colors, unplaced = _marked(task, cells, reads, one)
     by_code = {code: (int(x), int(y)) for code, (x, y) in enumerate(cells)}
     agents = _agents(task, place, by_code, overlay)
     values, shades = _by_cell(by_code, overlay.values, max), _by_cell(by_code, overlay.occupancy, add)
@@ -145,7 +158,8 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
     alt = f"Grid of {task.name}: {len(columns)} columns and {len(rows)} rows"
     notes = (*_key(task), *unplaced, *board.notes())
     first = ("One of many starts.",) if things and len(agents) > 1 and overlay.here is None else ()
-    return fitted(board.items(), alt, (*first, *notes), state=state if things else None)
+    how = DRAWN if len(set(by_code.values())) == len(by_code) else DRAWN_TOGETHER
+    return fitted(board.items(), alt, (*first, *notes), state=state if things else None, drawn=how)
 
 
 def _by_cell(
@@ -157,12 +171,6 @@ def _by_cell(
         cell = by_code[code]
         cells[cell] = together(cells[cell], number) if cell in cells else number
     return cells
-
-
-def shares_cells(task: Task) -> bool:
-    """Whether several states of a task lie in one cell of its grid."""
-    place, world = _place(task), all_states(task)
-    return place is not None and world is not None and len(np.unique(_cells(task, place, *world), axis=0)) < world[1]
 
 
 def _code(task: Task, reads: Reads) -> int:

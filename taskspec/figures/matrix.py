@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from taskspec.figures.captions import Captions
 from taskspec.figures.machine import Machine, explore
@@ -26,8 +25,10 @@ STRIP = 0.3
 MOST = 300
 """States whose cells can still be seen."""
 LEAST_SHADE = 0.12
-WAYS = {"policy": "frames where they lead", "occupancy": "{0}, in the column on the right"}
-"""How results are drawn that are laid over the table."""
+DRAWN = {
+    "values": "V", "policy": "frames where they lead", "occupancy": "shade, {0}, in the column on the right",
+}  # fmt: skip
+"""How results are drawn."""
 HEAD_ROOM = 0.13
 """Height of a row, in centimetres, beside which an arrow head has room."""
 
@@ -56,8 +57,7 @@ class _Matrix:
         timed = ("The time ends episodes, too.",) if self.machine.timed else ()
         notes = (told, *timed, *self.says.unmarked(self.machine.states))
         alt = f"Transitions of {name} as a table: {count} states, {self.machine.n_actions} actions"
-        found = fitted([*self.cells(), *self.results(), *self.labels(), *self.starts()], alt, notes)
-        return replace(found, ways=WAYS)
+        return fitted([*self.cells(), *self.results(), *self.labels(), *self.starts()], alt, notes, drawn=DRAWN)
 
     def cells(self) -> Iterator[Item]:
         total: dict[tuple[int, int], float] = {}

@@ -15,8 +15,9 @@ class Overlay:
     """Results by code of the state (`exact.space.Space` of the state's components).
 
     `values` are written beside states; `policy` gives the indices of the actions taken, whose
-    transitions stand out; `occupancy` in [0, 1] shades the states that are visited. `legend` says of each of them how it is
-    drawn, and what it is. Where a figure has no place for them, `told` says in words what is known of a state.
+    transitions stand out; `occupancy` in [0, 1] shades the states that are visited. `legend` gives the scale of each of
+    them and says what it is; how it is drawn, a figure knows. Where a figure has no place for them, `told` says in words
+    what is known of a state.
     """
 
     values: Mapping[int, float] = field(default_factory=dict)

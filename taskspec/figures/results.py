@@ -13,7 +13,6 @@ from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exact import Model
 from taskspec.exact.abstraction.abstraction import Abstraction, abstraction, extract
 from taskspec.exact.planning import plans, solve
-from taskspec.figures.grid import shares_cells
 from taskspec.figures.marks import decimal
 from taskspec.figures.overlay import PARTS, Overlay, State
 from taskspec.figures.values import reads_of
@@ -55,24 +54,18 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
 
 
 def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
-    """What is laid over the figure: how it is drawn, and what it is."""
+    """What is laid over the figure: its scale, if it has one, and what it is."""
     left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
-    on_grid = task.figure is not None and task.figure.kind == "grid"
-    number, arrow = ("numbers", "arrows") if on_grid else ("V", "thick arrows")
-    if on_grid and shares_cells(task):
-        number, arrow = f"{number}, of the best state in a cell", f"{arrow}, where all states in a cell agree"
     wanted, whose = known.wanted, "the expert's" if task.expert is not None else "an optimal policy's"
     if "values" in wanted:
-        yield "values", (number, f"best return{left}")
+        yield "values", ("", f"best return{left}")
     if "policy" in wanted:
-        yield "policy", (arrow, f"best actions{left}")
+        yield "policy", ("", f"best actions{left}")
     elif "expert" in wanted:
-        yield "policy", (arrow, f"{whose} actions at first")
+        yield "policy", ("", f"{whose} actions at first")
     if "occupancy" in wanted:
         scale = f"up to {decimal(float(known.visits.max(initial=0.0)))} per episode"
-        if on_grid and shares_cells(task):
-            scale = "relative to the most visited cell"
-        yield "occupancy", (f"shade, {scale}", f"{whose} {'' if task.discount == 1 else 'discounted '}visits")
+        yield "occupancy", (scale, f"{whose} {'' if task.discount == 1 else 'discounted '}visits")
 
 
 @dataclass(frozen=True)

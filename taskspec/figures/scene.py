@@ -73,8 +73,8 @@ class Scene:
     """Items from back to front, inside a frame; `alt` says in words what is to be seen.
 
     `state` is the one state of the task that is shown, or the first one of several; `focus` is where the present state of a
-    frame is, which stays in sight where there is no room for all. `ways` says of what is laid over it how it is drawn, where that
-    is not as its legend has it: `{0}` stands for what this says.
+    frame is, which stays in sight where there is no room for all. `drawn` says of each result that may be laid over it how it
+    is drawn; `{0}` in it stands for the scale.
     """
 
     width: float
@@ -84,7 +84,7 @@ class Scene:
     notes: tuple[str, ...] = ()
     state: Mapping[str, Any] | None = field(default=None, compare=False)
     focus: Point | None = None
-    ways: Mapping[str, str] = field(default_factory=dict, compare=False)
+    drawn: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     @property
     def caption(self) -> str:
@@ -108,6 +108,7 @@ def fitted(
     margin: float = 0.15,
     state: Mapping[str, Any] | None = None,
     focus: Point | None = None,
+    drawn: Mapping[str, str] | None = None,
 ) -> Scene:
     """A scene just large enough for its items."""
     items = tuple(items)
@@ -116,12 +117,13 @@ def fitted(
     right, bottom = max(b[2] for b in boxes) + margin, max(b[3] for b in boxes) + margin
     moved = tuple(shifted(item, -left, -top) for item in items)
     seen = None if focus is None else (focus[0] - left, focus[1] - top)
-    return Scene(right - left, bottom - top, moved, alt, notes, state, seen)
+    return Scene(right - left, bottom - top, moved, alt, notes, state, seen, drawn or {})
 
 
 def extended(scene: Scene, more: Iterable[Item], alt: str | None = None) -> Scene:
     """The scene with more items."""
-    return fitted((*scene.items, *more), alt or scene.alt, scene.notes, state=scene.state, focus=scene.focus)
+    items = (*scene.items, *more)
+    return fitted(items, alt or scene.alt, scene.notes, state=scene.state, focus=scene.focus, drawn=scene.drawn)
 
 
 def with_legend(scene: Scene, lines: Sequence[str]) -> Scene:
