@@ -6,6 +6,7 @@ A suite is a folder of specs; a task's id is `suite/Name-vN`. The shipped suites
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -181,12 +182,11 @@ def _changed(task: Task, variant: str | None, parameters: dict[str, Any]) -> Tas
     if variant is None and not parameters:
         return task
     from taskspec.modifiers import modify
-    from taskspec.task.build import build
 
     names = {p.alias: p.name for p in task.parameters}
     given = {names.get(name, name): value for name, value in parameters.items()}
     values = {**({} if variant else task.given), **given}
-    return modify(build(task.document, variant or task.variant, values, task.suite), *task.modifiers)
+    return modify(_built(task.document, variant or task.variant, values, task.suite), *task.modifiers)
 
 
 def is_path(name: str) -> bool:
@@ -220,13 +220,7 @@ def find(task_id: str) -> Entry:
 def _load_file(path: Path, variant: str | None, parameters: dict[str, Any], suite: str | None = None) -> Task:
     version = _version(str(path))
     suite = suite_of(path) if suite is None else suite
-    # 1, 1.0 and True are one key to a dictionary, but not one value to a parameter.
-    given = tuple((name, type(value).__name__, value) for name, value in parameters.items())
-    try:
-        hash(given)
-    except TypeError:  # a list, say: no parameter takes one, and the build says so
-        return _built.__wrapped__(str(path), version, variant, given, suite)
-    return _built(str(path), version, variant, given, suite)
+    return _built(_document(str(path), version), variant, parameters, suite)
 
 
 _Version: TypeAlias = tuple[tuple[int, int], ...]
@@ -255,12 +249,26 @@ def _stamp(path: str) -> tuple[int, int]:
     return found.st_mtime_ns, found.st_size
 
 
+def _built(document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str) -> Task:
+    """A task of a document is built once for the same values: tasks are immutable."""
+    given = tuple((name, _kind(value), value) for name, value in parameters.items())
+    try:
+        hash(given)
+    except TypeError:  # a list, say: no parameter takes one, and the build says so
+        return _cached.__wrapped__(document, variant, given, suite)
+    return _cached(document, variant, given, suite)
+
+
+def _kind(value: Any) -> tuple[str, float]:
+    """What tells values apart that are one key to a dictionary: 1, 1.0 and True, 0.0 and -0.0."""
+    return type(value).__name__, math.copysign(1.0, value) if isinstance(value, float) else 1.0
+
+
 @lru_cache(maxsize=128)
-def _built(path: str, version: _Version, variant: str | None, given: tuple[Any, ...], suite: str) -> Task:
-    """A task of an unchanged file is built once: tasks are immutable."""
+def _cached(document: Document, variant: str | None, given: tuple[Any, ...], suite: str) -> Task:
     from taskspec.task.build import build
 
-    return build(_document(path, version), variant, {name: value for name, _, value in given}, suite)
+    return build(document, variant, {name: value for name, _, value in given}, suite)
 
 
 @lru_cache(maxsize=64)

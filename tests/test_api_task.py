@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import math
+from pathlib import Path
 
 import pytest
 import yaml
@@ -82,3 +84,14 @@ def test_infos_are_flat_and_say_what_is_asked_for() -> None:
     assert info["new_state"].tolist() == [2, 0.5, 0.25, 1]
     copied = copy.deepcopy(env)
     assert copied.step(0)[4]["new_state"].tolist() == env.step(0)[4]["new_state"].tolist() == [3, 0.5, 0.25, 0]
+
+
+def test_values_that_are_equal_but_not_the_same_make_tasks_of_their_own(tmp_path: Path) -> None:
+    spec = tmp_path / "aliased.yaml"
+    spec.write_text(ALIASED.replace(", ALIAS}", "}, z: {type: real, default: 1}").replace("reward: s", "reward: s + z"))
+    for source in (spec, taskspec.load(spec)):
+        zeros = [taskspec.load(source, z=z).values["z"] for z in (0.0, -0.0, 0.0)]
+        assert [math.copysign(1, z) for z in zeros] == [1, -1, 1]
+        assert taskspec.load(source, L=1).values["L"] == 1
+        with pytest.raises(taskspec.SpecError):
+            taskspec.load(source, L=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 from markupsafe import Markup
@@ -115,8 +116,9 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
 # -- the source -------------------------------------------------------------------------------------------------------
 
 
+@lru_cache(maxsize=32)
 def _highlighted(text: str) -> Markup:
-    """YAML with its parts marked by class."""
+    """YAML with its parts marked by class; the pages of variants have one source."""
     pygments, lexers, formatters = (need(f"pygments{x}", "docs") for x in ("", ".lexers.data", ".formatters"))
     formatter = formatters.HtmlFormatter(nowrap=True, classprefix="y-")
     return Markup(pygments.highlight(text, lexers.YamlLexer(), formatter))

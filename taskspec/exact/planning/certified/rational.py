@@ -16,7 +16,7 @@ import numpy as np
 
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.outcomes import branches
-from taskspec.exact.model.transitions import Steps, acted, total
+from taskspec.exact.model.transitions import Steps, acted
 from taskspec.exact.planning.certified.enclosure import EQUAL, Enclosure
 from taskspec.exact.planning.certified.readings import Inexact, Reader
 from taskspec.lang.ir import Const, Draw, Node, draws
@@ -86,14 +86,19 @@ class Scaled:
     @classmethod
     def of(cls, values: Array) -> Scaled:
         """From an array of rationals, or of ints."""
-        flat = [v if type(v) is Fraction else Fraction(v) for v in values.reshape(-1).tolist()]
-        over = math.lcm(*{v.denominator for v in flat}) if flat else 1
-        return cls(_objects([v.numerator * (over // v.denominator) for v in flat]).reshape(values.shape), over)
+        flat = values.reshape(-1).tolist()
+        known = {id(v): v for v in flat}  # one object often stands in many places
+        exact = {key: v if type(v) is Fraction else Fraction(v) for key, v in known.items()}
+        over = math.lcm(*{v.denominator for v in exact.values()})
+        parts = {key: v.numerator * (over // v.denominator) for key, v in exact.items()}
+        return cls(_objects([parts[id(v)] for v in flat]).reshape(values.shape), over)
 
     def reduced(self) -> Scaled:
-        """In lower terms once the denominator is long."""
-        if self.over.bit_length() < 128:
-            return self
+        """In lowest terms once the denominator is long."""
+        return self if self.over.bit_length() < 128 else self.lowest()
+
+    def lowest(self) -> Scaled:
+        """In lowest terms."""
         common = math.gcd(self.over, *self.parts.reshape(-1).tolist())
         return self if common == 1 else Scaled(self.parts // common, self.over // common)
 
@@ -156,12 +161,12 @@ class Rational:
                 parts.append(tuple(np.broadcast_to(v, (len(point),)) for v in values))
         rows, columns, weights, rewards, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
         order = np.argsort(rows, kind="stable")
-        acting = model.acting[rows % model.n_states]  # what is paid elsewhere need not even be a number
-        distinct, which = np.unique(np.where(acting, rewards, 0.0), return_inverse=True)
-        paid = weights * _objects([self.reader(v) for v in distinct.tolist()])[which.reshape(-1)]
-        expected = total(rows, paid, model.n_actions * model.n_states)
         first = np.searchsorted(rows[order], np.arange(model.n_actions * model.n_states))
-        return _Step(first, columns[order], Scaled.of(weights[order]), ends[order], Scaled.of(expected))
+        acting = model.acting[rows % model.n_states]  # what is paid elsewhere need not even be a number
+        distinct, which = np.unique(np.where(acting, rewards, 0.0)[order], return_inverse=True)
+        rates, chances = Scaled.of(_objects([self.reader(v) for v in distinct.tolist()])), Scaled.of(weights[order])
+        paid = np.add.reduceat(chances.parts * rates.parts[which.reshape(-1)], first)
+        return _Step(first, columns[order], chances, ends[order], Scaled(paid, chances.over * rates.over).lowest())
 
     # -- values -------------------------------------------------------------------------------------------------------
 
