@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import yaml
 
 from taskspec import registry
 from tests.shared.scripts import DOCS, script
 
-TEXT = script("beside").beside()
 PRINTED = yaml.safe_load((DOCS / "printed.yaml").read_text(encoding="utf-8"))
 
 
+@cache
 def sections() -> dict[str, str]:
-    found = re.split(r"^## (\w+)$", TEXT, flags=re.MULTILINE)
+    found = re.split(r"^## (\w+)$", script("beside").beside(), flags=re.MULTILINE)
     return dict(zip(found[1::2], found[2::2], strict=True))
 
 

@@ -310,11 +310,11 @@ def test_diagnoses_come_with_the_scores() -> None:
 
 
 def test_a_process_that_dies_and_one_that_hangs_cost_one_seed_each(tmp_path: Path) -> None:
-    options = ("-t", "RiskyPath", "--seeds", "3", "--twins", "0", "--time-limit", "12")
+    options = ("-t", "RiskyPath", "--seeds", "3", "--twins", "0", "--time-limit", "6")
     status, found = held(tmp_path, "dies_or_hangs", *options, "--learns-from", "reward")
     errors = [score["error"] for score in found["scores"]]
     assert status == 1 and errors[0] is None and found["scores"][0]["deterministic"] is not None
-    assert "died: EXIT(3)" in errors[1] and "longer than 12 s" in errors[2]
+    assert "died: EXIT(3)" in errors[1] and "longer than 6 s" in errors[2]
 
 
 @pytest.mark.slow

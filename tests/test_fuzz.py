@@ -48,7 +48,7 @@ def test_mutants() -> None:
     assert tally.slowest[0][0] < 10
 
 
-@pytest.mark.parametrize("path", sparse(found.kept(), 2), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sparse(found.kept(), 3), ids=lambda path: path.stem)
 def test_found(path: Path) -> None:
     """What gave a fault once."""
     assert not worker.examined(path.read_bytes()).faults

@@ -90,7 +90,7 @@ def test_what_does_not_apply_is_what_needs_more_than_the_task_has() -> None:
 # -- one task, everywhere alike -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("task_id", "name"), sparse(GIVEN, 2))
+@pytest.mark.parametrize(("task_id", "name"), sparse(GIVEN, 3))
 def test_a_modified_task_is_a_task(task_id: str, name: str) -> None:
     """It keeps the rules of tasks, is sound, prints its modifier, travels, and is another than the task as written."""
     task = found(task_id, name)
@@ -138,12 +138,12 @@ def test_modifiers_stand_on_each_other(one: str, other: str) -> None:
     assert len(set(tasks)) == len({tuple(order) for order in orders[: len(tasks)]})
 
 
-@pytest.mark.parametrize(("task_id", "name"), sparse(GIVEN, 2))
+@pytest.mark.parametrize(("task_id", "name"), sparse(GIVEN, 3))
 def test_generated_code_agrees_with_the_reference_interpreter(task_id: str, name: str) -> None:
     walk_together(found(task_id, name), 11, 30)
 
 
-@pytest.mark.parametrize(("task_id", "name"), sparse(GIVEN, 2))
+@pytest.mark.parametrize(("task_id", "name"), sparse(GIVEN, 3))
 def test_numpy_agrees_with_the_reference_interpreter(task_id: str, name: str) -> None:
     Agreement(found(task_id, name), "numpy", 3, "NextStep", one=ReferenceEnv, states=True).run(12)
 
@@ -190,7 +190,7 @@ def some_policy(task: Task, seed: int) -> Any:
     return choose
 
 
-@pytest.mark.parametrize(("task_id", "name"), sparse(FINITE, 2))
+@pytest.mark.parametrize(("task_id", "name"), sparse(FINITE, 3))
 def test_what_a_modifier_says_it_keeps_is_kept(task_id: str, name: str) -> None:
     task, before, entry = found(task_id, name), small(task_id), MODIFIERS[name]
     assert results(task).model is not None, results(task).why_not

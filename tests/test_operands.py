@@ -104,7 +104,7 @@ def chunks(held: list[Held], size: int) -> list[list[Held]]:
     return [held[i : i + size] for i in range(0, len(held), size)]
 
 
-@pytest.mark.parametrize("some", [4, pytest.param(None, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("some", [2, pytest.param(None, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("form", FORMS)
 def test_operands_of_all_kinds_on_python_and_numpy(form: str, some: int | None) -> None:
     texts = expressions(FORMS[form], ORIGINS, SHAPES)

@@ -292,7 +292,7 @@ def cases() -> list[tuple[str, Any, tuple[int, ...]]]:
 
 
 @pytest.mark.parametrize("fixed", [True, False], ids=["constant", "read"])
-@pytest.mark.parametrize(("name", "sample", "shape"), sparse(cases(), 2))
+@pytest.mark.parametrize(("name", "sample", "shape"), sparse(cases(), 3))
 def test_samples_of_distributions(name: str, sample: dict[str, Any], shape: tuple[int, ...], fixed: bool) -> None:
     """A draw is the same one at a time, over a block, and in generated code."""
     b, dist = Builder(), EVERY[name]

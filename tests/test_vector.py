@@ -46,7 +46,7 @@ WALKS = [(task, lanes) for i, task in enumerate(TASKS) for lanes in LANES[i % 2 
 
 
 @pytest.mark.parametrize(
-    ("task", "lanes", "mode"), sparse([(*walk, mode) for walk in WALKS for mode in MODES], 2),
+    ("task", "lanes", "mode"), sparse([(*walk, mode) for walk in WALKS for mode in MODES], 3),
     ids=lambda x: name_of(x) if isinstance(x, tuple) else x,
 )  # fmt: skip
 def test_numpy_walks_the_scalar_trajectories(task: tuple[str, str | None], lanes: int, mode: str) -> None:
