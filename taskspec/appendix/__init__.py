@@ -7,8 +7,10 @@ from taskspec.appendix.facts import gather as gather
 from taskspec.appendix.page import Page as Page
 from taskspec.appendix.page import page as page
 from taskspec.appendix.write import FORMATS as FORMATS
+from taskspec.appendix.write import gather_pages as gather_pages
 from taskspec.appendix.write import together as together
 from taskspec.appendix.write import write as write
+from taskspec.appendix.write import write_pages as write_pages
 from taskspec.figures import OVERLAYS as OVERLAYS
 from taskspec.figures import Overlay as Overlay
 from taskspec.figures import ShownFigure as ShownFigure

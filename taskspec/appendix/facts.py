@@ -48,14 +48,14 @@ class Facts:
     wrong_examples: frozenset[int] = frozenset()  # by number
 
 
-def gather(task: TaskLike) -> Facts:
-    """Scores and verdicts of a task, worked out now.
+def gather(task: TaskLike | Results) -> Facts:
+    """Scores and verdicts of a task, worked out now; `Results` of it spare working out what is known already.
 
     Raises:
         SpecError: (E705) without scipy.
     """
-    task = load(task)
-    found = Results(task)
+    found = task if isinstance(task, Results) else Results(load(task))
+    task = found.task
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
     shown = {f"{name} return": _score(value) for name, value in returns.items() if value is not None}
     seen = yardsticks(found)

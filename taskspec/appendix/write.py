@@ -71,6 +71,14 @@ def write(
     """
     wanted = _known(formats)
     suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, references, brief)
+    return write_pages(suite, wanted, folder, links)
+
+
+def write_pages(
+    suite: Suite, formats: Iterable[str], folder: Path | str, links: Mapping[str, str] | None = None
+) -> list[Path]:
+    """Write pages that were gathered, as `write` does."""
+    wanted = _known(formats)
     files: dict[str, str] = {}
     for name in dict.fromkeys("latex" if f == "pdf" else f for f in wanted):
         files |= _WRITERS[name](suite, links or {})

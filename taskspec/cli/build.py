@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +14,7 @@ from taskspec.cli.options import Targets
 from taskspec.files import write_text
 
 if TYPE_CHECKING:
+    from taskspec.appendix import Facts
     from taskspec.cli.checking import FileReport
     from taskspec.task.task import Task
 
@@ -107,25 +108,31 @@ def _results(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
     if not is_installed("scipy"):
         say(f"scores and documentation need scipy: {install('exact')}", err=True)
         return []
-    return [_scores(tasks, folder), *_docs(tasks, folder)]
+    facts, records = _known(tasks)
+    scores = _json(folder / "scores.json", records), "optimal, expert, random and worst returns"
+    return [scores, *_docs(tasks, facts, folder)]
 
 
-def _scores(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
-    from taskspec.exact import scores
+def _known(tasks: Sequence[Task]) -> tuple[dict[str, Facts], dict[str, Any]]:
+    """What pages tell of each task by its id, and its scores; one exact model is held at a time."""
+    from taskspec.appendix import gather
+    from taskspec.exact import Results, scores
     from taskspec.progress import telling
 
-    found = {task.id: scores(task).record() for task in telling(tasks, lambda task: f"scores of {task.id}")}
-    return _json(folder / "scores.json", found), "optimal, expert, random and worst returns"
+    facts, records = {}, {}
+    for task in telling(tasks, lambda task: f"scores of {task.id}"):
+        results = Results(task)
+        facts[task.id], records[task.id] = gather(results), scores(results).record()
+    return facts, records
 
 
-def _docs(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
+def _docs(tasks: Sequence[Task], facts: Mapping[str, Facts], folder: Path) -> list[tuple[Path, str]]:
     """The documentation, a folder for each format."""
-    from taskspec import appendix
-    from taskspec.cli.docs import facts_of
+    from taskspec.appendix import gather_pages, write_pages
 
-    facts = facts_of(tasks)
+    suite = gather_pages(tasks, facts=facts)
     for name in DOCS:
-        appendix.write(tasks, [name], folder / name, facts=facts)
+        write_pages(suite, [name], folder / name)
     return [(folder / name, what) for name, what in DOCS.items()]
 
 

@@ -220,12 +220,14 @@ class StaleScores(TaskspecError, ValueError):
     """Scores in a file belong to another version of the task (E714)."""
 
 
-def scores(task: TaskLike, episodes: int = EPISODES, seed: int = 0) -> Scores:
-    """Optimal, random, worst and expert return of a task: exact where it has a model, otherwise from episodes."""
-    task = load(task)
+def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) -> Scores:
+    """Optimal, random, worst and expert return of a task: exact where it has a model, otherwise from episodes.
+
+    Of `Results`, which spare working out what is known already, episodes and seed are their own.
+    """
     tell("the exact model")
-    results = Results(task, episodes, seed)
-    model = results.model
+    results = task if isinstance(task, Results) else Results(load(task), episodes, seed)
+    task, model = results.task, results.model
     return Scores(
         task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
         None if model is None else int(model.entered.sum()), None if model is None else model.n_actions,

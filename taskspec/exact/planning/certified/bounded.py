@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -60,6 +60,11 @@ class _Part:
     lost: float
     faint: bool
 
+    def of(self, rows: Array) -> _Part:
+        """Some rows alone."""
+        step = replace(self.step, going=self.step.going[rows], ending=None)
+        return replace(self, step=step, reward=self.reward[rows], sizes=self.sizes[rows])
+
     def reward_error(self, rows: slice) -> Array:
         """What the expected rewards of some rows are off by."""
         return self.paid * np.abs(self.sizes[rows]) + self.beyond
@@ -86,6 +91,7 @@ class Bounded:
         first = draws(steps.first)
         self.start_slack, self.start_terms = Slack.of(first, builder), count(first, {})
         self._parts: dict[int, _Part] = {}
+        self._chain: tuple[_Part, Policy, _Part] | None = None
 
     @cached_property
     def is_whole(self) -> bool:
@@ -144,6 +150,9 @@ class Bounded:
     def followed(self, policy: Policy, t: int, value: Bound) -> Bound:
         """The value of acting by a policy at a time; where tables are large, in some states at once, one action after another."""
         n, actions = self.model.n_states, self.model.n_actions
+        if policy.actions is not None:
+            part = self._acted(self.part(t), policy, policy.actions)
+            return self._backed_up(part, self._later(part, value), slice(0, n))
         if n * actions <= PIECE:
             return self.follow(policy, self.backup(t, value))
         part, found = self.part(t), self.zero()
@@ -154,6 +163,13 @@ class Bounded:
             some = followed(policy.of(here), (self._backed_up(part, later, r) for r in rows))
             found.value[here], found.error[here] = some.value, some.error
         return found
+
+    def _acted(self, part: _Part, policy: Policy, actions: Array) -> _Part:
+        """What comes of one action (S,) in each state; kept, as most policies are the same at all times."""
+        if self._chain is None or self._chain[0] is not part or self._chain[1] is not policy:
+            n = self.model.n_states
+            self._chain = part, policy, part.of(actions * n + np.arange(n))
+        return self._chain[2]
 
     def _backed_up(self, part: _Part, later: _Later, rows: slice, more: float = 0.0) -> Bound:
         """The values of some actions in states (A*S,), and bounds of their errors."""

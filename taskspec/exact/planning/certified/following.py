@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ class Bound:
     error: Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Policy:
     """Probabilities of actions (A, S), and bounds of their errors (None: as good as exact).
 
@@ -31,6 +32,15 @@ class Policy:
     table: Array
     error: Array | None = None
     open: Array | None = None
+
+    @cached_property
+    def actions(self) -> Array | None:
+        """The action (S,) in each state, where it is certain; None where some states have several."""
+        if self.error is not None or self.open is not None:
+            return None
+        taken = self.table == 1
+        is_one = bool(((self.table == 0) | taken).all() and (taken.sum(axis=0) == 1).all())
+        return taken.argmax(axis=0) if is_one else None
 
     def of(self, some: slice) -> Policy:
         """What it is in some states."""
