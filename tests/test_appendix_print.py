@@ -192,3 +192,16 @@ def test_cells_of_tables_are_not_broken_within_words(tmp_path: Path) -> None:
     text = (tmp_path / "branching.html").read_text(encoding="utf-8")
     assert ".section dd :is(th, td) { overflow-wrap: normal; }" in text
     assert ".wide { overflow-x: auto; }" in text and '<div class="wide"' in text
+
+
+@TEX
+@pytest.mark.parametrize(("brief", "least"), [(False, 0.9), (True, 0.8)], ids=["whole", "brief"])
+def test_the_text_of_figures_is_about_as_large_as_that_around_them(brief: bool, least: float, tmp_path: Path) -> None:
+    """By the widths of a word that stands in both."""
+    write(["derail/InitShiftExpert-v0"], ["pdf"], tmp_path, brief=brief)
+    boxes = subprocess.run(
+        ["pdftotext", "-bbox", "document.pdf", "-"], cwd=tmp_path, capture_output=True, text=True, check=True
+    ).stdout
+    widths = [float(b) - float(a) for a, b in re.findall(r'xMin="([\d.]+)".*xMax="([\d.]+)".*>right</word>', boxes)]
+    assert len(widths) > 3  # three arrows of the figure, and what is said of the action
+    assert min(widths) >= least * max(widths), widths
