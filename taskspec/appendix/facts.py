@@ -40,12 +40,16 @@ class VerdictFact:
 
 @dataclass(frozen=True)
 class Facts:
-    """What a page tells beyond the task itself; `verdicts` follow the order of the task's claims."""
+    """What a page tells beyond the task itself; `verdicts` follow the order of the task's claims.
+
+    `unknown` names the returns that every task has, and that could not be worked out for this one.
+    """
 
     scores: Mapping[str, ScoreFact] = field(default_factory=dict)
     verdicts: Sequence[VerdictFact] = ()
     states: int | None = None
     wrong_examples: frozenset[int] = frozenset()  # by number
+    unknown: Sequence[str] = ()
 
 
 def gather(task: TaskLike | Results) -> Facts:
@@ -58,12 +62,13 @@ def gather(task: TaskLike | Results) -> Facts:
     task = found.task
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
     shown = {f"{name} return": _score(value) for name, value in returns.items() if value is not None}
+    unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
     seen = yardsticks(found)
     if seen is not None:
         shown = _hidden(shown, seen)
     states = None if found.model is None else int(found.model.entered.sum())
     wrong = frozenset(i for i, _ in wrong_examples(task))
-    return Facts(shown, tuple(_by_claim(task, verdicts(task, found))), states, wrong)
+    return Facts(shown, tuple(_by_claim(task, verdicts(task, found))), states, wrong, unknown)
 
 
 def _score(found: Return) -> ScoreFact:

@@ -14,7 +14,7 @@ from taskspec.task.task import Task
 
 
 def title(facts: Facts) -> str:
-    return "Exact scores" if all(s.exact for s in facts.scores.values()) else "Scores"
+    return "Exact scores" if facts.scores and all(s.exact for s in facts.scores.values()) else "Scores"
 
 
 def lines(task: Task, facts: Facts) -> Iterator[Inlines]:
@@ -41,6 +41,8 @@ def table(settings: Sequence[tuple[str, Task, Facts]]) -> CellTable:
 def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
     for name, score in facts.scores.items():
         yield name, _score(score)
+    for name in facts.unknown:
+        yield name, (Text("unknown"),)
     if facts.states is not None:
         states = "reachable states" if task.spec.abstraction is None else "reachable abstract states"
         yield states, (Formula(number(facts.states)),)
