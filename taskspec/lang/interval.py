@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from weakref import WeakKeyDictionary
 
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
 from taskspec.lang.operators import OPERATORS
@@ -88,10 +89,20 @@ def _tidy(edge: Interval, kind: Kind) -> Interval:
     return (low if math.isinf(low) else math.floor(low)), (high if math.isinf(high) else math.ceil(high))
 
 
+_OF_CONSTANTS: WeakKeyDictionary[Const, Range] = WeakKeyDictionary()
+
+
 def _constant(node: Const) -> Range:
+    """What is known of a constant; kept, as tables are asked about often and may have a million elements."""
+    if node not in _OF_CONSTANTS:
+        _OF_CONSTANTS[node] = _looked_at(node)
+    return _OF_CONSTANTS[node]
+
+
+def _looked_at(node: Const) -> Range:
     if not node.type.size:
         return Range(*_tidy((0, 0), node.type.kind))
-    if node.type.kind is not Kind.REAL:  # a table may have a million of them
+    if node.type.kind is not Kind.REAL:
         return Range(*_tidy((min(node.flat), max(node.flat)), node.type.kind), True)
     flat = [plain(v) for v in node.flat]
     numbers = [v for v in flat if v == v]

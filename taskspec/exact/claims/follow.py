@@ -40,7 +40,7 @@ class Consequence:
 
 @dataclass(frozen=True)
 class JointOutcomes:
-    """Values (K, elements) of some nodes together, with their probabilities (K,) as rationals or floats, each once."""
+    """Values (K, elements) of some nodes together, with their probabilities (K,) as rationals or floats."""
 
     values: Array
     weights: Array
@@ -49,6 +49,13 @@ class JointOutcomes:
         """How likely some values are."""
         found: float | Fraction = sum(self.weights[_close(self.values, row)].tolist())
         return found
+
+    def merged(self) -> JointOutcomes:
+        """With each of the values once, in order."""
+        distinct, which = np.unique(self.values, axis=0, return_inverse=True)
+        order = np.argsort(which.reshape(-1), kind="stable")
+        starts = np.searchsorted(which.reshape(-1)[order], np.arange(len(distinct)))
+        return JointOutcomes(distinct, np.add.reduceat(self.weights[order], starts))
 
 
 def _close(rows: Array, row: Array) -> Array:
@@ -65,7 +72,13 @@ def _alike(one: float | Fraction, other: float | Fraction) -> bool:
 
 
 def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
-    """Everything that can come of some nodes that read nothing; None where there is no end to it, or too much."""
+    """All values that can come of some nodes that read nothing, each once; None where there is no end to them, or too many."""
+    found = listed(nodes)
+    return None if found is None else found.merged()
+
+
+def listed(nodes: Sequence[Node]) -> JointOutcomes | None:
+    """The same, a value as often as draws lead to it."""
     found = draws(nodes)
     size = sum(node.type.size for node in (*nodes, *found))
     if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / max(1, size)):
@@ -77,7 +90,7 @@ def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
 
 
 def _enumerated(nodes: Sequence[Node], found: Sequence[Draw], numbers: ProbabilityArithmetic) -> JointOutcomes:
-    """All outcomes, with probabilities as rationals or as floats."""
+    """Outcomes of the draws one after the other, with probabilities as rationals or as floats."""
     rows, weights = [], []
     for branch in branches(found, {}, 1, numbers):
         n = 1 if branch.origin is None else len(branch.origin)
@@ -85,10 +98,7 @@ def _enumerated(nodes: Sequence[Node], found: Sequence[Draw], numbers: Probabili
         flat = [np.broadcast_to(v, (*v.shape[:-1], n)).reshape(-1, n) for v in values]
         rows.append(np.concatenate(flat).T.astype(np.float64))
         weights.append(np.broadcast_to(branch.weight, (n,)))
-    distinct, which = np.unique(np.concatenate(rows), axis=0, return_inverse=True)
-    order = np.argsort(which.reshape(-1), kind="stable")
-    starts = np.searchsorted(which.reshape(-1)[order], np.arange(len(distinct)))
-    return JointOutcomes(distinct, np.add.reduceat(np.concatenate(weights)[order], starts))
+    return JointOutcomes(np.concatenate(rows), np.concatenate(weights))
 
 
 def compare(asked: Consequence, collector: Collector) -> None:
@@ -118,7 +128,7 @@ def _compare_forms(asked: Consequence, collector: Collector) -> None:
 
 def likely(asked: Sequence[Consequence], chance: Fraction, example: Example, collector: Collector) -> None:
     """Report a set of values that is not as likely as the example says."""
-    actual = outcomes([a.actual for a in asked])
+    actual = listed([a.actual for a in asked])
     expected = outcomes([a.expected for a in asked])
     if actual is None:
         message = "the probability cannot be computed: the draws have infinitely many, or too many, outcomes"

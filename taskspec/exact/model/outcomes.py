@@ -8,6 +8,7 @@ repeated, once for each outcome of positive probability.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -21,7 +22,7 @@ from taskspec.lang.ir import Const, Draw, Role
 from taskspec.lang.ranges import Range
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.entry import ProbabilityArithmetic
-from taskspec.lang.variates.outcomes import FAINTEST, both
+from taskspec.lang.variates.outcomes import FAINTEST, both, once
 
 Array = np.ndarray[Any, Any]
 Reads = Mapping[tuple[Role, str], Array]
@@ -127,7 +128,8 @@ def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> 
 def _repeated(so_far: Branch, draw: Draw, values: Array, p: Array, lanes: int) -> Branch:
     """Every point once for each outcome of positive probability, the outcomes of a point side by side."""
     n = lanes if so_far.origin is None else len(so_far.origin)
-    point, outcome = np.nonzero(np.broadcast_to(p.T > 0, (n, len(p))))
+    possible = once(operator.gt, p, np.zeros_like(p)).astype(np.bool_)
+    point, outcome = np.nonzero(np.broadcast_to(possible.T, (n, len(p))))
     chance = p[outcome, 0] if p.shape[-1] == 1 else p[outcome, point]
     weight = so_far.numbers.times(_at(so_far.weight, point), chance)
     drawn = {site: _at(v, point) for site, v in so_far.drawn.items()}

@@ -261,6 +261,10 @@ class Bounded:
     # -- policies -----------------------------------------------------------------------------------------------------
 
     def uniform(self) -> Policy:
+        return self._uniform
+
+    @cached_property
+    def _uniform(self) -> Policy:
         shape = (self.model.n_actions, self.model.n_states)
         return Policy(np.broadcast_to(1 / self.model.n_actions, shape))
 

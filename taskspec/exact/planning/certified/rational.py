@@ -268,6 +268,11 @@ class Rational:
     def tabulated(self, nodes: Sequence[Node], t: int) -> Scaled:
         """A policy given by expressions, which may draw and read the time."""
         model, given, drawn = self.model, self.model.reads(t), draws(nodes)
+        if not drawn:  # one action in each state
+            (branch,) = branches(drawn, given, model.n_states, self.chances)
+            chosen = np.zeros((model.n_actions, model.n_states), dtype=object)
+            chosen[acted(model.actions, nodes, given, branch, model.n_states)] = 1
+            return Scaled(chosen, 1)
         table = _objects([Fraction(0)] * (model.n_actions * model.n_states)).reshape(model.n_actions, model.n_states)
         for branch in branches(drawn, given, model.n_states, self.chances):
             action, at = acted(model.actions, nodes, given, branch, model.n_states)
