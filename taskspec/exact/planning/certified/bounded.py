@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -26,6 +26,7 @@ from taskspec.exact.planning.certified.enclosure import EQUAL, Enclosure
 from taskspec.exact.planning.certified.following import Bound, Policy, followed
 from taskspec.exact.planning.certified.pieces import PIECE, every, pieces
 from taskspec.exact.planning.certified.slack import UNIT, Slack
+from taskspec.exact.planning.certified.stepbounds import StepBounds
 from taskspec.lang.ir import Node, draws
 
 Array = np.ndarray[Any, Any]
@@ -39,35 +40,6 @@ STATES = 65_536
 """In how many states at once an expert is asked, and followed."""
 TINIEST = 1e-320
 """More than a probability that no float holds may be off by: it counts as the smallest float (`variates.outcomes.FAINTEST`)."""
-
-
-@dataclass(frozen=True)
-class _Part:
-    """One time's matrices with the constants of their bounds.
-
-    `c` bounds the rounding of a row relative to its size, and `lost` what is missing of it for values of size 1; with
-    `faint` probabilities even values that are not 0 may leave no trace in a product. A reward whose `sizes` are expected to
-    be so large is off by `paid` of them, and by `beyond`.
-    """
-
-    step: Step
-    reward: Array
-    sizes: Array
-    paid: float
-    beyond: float
-    c: float
-    inflate: float
-    lost: float
-    faint: bool
-
-    def of(self, rows: Array) -> _Part:
-        """Some rows alone."""
-        step = replace(self.step, going=self.step.going[rows], ending=None)
-        return replace(self, step=step, reward=self.reward[rows], sizes=self.sizes[rows])
-
-    def reward_error(self, rows: slice) -> Array:
-        """What the expected rewards of some rows are off by."""
-        return self.paid * np.abs(self.sizes[rows]) + self.beyond
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,8 +62,8 @@ class Bounded:
         self.slack = Slack.of(steps.draws, builder, steps.reward)
         first = draws(steps.first)
         self.start_slack, self.start_terms = Slack.of(first, builder), count(first, {})
-        self._parts: dict[int, _Part] = {}
-        self._chain: tuple[_Part, Policy, _Part] | None = None
+        self._parts: dict[int, StepBounds] = {}
+        self._chain: tuple[StepBounds, Policy, StepBounds] | None = None
 
     @cached_property
     def is_whole(self) -> bool:
@@ -118,23 +90,23 @@ class Bounded:
         known = np.isfinite(rows)
         return rows if known.all() else np.where(known | np.tile(self.model.acting, self.model.n_actions), rows, 0.0)
 
-    def part(self, t: int) -> _Part:
+    def part(self, t: int) -> StepBounds:
         step = self.model.step(t)
         if id(step) not in self._parts:
             self._parts[id(step)] = self._prepared(step)
         return self._parts[id(step)]
 
-    def _prepared(self, step: Step) -> _Part:
+    def _prepared(self, step: Step) -> StepBounds:
         reward, slack, n = self._acting(step.reward), self.slack, step.terms
         if self.is_whole:
-            return _Part(step, reward, reward, 0.0, 0.0, 0.0, 1 + 128 * UNIT, 0.0, False)
+            return StepBounds(step, reward, reward, 0.0, 0.0, 0.0, 1 + 128 * UNIT, 0.0, False)
         c = (n + 2) * UNIT + slack.relative
         sizes = reward if step.spread is None else self._acting(step.spread)
         faint = not all(every(m.data, lambda p: p >= FAINT) for m in (step.going, step.ending) if m is not None)
         absolute = (slack.absolute + (TINIEST if faint else 0.0)) * n
         beyond = absolute * step.scale + slack.missing * slack.beyond
         inflate, lost = 1 + (n + 16) * 8 * UNIT, absolute + 2 * slack.missing
-        return _Part(step, reward, sizes, c + 8 * UNIT, beyond, c, inflate, lost, faint)
+        return StepBounds(step, reward, sizes, c + 8 * UNIT, beyond, c, inflate, lost, faint)
 
     # -- values -------------------------------------------------------------------------------------------------------
 
@@ -164,14 +136,14 @@ class Bounded:
             found.value[here], found.error[here] = some.value, some.error
         return found
 
-    def _acted(self, part: _Part, policy: Policy, actions: Array) -> _Part:
+    def _acted(self, part: StepBounds, policy: Policy, actions: Array) -> StepBounds:
         """What comes of one action (S,) in each state; kept, as most policies are the same at all times."""
         if self._chain is None or self._chain[0] is not part or self._chain[1] is not policy:
             n = self.model.n_states
             self._chain = part, policy, part.of(actions * n + np.arange(n))
         return self._chain[2]
 
-    def _backed_up(self, part: _Part, later: _Later, rows: slice, more: float = 0.0) -> Bound:
+    def _backed_up(self, part: StepBounds, later: _Later, rows: slice, more: float = 0.0) -> Bound:
         """The values of some actions in states (A*S,), and bounds of their errors."""
         q, error = self._through(part.step.going, later, rows)
         if self.model.discount != 1:
@@ -204,7 +176,7 @@ class Bounded:
         """Values with 1 in `states`."""
         return Bound(np.where(states, 1.0, value.value), np.where(states, 0.0, value.error))
 
-    def _later(self, part: _Part, value: Bound) -> _Later:
+    def _later(self, part: StepBounds, value: Bound) -> _Later:
         """Values of the next time, and what expectations of them are off by."""
         size = np.abs(value.value)
         off = value.error + part.c * size + self.floor * (size > 0)
@@ -222,7 +194,7 @@ class Bounded:
             error[at] = found + self.floor * (found > 0) + later.lost
         return q, error
 
-    def lost(self, part: _Part, value: Array, error: Array) -> float:
+    def lost(self, part: StepBounds, value: Array, error: Array) -> float:
         """What is not relative to the size of a row: outcomes left out, and products of which nothing is left."""
         if not (part.lost or part.faint):
             return 0.0
