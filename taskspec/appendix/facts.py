@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from taskspec.exact import Results, Return, Verdict, Yardsticks, verdicts, wrong_examples, yardsticks
+from taskspec.exact import Report, Results, Return, Verdict, Yardsticks, verdicts, wrong_examples, yardsticks
 from taskspec.exact.planning.certified.enclosure import Enclosure
 from taskspec.exact.scoring.statuses import CLAIMS
 from taskspec.registry import load
@@ -52,14 +52,19 @@ class Facts:
     unknown: Sequence[str] = ()
 
 
-def gather(task: TaskLike | Results) -> Facts:
-    """Scores and verdicts of a task, worked out now; `Results` of it spare working out what is known already.
+def gather(task: TaskLike | Report) -> Facts:
+    """Scores and verdicts of a task, worked out now; a report of it, claims included, spares what `check` worked out already.
 
     Raises:
         SpecError: (E705) without scipy.
     """
-    found = task if isinstance(task, Results) else Results(load(task))
-    task = found.task
+    if isinstance(task, Report):
+        return _facts(task.unlimited(), task.verdicts, task.wrong_examples)
+    found = Results(load(task))
+    return _facts(found, verdicts(found.task, found), frozenset(i for i, _ in wrong_examples(found.task)))
+
+
+def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Facts:
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
     shown = {f"{name} return": _score(value) for name, value in returns.items() if value is not None}
     unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
@@ -67,8 +72,7 @@ def gather(task: TaskLike | Results) -> Facts:
     if seen is not None:
         shown = _hidden(shown, seen)
     states = None if found.model is None else int(found.model.entered.sum())
-    wrong = frozenset(i for i, _ in wrong_examples(task))
-    return Facts(shown, tuple(_by_claim(task, verdicts(task, found))), states, wrong, unknown)
+    return Facts(shown, tuple(_by_claim(found.task, said)), states, wrong, unknown)
 
 
 def _score(found: Return) -> ScoreFact:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +17,7 @@ from taskspec.files import write_text
 if TYPE_CHECKING:
     from taskspec.appendix import Facts
     from taskspec.cli.checking import FileReport
+    from taskspec.cli.proofs import Finding
     from taskspec.task.task import Task
 
 DOCS = {
@@ -41,9 +43,10 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
     from taskspec.cli.targets import files_of
     from taskspec.progress import telling
 
-    start = time.perf_counter()
+    start, known = time.perf_counter(), _Gathered()
     with progress("check"):
-        reports = [check_file(file) for file in telling(files_of(targets or []), lambda file: str(file.path))]
+        files = telling(files_of(targets or []), lambda file: str(file.path))
+        reports = [check_file(file, known.examine) for file in files]
     errors, warnings = counts(d for report in reports for d in report.diagnostics)
     _print_problems(reports)
     out = console(wide=True)
@@ -54,9 +57,30 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
         say("nothing was written", err=True)
         raise typer.Exit(1)
     with progress("write"):
-        written = write(_tasks(reports), output)
+        written = write(_tasks(reports), known, output)
     for path, what in written:
         out.print(line("wrote ", (str(path), "name"), (f"  {what}", "quiet")))
+
+
+@dataclass
+class _Gathered:
+    """What pages and tables tell of each task by its id, gathered while it is checked: one exact model is held at a time."""
+
+    facts: dict[str, Facts] = field(default_factory=dict)
+    scores: dict[str, Any] = field(default_factory=dict)
+
+    def examine(self, task: Task) -> Finding:
+        from taskspec.appendix import gather
+        from taskspec.cli.proofs import finding, reported
+        from taskspec.exact import scores
+        from taskspec.extras import is_installed
+        from taskspec.progress import tell
+
+        report = reported(task)
+        tell(f"scores of {task.id}")
+        if is_installed("scipy") and not report.errors:
+            self.facts[task.id], self.scores[task.id] = gather(report), scores(report.unlimited()).record()
+        return finding(report, len(task.examples))
 
 
 def _print_problems(reports: Sequence[FileReport]) -> None:
@@ -96,34 +120,20 @@ def _table(reports: Sequence[FileReport], width: int) -> Any:
 # -- writing ------------------------------------------------------------------------------------------------------
 
 
-def write(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
+def write(tasks: Sequence[Task], known: _Gathered, folder: Path) -> list[tuple[Path, str]]:
     """Write everything that comes from tasks; gives the paths, each with a word on what it is."""
-    return [_schema(folder), _index(tasks, folder), _sources(tasks, folder), *_results(tasks, folder)]
+    return [_schema(folder), _index(tasks, folder), _sources(tasks, folder), *_results(tasks, known, folder)]
 
 
-def _results(tasks: Sequence[Task], folder: Path) -> list[tuple[Path, str]]:
+def _results(tasks: Sequence[Task], known: _Gathered, folder: Path) -> list[tuple[Path, str]]:
     """What rests on exact models: scores and documentation; left out, with a word, where scipy is missing."""
     from taskspec.extras import install, is_installed
 
     if not is_installed("scipy"):
         say(f"scores and documentation need scipy: {install('exact')}", err=True)
         return []
-    facts, records = _known(tasks)
-    scores = _json(folder / "scores.json", records), "optimal, expert, random and worst returns"
-    return [scores, *_docs(tasks, facts, folder)]
-
-
-def _known(tasks: Sequence[Task]) -> tuple[dict[str, Facts], dict[str, Any]]:
-    """What pages tell of each task by its id, and its scores; one exact model is held at a time."""
-    from taskspec.appendix import gather
-    from taskspec.exact import Results, scores
-    from taskspec.progress import telling
-
-    facts, records = {}, {}
-    for task in telling(tasks, lambda task: f"scores of {task.id}"):
-        results = Results(task)
-        facts[task.id], records[task.id] = gather(results), scores(results).record()
-    return facts, records
+    scores = _json(folder / "scores.json", known.scores), "optimal, expert, random and worst returns"
+    return [scores, *_docs(tasks, known.facts, folder)]
 
 
 def _docs(tasks: Sequence[Task], facts: Mapping[str, Facts], folder: Path) -> list[tuple[Path, str]]:

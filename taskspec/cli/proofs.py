@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taskspec.diagnostics import Diagnostic
 
 if TYPE_CHECKING:
-    from taskspec.exact import Accepted, Verdict
+    from taskspec.exact import Accepted, Report, Verdict
     from taskspec.exact.abstraction.symmetries import Kept
     from taskspec.exact.simulation.points import Method
     from taskspec.task.task import Task
@@ -71,16 +71,25 @@ def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
         defaults: whether its parameters have their defaults: claims speak of these, and ranges are looked at
             from there.
     """
+    return finding(reported(task, sense, defaults), len(task.examples) if sense and defaults else 0)
+
+
+def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
+    """The same with the results that it rests on, which may be large."""
     from taskspec import exact
     from taskspec.appendix import undrawn
 
     beside = undrawn(task) if sense else None
-    report = exact.check(task, ranges=sense and defaults, with_sense=sense, claims=sense and defaults, beside=beside)
+    return exact.check(task, ranges=sense and defaults, with_sense=sense, claims=sense and defaults, beside=beside)
+
+
+def finding(report: Report, examples: int) -> Finding:
+    """What is told of a report in which so many examples were looked at."""
     statuses = [verdict.status for verdict in report.verdicts]
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
         statuses.count("proved"), statuses.count("tested"), report.skipped, report.accepted,
-        len(task.examples) if sense and defaults else 0, len(report.wrong_examples), report.verdicts, report.symmetries,
+        examples, len(report.wrong_examples), report.verdicts, report.symmetries,
     )  # fmt: skip
 
 

@@ -66,6 +66,10 @@ class Report:
     def warnings(self) -> tuple[Diagnostic, ...]:
         return tuple(d for d in self.diagnostics if d.severity == "warning")
 
+    def unlimited(self) -> Results:
+        """What is known of returns, on a model as large as limits allow: warnings alone are content with a moderate one."""
+        return Results(self.task) if self.results is None or self.results.limit is not None else self.results
+
     def _repr_html_(self) -> str:
         """What was found, and what became of the claims, for notebooks."""
         found = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -105,7 +106,8 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
     spaces = [(name, section) for name, key in (("states", "state"), ("actions", "actions"), ("horizon", "horizon"))
               if (section := page.section(key)) is not None]  # fmt: skip
     facts = [(name, writer.prose(section.lines[0].content[:1])) for name, section in spaces]
-    found = [writer.prose(line) for line in score_lines(page.task, page.facts)]
+    known = replace(page.facts, unknown=())
+    found = [writer.prose(line) for line in score_lines(page.task, known)]
     names = ", ".join(f"{p.name} = {p.value}" for p in page.task.parameters)
     return {
         "page": page, "summary": writer.prose(page.summary), "facts": facts, "scores": found, "parameters": names,
