@@ -339,10 +339,3 @@ def test_exact_facts() -> None:
     assert found.scores["optimal return"].value == 4
     assert found.states == 4
     assert {v.words for v in found.verdicts} == {"proved"}
-
-
-def test_returns_that_are_not_known_are_said_to_be_unknown(tmp_path: Path) -> None:
-    """They were left out, as if nobody had asked."""
-    write(["derail/Parabola-v0"], ["markdown"], tmp_path, facts={"derail/Parabola-v0": gather("derail/Parabola-v0")})
-    assert "optimal return unknown; worst return unknown" in (tmp_path / "parabola.md").read_text(encoding="utf-8")
-    assert gather("derail/RiskyPath-v0").unknown == ()
