@@ -95,6 +95,7 @@ FAIL: list[tuple[dict[str, Any], str, tuple[str | int, ...], str]] = [
     (AT | {"next": {"mood": "calm"}}, "E611", ("next", "mood"), "the next mood is very cross, not calm"),
     (AT | {"next": {"v": [1, 2, 3, 4]}}, "E611", ("next", "v"), "the next v is [0.166667, 0.0833333, 0, 0.333333], not"),
     (AT | {"next": {"s": 1}, "reward": 2, "probability": "1/4"}, "E611", ("probability",), "a probability of 0, not 1/4"),
+    (AT | {"next": {"s": 1}, "reward": 2, "probability": "1/10000000000"}, "E611", ("probability",), "a probability of 0, not"),
     (AT | {"t": 4, "truncated": False}, "E611", ("truncated",), "`truncated` is true, not false"),
     (AT | {"next": {"s": 2}, "probability": 0.7500000001}, "E611", ("probability",), "a probability of 3/4, not"),
     (AT | {"terminal": True}, "E611", ("terminal",), "`terminal` is false, not true"),

@@ -47,8 +47,8 @@ class JointOutcomes:
 
     def chance(self, row: Array) -> float | Fraction:
         """How likely some values are."""
-        found: float | Fraction = sum(self.weights[_close(self.values, row)].tolist())
-        return found
+        nothing = Fraction(0) if self.weights.dtype == object else 0.0
+        return sum(self.weights[_close(self.values, row)].tolist(), nothing)
 
     def merged(self) -> JointOutcomes:
         """With each of the values once, in order."""

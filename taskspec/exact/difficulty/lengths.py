@@ -25,7 +25,7 @@ def mean_length(model: Model, plan: Plan) -> float:
 
 
 def _paid(step: Step, reward: Array) -> Step:
-    return replace(step, reward=reward, scale=1.0, spread=None)
+    return replace(step, reward=reward, scale=1.0, spread=None, least=1.0)
 
 
 def undiscounted(model: Model, steps: tuple[Step, ...]) -> Model:

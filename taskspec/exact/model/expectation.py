@@ -5,10 +5,19 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from taskspec.lang.builder import Builder
-from taskspec.lang.ir import Apply, Draw, Node, children, draws, rewrite, walk
+from taskspec.lang.ir import Apply, Const, Draw, Node, children, draws, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.variates import VARIATES
+
+SMALL = 1e-100
+"""A product of such sizes may be too small for a float."""
+
+
+def is_faint(reward: Node, mean: Node) -> bool:
+    """Whether so small numbers went into the expectation of a reward that it may be 0 in floats, and is not."""
+    constants = (node for node in walk([reward, mean]) if isinstance(node, Const))
+    return reward is not mean and any(0 < abs(v) < SMALL for node in constants for v in node.flat)
 
 
 def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> Node:

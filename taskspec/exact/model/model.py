@@ -6,6 +6,7 @@ state s, so that a maximum over actions runs over the contiguous leading axis of
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,7 +34,8 @@ class Step:
     same probabilities in the same order, `slots` (A, K) holds them.
 
     For bounds of rounding: `terms` is the largest number of outcomes that a row was made of, `scale` the largest
-    reward of any of them, and `spread` (A*S,) the expected size of the reward (None: that of the expected reward).
+    reward of any of them, `least` the smallest product of one that is not 0 and its probability, and `spread` (A*S,) the
+    expected size of the reward (None: that of the expected reward).
     """
 
     going: Sparse
@@ -44,6 +46,7 @@ class Step:
     terms: int = 1
     scale: float = 0.0
     spread: Array | None = None
+    least: float = math.inf
 
     def same(self, other: Step) -> bool:
         """Whether two times are alike, so that one can stand for both."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -26,7 +27,7 @@ class Rows:
     """Some consecutive rows: entries in each (n,), columns, probabilities, ends (or None), rewards (n,).
 
     `spread` (n,) is the expected size of the reward, where outcomes of one row are paid with both signs; `scale` the
-    largest size of all.
+    largest size of all, and `least` the smallest product of one that is not 0 and its probability.
     """
 
     counts: Array
@@ -38,6 +39,7 @@ class Rows:
     slots: Array | None = None  # (k,) probabilities that all rows share
     spread: Array | None = None
     scale: float = 0.0
+    least: float = math.inf
 
 
 class RowCollector:
@@ -50,7 +52,7 @@ class RowCollector:
         self.spread: Array | None = None
         self.slots: list[Array | None] = []
         self.row = self.entry = self.terms = 0
-        self.scale = 0.0
+        self.scale, self.least = 0.0, math.inf
 
     def add(self, rows: Rows) -> None:
         n, m = len(rows.counts), len(rows.columns)
@@ -61,7 +63,8 @@ class RowCollector:
         self._mark("escaping", rows.escaping, here, len(self.counts))
         self._spread(rows.spread, here)
         self.slots.append(rows.slots)
-        self.terms, self.scale = max(self.terms, int(rows.counts.max(initial=0))), max(self.scale, rows.scale)
+        self.terms = max(self.terms, int(rows.counts.max(initial=0)))
+        self.scale, self.least = max(self.scale, rows.scale), min(self.least, rows.least)
         self.row, self.entry = self.row + n, self.entry + m
 
     def _mark(self, name: str, flags: Array | None, where: slice, size: int) -> None:
@@ -92,7 +95,7 @@ class RowCollector:
             built = [_tidy(matrix.copy()) for matrix in built]
         slots = None if self.entry <= TIDY or len(built) > 1 else self._shared(self.row // states)
         ending = built[1] if len(built) > 1 else None
-        return Step(built[0], ending, self.reward, escaping, slots, self.terms, self.scale, spread)
+        return Step(built[0], ending, self.reward, escaping, slots, self.terms, self.scale, spread, self.least)
 
     def _own_spread(self) -> Array | None:
         """The spread, unless it says no more than the rewards."""
@@ -171,7 +174,9 @@ def _escaping(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows
         kept.append(f)
     paid = _irregular(steps, codes, found, n)
     inside = _irregular(steps, codes, kept, n)
-    return replace(inside, reward=paid.reward, spread=paid.spread, scale=paid.scale, escaping=escaping)
+    return replace(
+        inside, reward=paid.reward, spread=paid.spread, scale=paid.scale, least=paid.least, escaping=escaping
+    )
 
 
 def _regular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
@@ -190,9 +195,17 @@ def _regular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Rows:
         ends = np.stack([np.broadcast_to(f.terminal, (n,)) for f in found], axis=1).reshape(-1)
     slots = weights[0].copy() if all(f.weight.size == 1 for f in found) else None
     scale, mixed = _sizes([f.reward for f in found])
+    least = min(_least(f.reward, f.weight) for f in found)
     mixed = mixed and k > 1  # of one outcome, the size of the reward says it all
     spread = np.broadcast_to(sum(f.weight * np.abs(f.reward) for f in found), (n,)) if mixed else None
-    return Rows(np.full(n, k), columns.reshape(-1), weights.reshape(-1), ends, reward, None, slots, spread, scale)
+    return Rows(
+        np.full(n, k), columns.reshape(-1), weights.reshape(-1), ends, reward, None, slots, spread, scale, least
+    )
+
+
+def _least(reward: Array, weight: Array) -> float:
+    """The smallest product of a reward that is not 0 and its probability; 0 where a float holds none of it."""
+    return float(np.min(np.abs(reward * weight), where=reward != 0, initial=math.inf))
 
 
 def _sizes(rewards: Sequence[Array]) -> tuple[float, bool]:
@@ -217,8 +230,9 @@ def _irregular(steps: Steps, codes: Array, found: list[Outcomes], n: int) -> Row
     counts = np.bincount(points, minlength=n)
     total = np.bincount(points, weights * reward, minlength=n)
     scale, mixed = _sizes([reward])
+    least = _least(reward, weights)
     spread = np.bincount(points, weights * np.abs(reward), minlength=n) if mixed else None
-    return Rows(counts, columns, weights, ends if steps.ends else None, total, spread=spread, scale=scale)
+    return Rows(counts, columns, weights, ends if steps.ends else None, total, spread=spread, scale=scale, least=least)
 
 
 def _columns(codes: Array, found: Outcomes) -> Array:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.exact.model.codes import distinct
-from taskspec.exact.model.expectation import expected
+from taskspec.exact.model.expectation import expected, is_faint
 from taskspec.exact.model.failure import refuse
 from taskspec.exact.model.lump import lumped
 from taskspec.exact.model.outcomes import FLOATS, Branch, branches, count
@@ -55,6 +55,7 @@ class Steps:
         self.actions = Space(task.action, Role.ACTION)
         decisive = draws((*task.next, task.terminal))
         self.reward = task.reward if as_paid else expected(task.reward, task.builder, decisive)
+        self.is_faint = is_faint(task.reward, self.reward)
         self.roots = lumped((*task.raw_next, self.reward, task.terminal), task.builder)
         self.first = lumped(task.raw_initial, task.builder)
 

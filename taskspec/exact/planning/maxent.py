@@ -25,10 +25,10 @@ import numpy as np
 from taskspec.exact.model.failure import refuse, scipy_sparse
 from taskspec.exact.model.model import Model
 from taskspec.exact.model.transitions import Steps
-from taskspec.exact.planning.certified.bounded import FLOOR, Bounded
+from taskspec.exact.planning.certified.bounded import Bounded
 from taskspec.exact.planning.certified.following import Bound, Policy
 from taskspec.exact.planning.certified.rule import Rule
-from taskspec.exact.planning.certified.slack import UNIT
+from taskspec.exact.planning.certified.slack import FLOOR, UNIT
 
 Array = np.ndarray[Any, Any]
 

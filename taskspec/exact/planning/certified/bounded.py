@@ -25,21 +25,16 @@ from taskspec.exact.model.transitions import Steps, acted
 from taskspec.exact.planning.certified.enclosure import EQUAL, Enclosure
 from taskspec.exact.planning.certified.following import Bound, Policy, followed
 from taskspec.exact.planning.certified.pieces import PIECE, every, pieces
-from taskspec.exact.planning.certified.slack import UNIT, Slack
+from taskspec.exact.planning.certified.slack import FAINT, FLOOR, TINIEST, UNIT, Slack
 from taskspec.exact.planning.certified.stepbounds import StepBounds
 from taskspec.lang.ir import Node, draws
 
 Array = np.ndarray[Any, Any]
 UNKNOWN = 2
-FLOOR = 1e-300
-"""More than what products that are too small for a float can lose."""
 DEEPEST = 1e4
 """Exponents from here on make weights of 0, which are less than `FLOOR` off."""
-FAINT = 1e-20
 STATES = 65_536
 """In how many states at once an expert is asked, and followed."""
-TINIEST = 1e-320
-"""More than a probability that no float holds may be off by: it counts as the smallest float (`variates.outcomes.FAINTEST`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +54,7 @@ class Bounded:
         self.model, self.horizon = model, model.horizon or 0
         steps = Steps(model.task)
         builder = model.task.builder
-        self.slack = Slack.of(steps.draws, builder, steps.reward)
+        self.slack, self.is_faint = Slack.of(steps.draws, builder, steps.reward), steps.is_faint
         first = draws(steps.first)
         self.start_slack, self.start_terms = Slack.of(first, builder), count(first, {})
         self._parts: dict[int, StepBounds] = {}
@@ -71,6 +66,7 @@ class Bounded:
         steps = self.model.steps
         return (
             self.model.discount == 1
+            and not self.is_faint
             and max(s.scale for s in steps) * max(1, self.horizon) < 2**53
             and all(s.terms == 1 and _ones(s) for s in steps)
             and all(every(self._acting(s.reward), lambda paid: np.mod(paid, 1) == 0) for s in steps)
@@ -104,9 +100,10 @@ class Bounded:
         sizes = reward if step.spread is None else self._acting(step.spread)
         faint = not all(every(m.data, lambda p: p >= FAINT) for m in (step.going, step.ending) if m is not None)
         absolute = (slack.absolute + (TINIEST if faint else 0.0)) * n
-        beyond = absolute * step.scale + slack.missing * slack.beyond
+        hidden = FLOOR if self.is_faint or step.least < FLOOR else 0.0
+        beyond = absolute * step.scale + slack.missing * slack.beyond + hidden
         inflate, lost = 1 + (n + 16) * 8 * UNIT, absolute + 2 * slack.missing
-        return StepBounds(step, reward, sizes, c + 8 * UNIT, beyond, c, inflate, lost, faint)
+        return StepBounds(step, reward, sizes, c + 8 * UNIT, beyond, c, inflate, lost, faint, hidden)
 
     # -- values -------------------------------------------------------------------------------------------------------
 
@@ -148,7 +145,7 @@ class Bounded:
         q, error = self._through(part.step.going, later, rows)
         if self.model.discount != 1:
             q *= self.model.discount
-            error *= self.model.discount
+            error = error * self.model.discount + self.floor * (error > 0)
         reward = part.reward[rows]
         if more or not self.is_whole or later.has_errors:  # values with an error need not be whole
             for low in range(0, len(q), PIECE):
@@ -227,7 +224,8 @@ class Bounded:
         faint = TINIEST if (weights < FAINT).any() else 0.0
         lost = self.start_slack.absolute * self.start_terms + (2 * self.start_slack.missing + faint) * len(first)
         most = float(np.max(np.abs(values) + errors))
-        error = math.fsum(weights * (errors + relative * np.abs(values))) * (1 + 1e-12) + lost * most
+        lost = lost * most + (FLOOR if most else 0.0)
+        error = math.fsum(weights * (errors + relative * np.abs(values))) * (1 + 1e-12) + lost
         return Enclosure.around(math.fsum(weights * values), error)
 
     # -- policies -----------------------------------------------------------------------------------------------------
@@ -278,7 +276,8 @@ class Bounded:
         slack = Slack.of(drawn, model.task.builder)
         terms = count(drawn, {})  # so many may have been added up
         relative, off = slack.relative + (8 + terms) * UNIT, slack.absolute * terms + slack.missing
-        return Policy(table, table * relative + off if drawn else None)
+        faint = np.where((table > 0) & (table < FAINT), TINIEST * terms, 0.0)
+        return Policy(table, table * relative + off + faint if drawn else None)
 
     def preference(self, policy: Policy, wanted: Array) -> Array:
         """In each state (S,): 1 where the most frequent action is a wanted one, -1 where not, 0 where both are alike.

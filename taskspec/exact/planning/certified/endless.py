@@ -19,14 +19,14 @@ import numpy as np
 
 from taskspec.exact.model.failure import refuse, scipy_sparse
 from taskspec.exact.model.model import Model
-from taskspec.exact.planning.certified.bounded import FLOOR, Bounded
+from taskspec.exact.planning.certified.bounded import Bounded
 from taskspec.exact.planning.certified.chains import Chain
 from taskspec.exact.planning.certified.components import idle_components, leading_to
 from taskspec.exact.planning.certified.enclosure import Enclosure
 from taskspec.exact.planning.certified.following import Bound, Policy
 from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.certified.search import REST, Search
-from taskspec.exact.planning.certified.slack import QUIET, UNIT
+from taskspec.exact.planning.certified.slack import FLOOR, QUIET, UNIT
 
 Array = np.ndarray[Any, Any]
 ROUNDS = 200
@@ -222,6 +222,7 @@ class Endless(Bounded):
         off = (
             0.0 if spread is None else np.where(spread > np.abs(part.reward), part.reward_error(slice(None)), 0.0)[here]
         )
+        off = off + part.hidden
         low, high = value.value - value.error, value.value + value.error
         if (paid - off >= 0).all():
             low = np.maximum(low, 0.0)

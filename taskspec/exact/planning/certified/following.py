@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.planning.certified.slack import UNIT
+from taskspec.exact.planning.certified.slack import FLOOR, UNIT
 
 Array = np.ndarray[Any, Any]
 
@@ -42,6 +42,11 @@ class Policy:
         is_one = bool(((self.table == 0) | taken).all() and (taken.sum(axis=0) == 1).all())
         return taken.argmax(axis=0) if is_one else None
 
+    @cached_property
+    def mixed(self) -> Array:
+        """States (S,) in which values are weighed, as more than one action may be taken."""
+        return np.asarray(((self.table != 0).sum(axis=0) > 1) | (self.table.max(axis=0) != 1))
+
     def of(self, some: slice) -> Policy:
         """What it is in some states."""
         error = None if self.error is None else self.error[:, some]
@@ -52,14 +57,16 @@ def followed(policy: Policy, each: Iterable[Bound]) -> Bound:
     """The value of acting by a policy, from the values (S,) of each action."""
     p, size = policy.table, policy.table.shape[1]
     value, error, sizes, off = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
-    rounding = np.where(p.max(axis=0) == 1, 0.0, (len(p) + 4) * UNIT)
-    is_rounded = bool(rounding.any())
+    is_rounded, is_exact = bool(policy.mixed.any()), policy.error is None
+    worth = np.zeros(size, np.bool_)  # where something is weighed that is not 0
     low, high = np.full(size, np.inf), np.full(size, -np.inf)
     for action, q in enumerate(each):
         value += _weighed(p[action], q.value)
         error += _weighed(p[action], q.error)
         if is_rounded:
             sizes += _weighed(p[action], np.abs(q.value))
+        if is_rounded or not is_exact:
+            worth |= ((q.value != 0) | (q.error != 0)) & ((p[action] != 0) | (not is_exact))
         if policy.error is not None:
             off += _weighed(policy.error[action], np.abs(q.value) + q.error)
         if policy.open is not None:
@@ -67,9 +74,10 @@ def followed(policy: Policy, each: Iterable[Bound]) -> Bound:
             high = np.where(policy.open[action], np.maximum(high, q.value + q.error), high)
     error *= 1 + (len(p) + 4) * 4 * UNIT
     if is_rounded:
-        error += rounding * sizes
-    if policy.error is not None:
+        error += np.where(policy.mixed, (len(p) + 4) * UNIT, 0.0) * sizes
+    if not is_exact:
         error += off * (1 + 1e-12)
+    error[worth & (policy.mixed | (not is_exact))] += FLOOR
     return Bound(value, error) if policy.open is None else _whichever(policy.open, low, high, Bound(value, error))
 
 

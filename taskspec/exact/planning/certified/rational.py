@@ -132,6 +132,8 @@ class Rational:
 
     def _enumerated(self, steps: Steps) -> list[_Step]:
         model = self.model
+        if steps.is_faint:
+            raise Inexact
         size = model.n_states * model.n_actions * steps.branching
         if model.horizon is None or size * len(model.steps) > MOST_OUTCOMES:
             raise Inexact

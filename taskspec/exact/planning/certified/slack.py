@@ -17,6 +17,11 @@ UNIT = 2.0**-53
 """The relative error of one rounded operation."""
 COMPUTED = 8 * UNIT
 """The error allowed for a probability that an expression computes, as `1 - s / 10`."""
+FLOOR = 1e-300
+"""More than what products that are too small for a float can lose."""
+FAINT = 1e-20
+TINIEST = 1e-320
+"""More than a probability that no float holds may be off by: it counts as the smallest float (`variates.outcomes.FAINTEST`)."""
 QUIET = np.errstate(over="ignore", invalid="ignore")
 """Values that no float holds are infinite, or none, and have no finite bounds: that is told of the answer."""
 TAIL = 1e-20

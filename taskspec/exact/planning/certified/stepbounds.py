@@ -18,7 +18,7 @@ class StepBounds:
 
     `c` bounds the rounding of a row relative to its size, and `lost` what is missing of it for values of size 1; with
     `faint` probabilities even values that are not 0 may leave no trace in a product. A reward whose `sizes` are expected to
-    be so large is off by `paid` of them, and by `beyond`.
+    be so large is off by `paid` of them, and by `beyond`; `hidden` of it may be paid where the reward seems to be 0.
     """
 
     step: Step
@@ -30,6 +30,7 @@ class StepBounds:
     inflate: float
     lost: float
     faint: bool
+    hidden: float = 0.0
 
     def of(self, rows: Array) -> StepBounds:
         """Some rows alone."""
