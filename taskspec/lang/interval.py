@@ -64,6 +64,36 @@ def certain(root: Node, known: dict[int, Range]) -> Interval:
     return ranges(root, known, _certain_step)[:2]
 
 
+SINGLE = 2.0**-21
+"""By more of its size an operation on single floats is not off: eight units of their last place."""
+
+
+def single(root: Node) -> Interval:
+    """Bounds that hold in single floats as well, which JAX computes in."""
+    return ranges(root, {}, single_step)[:2]
+
+
+def single_step(node: Node, args: Args) -> Range:
+    """`step`, with every real rounded outwards by more than an operation on single floats may be off."""
+    found = step(node, args)
+    terms = max((c.type.size for c in children(node)), default=1) if _adds_up(node) else 1
+    return outwards(found, terms, any(a.low < 0 < a.high for a in args)) if node.type.kind is Kind.REAL else found
+
+
+def outwards(found: Range, terms: int = 1, cancels: bool = False) -> Range:
+    """What is known of reals in single floats, of so many `terms` added up or multiplied, which may cancel."""
+    low, high = abs(found.low), abs(found.high)
+    if terms > 1 and cancels:
+        low = high = max(low, high)
+    if math.isinf(low + high):
+        return found
+    return found._replace(low=found.low - SINGLE * terms * low, high=found.high + SINGLE * terms * high)
+
+
+def _adds_up(node: Node) -> bool:
+    return isinstance(node, Apply) and node.op in ("sum", "prod", "cumsum")
+
+
 def _certain_step(node: Node, args: Args) -> Range:
     found = step(node, args)
     match node:

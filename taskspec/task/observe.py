@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from taskspec.lang.builder import Builder
-from taskspec.lang.interval import bounds
+from taskspec.lang.interval import bounds, single
 from taskspec.lang.ir import Apply, Node, Read, Role
 from taskspec.lang.ranges import Interval
 from taskspec.lang.scope import Value
+from taskspec.lang.types import Kind
 from taskspec.task.reach import over
 from taskspec.task.task import Component
 
@@ -61,8 +62,10 @@ class Observed:
             case Apply(op="vector" | "concat", args=args):
                 return [edge for arg in args for edge in self.edges(arg)]
             case _:
+                # An int may come from reals, and JAX has others: the space has room for what any backend shows.
+                edge = single(node) if node.type.kind is Kind.INT else self.builder.bounds(node)
                 return self._tight(
-                    [self.builder.bounds(node)] * node.type.size,
+                    [edge] * node.type.size,
                     bounds(node, over([node], self.reached)),
                 )
 

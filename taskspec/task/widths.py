@@ -6,17 +6,19 @@ what reads a state may rely on its range: indices that it keeps in a vector are 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from taskspec.diagnostics import Collector, Placed
 from taskspec.lang import interval
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, walk
 from taskspec.lang.operators import OPERATORS
-from taskspec.lang.ranges import INF, Interval, Range
+from taskspec.lang.ranges import INF, Args, Interval, Range
 from taskspec.lang.types import INT_MAX, INT_WIDEST, Kind
 from taskspec.task.reach import reach
 from taskspec.task.task import Component
+
+Rule = Callable[[Node, Args], Range]
 
 
 def kept(builder: Builder, c: Component, node: Node) -> Node:
@@ -55,14 +57,16 @@ def _may_grow(c: Component, edge: Interval) -> bool:
     return c.type.kind is Kind.INT and endless and not (edge[0] >= -INT_MAX and edge[1] <= INT_MAX)
 
 
-def widest(roots: Iterable[Node], limit: int = INT_WIDEST, reads: Mapping[int, Range] | None = None) -> float:
+def widest(
+    roots: Iterable[Node], limit: int = INT_WIDEST, reads: Mapping[int, Range] | None = None, step: Rule = interval.step
+) -> float:
     """The largest magnitude that some int below the roots may have, where it is beyond a limit; else 0.
 
-    `reads` says more of some reads, by id, than their declarations do.
+    `reads` says more of some reads, by id, than their declarations do; `step` is the arithmetic, such as that of single floats.
     """
     known: dict[int, Range] = {}
     for node in walk(roots):
-        low, high, finite = (reads or {}).get(id(node)) or interval.step(node, [known[id(c)] for c in children(node)])
+        low, high, finite = (reads or {}).get(id(node)) or step(node, [known[id(c)] for c in children(node)])
         if node.type.kind is Kind.INT:
             if isinstance(node, Read | Draw) or (
                 isinstance(node, Apply) and node.op in OPERATORS and OPERATORS[node.op].rounds

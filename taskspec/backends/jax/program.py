@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from taskspec.backends.jax.pack import DTYPES
 from taskspec.backends.lowering.hoist import compared, word_names
 from taskspec.backends.lowering.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.lang.interval import outwards, single_step
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.ranges import INF, Range
@@ -177,10 +178,16 @@ def _check_ints(task: Task, roots: Sequence[Node]) -> None:
         (low, high), (first, last) = reached[c.name], task.builder.bounds(start)
         reached[c.name] = (min(first, -LONG) if low == -INF else low, max(last, LONG) if high == INF else high)
     counts = {id(n): Range(0, LONG) for n in walk(roots) if _is_endless(task, n)}
-    most = widest(roots, INT_MAX, over(roots, reached) | counts)
+    inside = {id(n): outwards(r) if n.type.kind is Kind.REAL else r for n, r in _read(roots, over(roots, reached))}
+    most = widest(roots, INT_MAX, inside | counts, single_step)
     if most:
         message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
         raise SpecError([Diagnostic("E715", None, message, 'use the backend "numba" or "numpy"')])
+
+
+def _read(roots: Sequence[Node], known: Mapping[int, Range]) -> Iterator[tuple[Node, Range]]:
+    """The reads below the roots of which something is known, with that."""
+    return ((node, known[id(node)]) for node in walk(roots) if id(node) in known)
 
 
 def _is_endless(task: Task, node: Node) -> bool:
