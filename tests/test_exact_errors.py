@@ -10,7 +10,7 @@ import pytest
 from taskspec.cli.checking import check_file
 from taskspec.cli.targets import File
 from taskspec.diagnostics import CODES, SpecError
-from taskspec.exact import extract
+from taskspec.exact import Results, extract
 from taskspec.source import read_text
 from taskspec.task.build import build
 
@@ -60,3 +60,14 @@ def test_the_draw_with_infinitely_many_outcomes_is_named() -> None:
         text = WALK.replace("DRAWN", drawn)
         with pytest.raises(SpecError, match=r"a step draws from a (normal|exponential) distribution"):
             extract(build(read_text(text, "walk.yaml")))
+
+
+def test_a_reward_without_a_bound_in_a_tail_is_named_with_what_would_bound_it() -> None:
+    text = (
+        "{taskspec: 1, name: Lost, state: {s: {type: int, low: 0, high: 2}}, action: {a: {type: int, low: 0, high: 2}},\n"
+        "noise: {d: Poisson(2)}, horizon: 3, initial: {s: 1}, dynamics: {s': 'min(max(s - d, 0) + a, 2)'}, reward: REWARD}"
+    )
+    found = Results(build(read_text(text.replace("REWARD", "-d"))))
+    assert found.optimal is None and found.why_not is not None and "`min(draw, 100)`" in found.why_not
+    bounded = Results(build(read_text(text.replace("REWARD", "'-min(d, 100)'"))))
+    assert bounded.optimal is not None and abs(bounded.optimal.value + 6) < 1e-9

@@ -20,7 +20,7 @@ from taskspec.exact.model.failure import refuse
 from taskspec.exact.model.model import Model
 from taskspec.exact.planning.certified.enclosure import Enclosure, NoNumber, rounded
 from taskspec.exact.planning.certified.rule import Rule
-from taskspec.exact.planning.certified.solver import Solvers
+from taskspec.exact.planning.certified.solver import Solvers, why_endless
 from taskspec.exact.planning.plans import Greedy, Plan, Uniform, rule_of, tables
 from taskspec.exact.scoring.statuses import OfNumber
 from taskspec.exact.simulation.confidence import CUT, mean_interval, return_range
@@ -228,7 +228,7 @@ class Results:
         solver = self.solvers.of(rule, as_written)
         found = solver.worst() if rule is None else solver.value(rule)
         if not (math.isfinite(rounded(found.low)) and math.isfinite(rounded(found.high))):
-            refuse("it has no finite value that floats could hold")
+            refuse(why_endless(solver))
         return found
 
     def sample(self, which: str, episodes: int | None = None) -> Return | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from functools import cached_property
@@ -176,3 +177,14 @@ def _in_floats(model: Model) -> Solver:
     from taskspec.exact.planning.certified.endless import Endless
 
     return Endless(model)
+
+
+def why_endless(solver: Solver) -> str:
+    """Why a value has no finite bounds, in words."""
+    numbers = solver.numbers
+    if isinstance(numbers, Bounded) and math.isinf(numbers.slack.beyond):
+        return (
+            "the reward grows without a bound with a draw that has infinitely many outcomes; "
+            "`min(draw, 100)` in its place would bound it"
+        )
+    return "it has no finite value that floats could hold"
