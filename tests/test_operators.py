@@ -261,6 +261,15 @@ def test_samples_of_structure(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
+def test_axes_of_functions_are_those_of_what_they_give(name: str) -> None:
+    for sample in FUNCTIONS[name].samples:
+        b = Builder()
+        nodes = constants(b, [Argument.of(v) for v in sample])
+        found = FUNCTIONS[name].build(b, nodes)
+        assert FUNCTIONS[name].axes([len(n.type.shape) for n in nodes]) == len(found.type.shape), sample
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
 def test_samples_of_functions(name: str) -> None:
     function = FUNCTIONS[name]
     assert function.samples

@@ -30,6 +30,7 @@ N = Notation(
     symbols={name: symbol(name) for name in ("s", "a", "L", "B", "M", "x", "y", "theta", "p", "mean", "c")},
     lengths={"s": parse(nowhere("2 * L")), "p": parse(nowhere("K"))},
     labels={"move": {"up": m.Ident("U")}},
+    axes={"W": 2},
 )
 
 
@@ -57,7 +58,8 @@ def written(source: str) -> str:
         ("sum(s)", r"\sum_{i = 0}^{2L - 1} s_i"),
         ("argmax(p)", r"\arg\max_i\,p_i"),
         ("count(v == sort(v))", r"\text{\#}\{i : \,v_i = {\mathrm{sort}(v)}_i\}"),
-        ("argmax(s[0])", r"\arg\max_i\,s_{0, i}"),
+        ("argmax(W[0])", r"\arg\max_i\,W_{0, i}"),
+        ("sum(W)", r"\sum_{i, j} W_{i, j}"),
         ("norm1(x - y)", r"\lVert x - y \rVert_1"),
         ("x * sin(y)", r"x\,\sin (y)"),
         ("abs(x)", r"\lvert x \rvert"),

@@ -8,6 +8,7 @@ from typing import Any
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import is_distribution
+from taskspec.printers.elements import renamed
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,20 +57,5 @@ def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
     inner = go(expr)
     if len(found) == 1:  # one draw needs no number
         ((name, alone),) = found
-        return Drawn(_rename(inner, f"{prefix}_1", prefix), ((_rename(name, f"{prefix}_1", prefix), alone),))
+        return Drawn(renamed(inner, f"{prefix}_1", prefix), ((renamed(name, f"{prefix}_1", prefix), alone),))
     return Drawn(inner, tuple(found))
-
-
-def _rename(node: Any, old: str, new: str) -> Any:
-    match node:
-        case tuple():
-            return tuple(_rename(x, old, new) for x in node)
-        case s.Name(id=name) if name == old:
-            return dataclasses.replace(node, id=new)
-        case s.Place():
-            return node
-        case _ if dataclasses.is_dataclass(node) and not isinstance(node, type):
-            changes = {f.name: _rename(getattr(node, f.name), old, new) for f in dataclasses.fields(node)}
-            return dataclasses.replace(node, **changes)
-        case _:
-            return node

@@ -8,10 +8,11 @@ from functools import cached_property
 from itertools import groupby
 from typing import Any
 
-from taskspec.appendix.draws import is_draw, shows_chances, take_apart
+from taskspec.appendix.draws import Drawn, is_draw, shows_chances, take_apart
 from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
-from taskspec.printers.expressions import condition, mathematics
+from taskspec.printers.elements import rank
+from taskspec.printers.expressions import ExpressionWriter, condition, mathematics
 from taskspec.printers.idioms import interval
 from taskspec.printers.names import expression, of_task
 from taskspec.printers.notation import Notation
@@ -69,10 +70,20 @@ class Writing:
             sign = "=" if shows_chances(expr) else "∼"
             return m.Row((left, m.Sym(sign), self.math(expr, of)))
         apart = take_apart(expr, self._free("xi"))
-        parts: list[m.Math] = [left, m.Sym("="), self.math(apart.expr, of)]
+        notation = self._drawing(apart)
+        parts: list[m.Math] = [left, m.Sym("="), self.math(apart.expr, of, notation)]
         for name, draw in apart.draws:
-            parts += [m.Sym(","), m.Gap("wide"), mathematics(name, self.notation), m.Sym("∼"), self.math(draw)]
+            parts += [m.Sym(","), m.Gap("wide"), mathematics(name, notation), m.Sym("∼"), self.math(draw)]
         return m.Row(tuple(parts))
+
+    def _drawing(self, apart: Drawn) -> Notation:
+        """The notation of an expression in which names stand for draws."""
+        axes = {}
+        for name, draw in apart.draws:
+            whole, indices = (name.value, name.indices) if isinstance(name, s.Subscript) else (name, ())
+            assert isinstance(whole, s.Name)
+            axes[whole.id] = rank(ExpressionWriter(self.notation), draw) + len(indices)
+        return self.notation.with_axes(axes)
 
     def _free(self, name: str) -> str:
         return name if name not in self.notation.symbols else "zeta"

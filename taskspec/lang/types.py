@@ -69,6 +69,11 @@ class Domain:
         return self.labels.index(label) if label in self.labels else None
 
 
+def shape(type_: Type, domain: Domain | None) -> Shape:
+    """The shape of a value as arithmetic sees it: a mapped choice is what its label stands for."""
+    return type_.shape if domain is None or domain.value_type is None else domain.value_type.shape
+
+
 BOOLEAN_LABELS = ("false", "true")
 
 

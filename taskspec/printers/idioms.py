@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
@@ -11,66 +10,11 @@ from taskspec.lang.operators import INFIX
 from taskspec.lang.operators.levels import Level
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
+from taskspec.printers.elements import indices, pointwise, rank, under
 from taskspec.printers.notation import Writer
 from taskspec.printers.pieces import Piece, applied, fill, operands
 
-_VECTORS = frozenset({"sort", "argsort", "cumsum", "reverse", "concat", "swap", "put"})
-_INDICES = "ijkmlnrqu"
-
-
 # -- element by element -----------------------------------------------------------------------------------------------
-
-
-def is_vector(w: Writer, expr: s.Expr) -> bool:
-    """Whether an expression is a vector as far as its form tells."""
-    match expr:
-        case s.Name(id=name, primed=primed):
-            known = name in w.notation.lengths
-            return name not in w.notation.singles and (known or (name not in w.notation.symbols and not primed
-                                                                 and w.notation.label(name, w.of) is None))  # fmt: skip
-        case s.Call(function=name):
-            return name in _VECTORS
-        case s.Subscript(indices=indices):
-            return any(isinstance(i, s.Slice) for i in indices)
-        case s.Binary(left=a, right=b):
-            return is_vector(w, a) or is_vector(w, b)
-        case s.Unary(operand=a):
-            return is_vector(w, a)
-        case s.Compare(first=a, rest=rest):
-            return is_vector(w, a) or any(is_vector(w, x) for _, x in rest)
-        case _:
-            return False
-
-
-def element(w: Writer, expr: s.Expr, index: s.Name) -> s.Expr:
-    """The element at an index of a vector expression, with the index on its leaves."""
-    if not is_vector(w, expr):
-        return expr
-    match expr:
-        case s.Binary(left=a, right=b):
-            return replace(expr, left=element(w, a, index), right=element(w, b, index))
-        case s.Unary(operand=a):
-            return replace(expr, operand=element(w, a, index))
-        case s.Compare(first=a, rest=rest):
-            return replace(expr, first=element(w, a, index), rest=tuple((op, element(w, x, index)) for op, x in rest))
-        case _:
-            return s.Subscript(expr, (index,), expr.place)
-
-
-def _index(w: Writer, expr: s.Expr) -> s.Name:
-    """A letter for an index that the expression does not use, neither as a name nor as what a name looks like."""
-    used = [x for x in s.names(expr) if isinstance(x, s.Name)]
-    taken: set[object] = {x.id for x in used} | {w.notation.symbol(x.id) for x in used}
-    letters = (i for i in _INDICES if i not in taken and m.Ident(i) not in taken)
-    return s.Name(next(letters, "ι"), False, expr.place)
-
-
-def _pointwise(w: Writer, expr: s.Expr) -> tuple[m.Math, s.Expr] | None:
-    """An index and the element at it, for a vector that is best written element by element."""
-    if not is_vector(w, expr):
-        return None
-    index = _index(w, expr)
-    return w.notation.symbol(index.id), element(w, expr, index)
 
 
 def _quantifier(sign: str, conjunction: str) -> Callable[[Writer, s.Call], Piece | None]:
@@ -82,14 +26,14 @@ def _quantifier(sign: str, conjunction: str) -> Callable[[Writer, s.Call], Piece
             )
         if isinstance(arg, s.Comprehension):
             head = m.Row((m.Sym(sign), m.joined([*_domains(w, arg), *_conditions(w, arg)])))
-            return applied("quantifier", m.Row((head, m.Sym(":"), m.Gap(), w.truth(arg.element).tree)))
-        found = _pointwise(w, arg)
+            return applied("quantifier", m.Row((head, m.Sym(":"), m.Gap(), under(w, arg).truth(arg.element).tree)))
+        found = pointwise(w, arg)
         if found is None:
             return None
-        index, inner = found
+        of, index, inner = found
         if conjunction == "and" and isinstance(arg, s.Compare) and [op for op, _ in arg.rest] == ["=="]:
             return w.piece(arg)  # two vectors are equal
-        return applied("quantifier", m.Row((m.Sym(sign), index, m.Sym(":"), m.Gap(), w.truth(inner).tree)))
+        return applied("quantifier", m.Row((m.Sym(sign), index, m.Sym(":"), m.Gap(), of.truth(inner).tree)))
 
     return write
 
@@ -99,13 +43,15 @@ def _count(w: Writer, call: s.Call) -> Piece | None:
     if isinstance(arg, s.Comprehension):
         if not all(_are_distinct(clause.domain) for clause in arg.clauses):
             return _over_domains(w, arg, "∑")
-        such = m.joined([*_conditions(w, arg), w.truth(arg.element).tree])
+        such = m.joined([*_conditions(w, arg), under(w, arg).truth(arg.element).tree])
         return Piece(m.Row((m.Words("#"), m.braces(m.Row((m.joined(_domains(w, arg)), m.Sym(":"), m.Gap(), such))))))
-    found = _pointwise(w, arg)
+    found = pointwise(w, arg)
     if found is None:
         return None
-    index, inner = found
-    return Piece(m.Row((m.Words("#"), m.braces(m.Row((index, m.Sym(":"), m.Gap(), w.truth(inner).tree))))))
+    of, index, inner = found
+    if rank(w, arg) > 1:
+        index = m.brackets(index)
+    return Piece(m.Row((m.Words("#"), m.braces(m.Row((index, m.Sym(":"), m.Gap(), of.truth(inner).tree))))))
 
 
 def _total(sign: str) -> Callable[[Writer, s.Call], Piece | None]:
@@ -116,11 +62,11 @@ def _total(sign: str) -> Callable[[Writer, s.Call], Piece | None]:
             ranged = _over_domains(w, arg, sign)
         if ranged is not None:
             return ranged
-        found = _pointwise(w, arg)
+        found = pointwise(w, arg)
         if found is None:
             return None
-        index, inner = found
-        return _big(m.Big(sign, index), w.number(inner))
+        of, index, inner = found
+        return _big(m.Big(sign, index), of.number(inner))
 
     return write
 
@@ -135,14 +81,14 @@ def _over_range(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
         case s.Comprehension(is_set=False, element=inner, clauses=(s.Clause((name,), s.Call("range", (n,)), ()),)):
             index = w.notation.symbol(name)
             low, high = m.Row((index, m.Sym("="), m.Num("0"))), less_one(w, n)
-            return _big(m.Big(sign, low, high), w.number(inner))
+            return _big(m.Big(sign, low, high), under(w, arg).number(inner))
         case _:
             return None
 
 
 def _over_domains(w: Writer, arg: s.Comprehension, sign: str) -> Piece:
     """Sum of any other comprehension: one term for each value of its variables, equal ones included."""
-    return _big(m.Big(sign, m.joined([*_domains(w, arg), *_conditions(w, arg)])), w.number(arg.element))
+    return _big(m.Big(sign, m.joined([*_domains(w, arg), *_conditions(w, arg)])), under(w, arg).number(arg.element))
 
 
 def _over_slice(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
@@ -150,9 +96,9 @@ def _over_slice(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
     match arg:
         case s.Subscript(value=s.Name() as name, indices=(s.Slice(start=start, stop=stop, step=None),)):
             end = stop if stop is not None else w.notation.lengths.get(name.id)
-            if end is None or name.id in w.notation.singles:
+            if end is None or rank(w, name) != 1:
                 return None
-            index = _index(w, s.Vector((name, end, start or end), arg.place))
+            (index,) = indices(w, s.Vector((name, end, start or end), arg.place))
             first = m.Num("0") if start is None else w.number(start).tree
             low = m.Row((w.notation.symbol(index.id), m.Sym("="), first))
             return _big(m.Big(sign, low, less_one(w, end)), w.piece(s.Subscript(name, (index,), arg.place)))
@@ -169,31 +115,32 @@ def _over_name(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
 
 def _extreme(name: str) -> Callable[[Writer, s.Call], Piece | None]:
     def write(w: Writer, call: s.Call) -> Piece | None:
-        found = _pointwise(w, call.args[0]) or _row_of(w, call.args[0])
+        found = pointwise(w, call.args[0]) if rank(w, call.args[0]) == 1 else None
         if found is None:
-            return None
-        index, inner = found
+            return None  # of a matrix it is a place in all its rows, one after the other
+        of, index, inner = found
         head = m.Script(m.upright(name), index)
-        return applied("extreme", m.Row((head, m.Gap(), *operands("extreme", [w.number(inner)]))))
+        return applied("extreme", m.Row((head, m.Gap(), *operands("extreme", [of.number(inner)]))))
 
     return write
-
-
-def _row_of(w: Writer, expr: s.Expr) -> tuple[m.Math, s.Expr] | None:
-    """A row of a matrix, `x[i]`, as a vector."""
-    match expr:
-        case s.Subscript(value=s.Name(id=name), indices=indices) if name in w.notation.lengths:
-            index = _index(w, expr)
-            return w.notation.symbol(index.id), replace(expr, indices=(*indices, index))
-        case _:
-            return None
 
 
 def _where(w: Writer, call: s.Call) -> Piece | None:
     if len(call.args) != 3:
         return None
     test, then, otherwise = call.args
+    if rank(w, test):
+        return by_elements(w, call)
     return w.piece(s.IfElse(test, then, otherwise, call.place))
+
+
+def by_elements(w: Writer, expr: s.Expr) -> Piece | None:
+    """A vector as a family of its elements, with their index below; None for a single value."""
+    found = pointwise(w, expr)
+    if found is None:
+        return None
+    of, index, inner = found
+    return Piece(m.Script(m.brackets(of.number(inner).tree), index))
 
 
 def _range(w: Writer, call: s.Call) -> Piece | None:
@@ -223,7 +170,7 @@ def _parts(w: Writer, parts: Iterable[s.Expr]) -> Iterator[s.Expr]:
         match part:
             case s.Call(function="concat", args=inner):
                 yield from _parts(w, inner)
-            case s.Vector(items=items) if not any(isinstance(x, s.Comprehension) or is_vector(w, x) for x in items):
+            case s.Vector(items=items) if all(isinstance(x, s.Vector) or not rank(w, x) for x in items):
                 yield from items
             case _:
                 yield part
@@ -265,7 +212,7 @@ def interval(low: m.Math, high: m.Math) -> m.Math:
 def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
     """A set-builder; a vector's comprehension as a family with its index below."""
     targets, domains, conditions = [_target(w, c) for c in expr.clauses], _domains(w, expr), _conditions(w, expr)
-    inner = w.number(expr.element).tree
+    inner = under(w, expr).number(expr.element).tree
     if not expr.is_set:
         return m.Script(m.brackets(inner), m.joined([*domains, *conditions]))
     if len(targets) == 1 and targets[0] == inner:
@@ -282,7 +229,7 @@ def _domains(w: Writer, expr: s.Comprehension) -> list[m.Math]:
 
 
 def _conditions(w: Writer, expr: s.Comprehension) -> list[m.Math]:
-    return [w.truth(x).tree for c in expr.clauses for x in c.conditions]
+    return [under(w, expr).truth(x).tree for c in expr.clauses for x in c.conditions]
 
 
 def _are_distinct(domain: s.Expr) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import literal, parse
+from taskspec.lang.types import shape
 from taskspec.printers import tree as m
 from taskspec.printers.notation import Notation
 from taskspec.printers.symbols import label, symbol
@@ -26,7 +27,27 @@ def of_task(task: Task) -> Notation:
             for name, entry in (task.spec.state | task.spec.action | task.spec.memory).items()
             if (expr := _length(entry.shape)) is not None
         },
+        axes=_axes(task),
+        bodies={
+            name: (arguments, expr)
+            for written, expr in (task.surface.sections.get("definitions") or {}).items()
+            for name, arguments in [signature(written)]
+            if arguments is not None and expr is not None
+        },
     )
+
+
+def _axes(task: Task) -> dict[str, int]:
+    """How many axes every name of a task has; a vector of one element is written like a number."""
+    components = (*task.state, *task.action, *(() if task.memory is None else task.memory.components))
+    return {
+        **dict.fromkeys((p.name for p in task.parameters), 0),
+        **{name: len(value.type.shape) for name, value in task.fixed.items()},
+        **{name: len(found) for name, found in task.surface.shapes.items()},
+        **{c.name: len(found) * (found != (1,)) for c in components for found in [shape(c.type, c.domain)]},
+        "t": 0,
+        "T": 0,
+    }
 
 
 def _symbols(task: Task) -> Iterator[tuple[str, m.Math]]:

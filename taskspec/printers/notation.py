@@ -21,6 +21,8 @@ class Notation:
     conditions: frozenset[str] = frozenset()  # names of conditions without a value of their own
     singles: frozenset[str] = frozenset()  # vectors of one element, written like a number
     lengths: Mapping[str, s.Expr] = field(default_factory=dict)  # of vectors, symbolic
+    axes: Mapping[str, int] = field(default_factory=dict)  # how many a name has: 0 for a single value
+    bodies: Mapping[str, tuple[tuple[str, ...], s.Expr]] = field(default_factory=dict)  # definitions with arguments
     events: Mapping[str, str] = field(
         default_factory=dict
     )  # functions of a condition `under` a policy, and which by default
@@ -38,6 +40,9 @@ class Notation:
 
     def with_symbols(self, more: Mapping[str, m.Math]) -> Notation:
         return replace(self, symbols={**self.symbols, **more})
+
+    def with_axes(self, more: Mapping[str, int]) -> Notation:
+        return replace(self, axes={**self.axes, **more})
 
 
 @dataclass(frozen=True)

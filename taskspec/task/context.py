@@ -13,7 +13,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Binding, Lazy, Scope, Value
-from taskspec.lang.types import Domain, Refused
+from taskspec.lang.types import Domain, Refused, Shape, shape
 from taskspec.task.assign import assign
 from taskspec.task.declare import Declarations
 from taskspec.task.forms import Forms
@@ -41,6 +41,7 @@ class Context:
         self.exprs: dict[str, Any] = {}  # parsed sections
         self.scopes: list[Scope] = []  # every scope made, for what was used
         self.named_scopes: dict[str, Scope] = {}
+        self.shapes: dict[str, Shape] = {}  # of definitions and of noise
         self._busy: list[str] = []  # names that are being expanded
 
     def constant_scope(self, why_no_draws: str | None = None) -> Scope:
@@ -53,7 +54,7 @@ class Context:
         """What the author wrote, and what each part of it came to."""
         checker, sections = self.checker, {id(scope): name for name, scope in self.named_scopes.items()}
         meanings = {(sections[at], part): found for (part, at), found in checker.found.items() if at in sections}
-        return Surface(self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings)
+        return Surface(self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes)
 
     def place(self, *path: str) -> s.Place:
         """A whole section as a place."""
@@ -66,6 +67,11 @@ class Context:
         ends = (low if isinstance(low, int) else -math.inf, high if isinstance(high, int) else math.inf)
         node = self.builder.read(role, c.name, c.type, c.least, c.most)
         return Value(node, c.domain, late=True, ends=ends)  # late even where it has no elements and is a constant
+
+    def shaped(self, name: str, value: Value) -> Value:
+        """A definition's or a noise's value, whose shape the printers ask for."""
+        self.shapes[name] = shape(value.node.type, value.domain)
+        return value
 
     # -- names worked out on first use ----------------------------------------------------------------------------
 

@@ -233,7 +233,7 @@ class Names:
             leave = self.context.guard(name, expr)
             try:
                 with builder.written() as draws:
-                    value = self.context.checker.value(expr, self.scope("noise"))
+                    value = self.context.shaped(name, self.context.checker.value(expr, self.scope("noise")))
             finally:
                 leave()
             self._noise[name] = replace(value, late=True), tuple(draws.values())
@@ -261,15 +261,15 @@ class Names:
             if expr is None:
                 bindings[name] = context.lazy(name, poison)
             elif arguments is None:
-                bindings[name] = context.lazy(name, lambda e=expr: self._without_draws(e, scope))  # type: ignore[misc]
+                bindings[name] = context.lazy(name, lambda n=name, e=expr: self._without_draws(n, e, scope))  # type: ignore[misc]
             else:
                 enter = lambda at, n=name: context.guard(n, at)  # noqa: E731
                 bindings[name] = FunctionDef(name, arguments, expr, scope, enter)
 
-    def _without_draws(self, expr: s.Expr, scope: Scope) -> Value:
+    def _without_draws(self, name: str, expr: s.Expr, scope: Scope) -> Value:
         inner = scope.child({})
         inner.draws = NO_DRAWS
-        return named(self.context.checker.value(expr, inner), expr, scope)
+        return self.context.shaped(name, named(self.context.checker.value(expr, inner), expr, scope))
 
     # -- next values ----------------------------------------------------------------------------------------------
 

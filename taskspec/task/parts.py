@@ -10,7 +10,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Scope, Value
-from taskspec.lang.types import Domain, Kind, Type
+from taskspec.lang.types import Domain, Kind, Shape, Type
 
 __all__ = ["Component", "Parameter"]
 
@@ -231,6 +231,7 @@ class Surface:
     scopes: Mapping[str, Scope] = field(default_factory=dict, repr=False)  # names visible per section
     moved: tuple[ClampedIndex, ...] = ()  # indices that may lie outside their vectors
     meanings: Mapping[tuple[str, int], tuple[s.Expr, Value]] = field(default_factory=dict, repr=False)
+    shapes: Mapping[str, Shape] = field(default_factory=dict, repr=False)  # of definitions and of noise
 
     def meaning(self, section: str, part: s.Expr) -> Value | None:
         """What a part of a section came to when the task was built; None for one in a comprehension or a definition."""

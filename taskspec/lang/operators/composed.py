@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.operators.entry import Function, Infix
+from taskspec.lang.operators.entry import Function, Infix, no_axes, of_first
 from taskspec.lang.operators.levels import Brackets, Level
 from taskspec.lang.operators.nodes import NodeMaker
 from taskspec.lang.operators.samples import INTS, MIXED, ROWS
@@ -135,23 +135,26 @@ FUNCTIONS = (
              ((5, 0, 3), (-1.5, 0, 3), (MIXED, -1, 1)), _clip),
     Function("dot", ("x", "y"), r"{0} \cdot {1}", "Inner product of vectors; product of a matrix with a vector, or a matrix.",
              ((INTS, MIXED), (ROWS, (1, 1)), ((1, 2), ROWS), (ROWS, ROWS)), _product,
-             brackets=Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True)),
-    Function("norm1", ("x",), r"\lVert {0} \rVert_1", "Sum of absolute values.", ((INTS,), (MIXED,)), _norm1),
-    Function("norm2", ("x",), r"\lVert {0} \rVert_2", "Euclidean length.", ((INTS,), (MIXED,)), _norm2),
+             brackets=Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True), axes=lambda axes: sum(axes) - 2,
+             whole=True),
+    Function("norm1", ("x",), r"\lVert {0} \rVert_1", "Sum of absolute values.", ((INTS,), (MIXED,)), _norm1, axes=no_axes,
+             whole=True),
+    Function("norm2", ("x",), r"\lVert {0} \rVert_2", "Euclidean length.", ((INTS,), (MIXED,)), _norm2, axes=no_axes, whole=True),
     Function("concat", ("x", "*rest"), r"({*})", "Vectors (or single values) joined into one.",
-             ((INTS, INTS), (INTS, 7), (1.5, INTS)), _concat),
-    Function("reverse", ("x",), r"\operatorname{reverse}({0})", "Elements in the opposite order.", ((INTS,),), _reverse),
+             ((INTS, INTS), (INTS, 7), (1.5, INTS)), _concat, axes=lambda axes: max(1, *axes), whole=True),
+    Function("reverse", ("x",), r"\operatorname{reverse}({0})", "Elements in the opposite order.", ((INTS,),), _reverse,
+             axes=of_first, whole=True),
     Function("swap", ("x", "i", "j"), r"\operatorname{swap}_{{1},{2}}({0})", "The vector with elements i and j exchanged.",
-             ((INTS, 0, 2), (MIXED, 1, 1), (INTS, 1, 9)), _swap, indices=(1, 2)),
+             ((INTS, 0, 2), (MIXED, 1, 1), (INTS, 1, 9)), _swap, indices=(1, 2), axes=of_first, whole=True),
     Function("put", ("x", "i", "value"), r"{0}[{1} \leftarrow {2}]",
              "The vector with element i replaced; the matrix with row i, or with element (i, j) as `i`.",
              ((INTS, 1, 9), (MIXED, 0, 9), (INTS, 7, 0.5), (ROWS, 1, INTS[:2]), (ROWS, (1, 1), 0.5)), _put, indices=(1,),
-             brackets=Brackets(Level.ATOM, (Level.ATOM, Level.SCOPE))),
+             brackets=Brackets(Level.ATOM, (Level.ATOM, Level.SCOPE)), axes=of_first, whole=True),
     Function("reshape", ("x", "shape"), r"\operatorname{reshape}_{{1}}({0})", "The same elements in another shape, row by row.",
-             (((1, 2, 3, 4), (2, 2)), (ROWS, 4)), _reshape, static=(1,)),
+             (((1, 2, 3, 4), (2, 2)), (ROWS, 4)), _reshape, static=(1,), axes=lambda axes: 1 + axes[1], whole=True),
     Function("onehot", ("i", "n"), r"e_{{0}}", "Zeros of length n with a 1 at i; all zeros when i is outside.",
-             ((1, 3), (5, 3)), _onehot, static=(1,)),
-    Function("len", ("x",), r"\lvert {0} \rvert", "Number of rows, a constant.", ((INTS,),), _len),
+             ((1, 3), (5, 3)), _onehot, static=(1,), axes=lambda axes: 1, whole=True),
+    Function("len", ("x",), r"\lvert {0} \rvert", "Number of rows, a constant.", ((INTS,),), _len, axes=no_axes, whole=True),
 )  # fmt: skip
 
 INFIX = (

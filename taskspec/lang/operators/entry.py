@@ -15,6 +15,21 @@ from taskspec.lang.ranges import EVERYTHING, Args, Interval
 Build = Callable[[NodeMaker, list[Node]], Node]
 Linear = Callable[[Sequence[bool]], bool]
 """Whether a value is linear in something, from which arguments are; those are linear, and the others do not depend on it."""
+Axes = Callable[[Sequence[int]], int]
+"""How many axes a value has, from how many the arguments have."""
+
+
+def widest(axes: Sequence[int]) -> int:
+    """Of what is worked out element by element, single values stretching."""
+    return max(axes, default=0)
+
+
+def no_axes(axes: Sequence[int]) -> int:
+    return 0
+
+
+def of_first(axes: Sequence[int]) -> int:
+    return axes[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +39,7 @@ class Function:
     `arguments` are names for the reference and for messages; the last may be `*rest`. `latex` is a template over
     `{0}`, `{1}`, ...; `{*}` stands for all arguments with commas, and `brackets` says which operands need them. `static`
     arguments must be constants; `indices` are arguments that say where in the first one. `build` makes the core nodes, with
-    `applies` those of one operator.
+    `applies` those of one operator. `whole` says that it takes vectors as a whole and not element by element.
     """
 
     name: str
@@ -36,6 +51,8 @@ class Function:
     static: tuple[int, ...] = ()
     indices: tuple[int, ...] = ()
     brackets: Brackets = ENCLOSED
+    axes: Axes = widest
+    whole: bool = False
 
     @property
     def signature(self) -> str:

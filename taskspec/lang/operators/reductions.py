@@ -9,7 +9,7 @@ from typing import Any
 
 from taskspec.lang.ir import Node
 from taskspec.lang.operators import bounding, linearity
-from taskspec.lang.operators.entry import Array, Build, Function, Operator, Scalar, applies
+from taskspec.lang.operators.entry import Array, Build, Function, Operator, Scalar, applies, no_axes
 from taskspec.lang.operators.levels import Brackets, Level
 from taskspec.lang.operators.nodes import NodeMaker
 from taskspec.lang.operators.samples import INTS, MASKS, MIXED, NAN_VECTORS, VECTORS
@@ -63,6 +63,11 @@ def _extreme(two: str, many: str) -> Build:
     return build
 
 
+def _of_several(axes: Sequence[int]) -> int:
+    """Of one vector the best element, of several arguments the better ones element by element."""
+    return 0 if len(axes) == 1 else max(axes)
+
+
 _BIG = Brackets(Level.BIG, (Level.BIG,))
 _QUANTIFIED = Brackets(Level.SCOPE, (Level.ATOM,))
 _SEVERAL = ((3, 2), (1.5, -2, 4), (INTS,), (MIXED,))
@@ -74,7 +79,7 @@ TABLE = (
         scalar=Scalar("sum_({0})", chain=(" + ", "0"), names={"sum_": sum_}), array=Array("rt.sum({0})"),
         bounds=bounding.total, finite=bounding.bounded, linear=linearity.every, whole=True, wraps=True,
         function=Function("sum", ("x",), r"\textstyle\sum {0}", "Sum of all elements.", ((INTS,), (MIXED,), ((True, False),)),
-                          applies("sum"), brackets=_BIG),
+                          applies("sum"), brackets=_BIG, axes=no_axes, whole=True),
     ),
     Operator(
         name="prod", rule=reduction(number), reference=math.prod,
@@ -82,28 +87,29 @@ TABLE = (
         scalar=Scalar("prod({0})", chain=(" * ", "1"), names={"prod": math.prod}), array=Array("rt.prod({0})"),
         bounds=bounding.power, finite=bounding.bounded, whole=True, wraps=True,
         function=Function("prod", ("x",), r"\textstyle\prod {0}", "Product of all elements.", ((INTS,), (MIXED,)),
-                          applies("prod"), brackets=_BIG),
+                          applies("prod"), brackets=_BIG, axes=no_axes, whole=True),
     ),
     Operator(
         name="any", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=any,
         samples=MASKS, elementwise=False,
         scalar=Scalar("any({0})", chain=(" or ", "False")), array=Array("rt.any({0})"),
         function=Function("any", ("x",), r"\exists\,{0}", "Whether any element is true.", (((True, False),),), applies("any"),
-                          brackets=_QUANTIFIED),
+                          brackets=_QUANTIFIED, axes=no_axes, whole=True),
     ),
     Operator(
         name="all", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=all,
         samples=MASKS, elementwise=False,
         scalar=Scalar("all({0})", chain=(" and ", "True")), array=Array("rt.all({0})"),
         function=Function("all", ("x",), r"\forall\,{0}", "Whether all elements are true.", (((True, False),), ((True, True),)),
-                          applies("all"), brackets=_QUANTIFIED),
+                          applies("all"), brackets=_QUANTIFIED, axes=no_axes, whole=True),
     ),
     Operator(
         name="count", rule=reduction(conditions(Kind.INT)), promote=as_they_are, reference=sum_,
         samples=MASKS, elementwise=False,
         scalar=Scalar("sum_({0})", chain=(" + ", "0")), array=Array("rt.count({0})"),
         bounds=lambda args, node: (0, node.args[0].type.size),
-        function=Function("count", ("x",), r"\#\{{0}\}", "Number of true elements.", (((True, False, True),),), applies("count")),
+        function=Function("count", ("x",), r"\#\{{0}\}", "Number of true elements.", (((True, False, True),),), applies("count"),
+                          axes=no_axes, whole=True),
     ),
     Operator(
         name="min", rule=reduction(number, empty=False), reference=min_,
@@ -111,7 +117,7 @@ TABLE = (
         scalar=Scalar("min_({0})", whole="min({0})", names={"min_": min_}), array=Array("rt.min({0})"),
         bounds=bounding.same, whole=True,
         function=Function("min", ("x", "*rest"), r"\min({*})", "Smallest of the arguments, or of one vector's elements.",
-                          _SEVERAL, _extreme("min2", "min")),
+                          _SEVERAL, _extreme("min2", "min"), axes=_of_several),
     ),
     Operator(
         name="max", rule=reduction(number, empty=False), reference=max_,
@@ -119,20 +125,22 @@ TABLE = (
         scalar=Scalar("max_({0})", whole="max({0})", names={"max_": max_}), array=Array("rt.max({0})"),
         bounds=bounding.same, whole=True,
         function=Function("max", ("x", "*rest"), r"\max({*})", "Largest of the arguments, or of one vector's elements.",
-                          _SEVERAL, _extreme("max2", "max")),
+                          _SEVERAL, _extreme("max2", "max"), axes=_of_several),
     ),
     Operator(
         name="argmin", rule=reduction(lambda k: Kind.INT, empty=False), reference=argmin,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("argmin({0})", names={"argmin": argmin}), array=Array("rt.argmin({0})"), bounds=bounding.place,
         function=Function("argmin", ("x",), r"\operatorname{arg\,min}({0})",
-                          "Index of the smallest element, the first of equals.", ((INTS,), ((1, 0, 0),)), applies("argmin")),
+                          "Index of the smallest element, the first of equals.", ((INTS,), ((1, 0, 0),)), applies("argmin"),
+                          axes=no_axes, whole=True),
     ),
     Operator(
         name="argmax", rule=reduction(lambda k: Kind.INT, empty=False), reference=argmax,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("argmax({0})", names={"argmax": argmax}), array=Array("rt.argmax({0})"), bounds=bounding.place,
         function=Function("argmax", ("x",), r"\operatorname{arg\,max}({0})",
-                          "Index of the largest element, the first of equals.", ((INTS,), ((0, 1, 1),)), applies("argmax")),
+                          "Index of the largest element, the first of equals.", ((INTS,), ((0, 1, 1),)), applies("argmax"),
+                          axes=no_axes, whole=True),
     ),
 )  # fmt: skip

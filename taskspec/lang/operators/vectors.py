@@ -7,7 +7,7 @@ from itertools import accumulate
 from typing import Any
 
 from taskspec.lang.operators import bounding
-from taskspec.lang.operators.entry import Array, Function, Operator, Scalar, applies
+from taskspec.lang.operators.entry import Array, Function, Operator, Scalar, applies, of_first
 from taskspec.lang.operators.samples import INTS, MIXED, NAN_VECTORS, VECTORS
 from taskspec.lang.operators.signatures import as_they_are, number, vector
 from taskspec.lang.types import Kind
@@ -44,20 +44,20 @@ TABLE = (
         scalar=Scalar("sort({0})", whole="sorted({0})", names={"sort": _quick_sort}), array=Array("rt.sort({0})"),
         bounds=bounding.same, whole=True,
         function=Function("sort", ("x",), r"\operatorname{sort}({0})", "Elements in ascending order.", ((INTS,), (MIXED,)),
-                          applies("sort")),
+                          applies("sort"), axes=of_first, whole=True),
     ),
     Operator(
         name="argsort", rule=vector(lambda k: Kind.INT), promote=as_they_are, reference=argsort,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("argsort({0})", names={"argsort": _quick_argsort}), array=Array("rt.argsort({0})"), bounds=bounding.place,
         function=Function("argsort", ("x",), r"\operatorname{argsort}({0})", "Indices that sort the vector.",
-                          ((INTS,), (MIXED,), ((1, 0, 1, 0),)), applies("argsort")),
+                          ((INTS,), (MIXED,), ((1, 0, 1, 0),)), applies("argsort"), axes=of_first, whole=True),
     ),
     Operator(
         name="cumsum", rule=vector(number), reference=cumsum, samples=VECTORS, elementwise=False,
         scalar=Scalar("cumsum({0})", names={"cumsum": cumsum}), array=Array("rt.cumsum({0})"),
         bounds=bounding.running, finite=bounding.bounded, whole=True, wraps=True,
         function=Function("cumsum", ("x",), r"\operatorname{cumsum}({0})", "Running sums.", ((INTS,), (MIXED,)),
-                          applies("cumsum")),
+                          applies("cumsum"), axes=of_first, whole=True),
     ),
 )  # fmt: skip
