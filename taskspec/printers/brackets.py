@@ -2,7 +2,7 @@
 
 One table for what is printed as text, where the grammar of the language decides, and one for mathematics, where the eye does
 (operators, functions and distributions say it in their entries):
-a fraction and a floor enclose what is in them, a remainder binds less than a product, a sum sign takes the product after it,
+a fraction and a floor enclose what is in them, a remainder binds less than a sum, a sum sign takes the product after it,
 and two signs never stand side by side.
 """
 

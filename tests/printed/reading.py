@@ -1,7 +1,8 @@
 """Marks -> a value, by the conventions of printed mathematics, and strictly: what a reader could take for two things is refused.
 
 A sum or product sign takes the product that follows it, a quantifier and `arg max` all that follows; two signs never stand
-side by side; `mod` and `/` have a single factor behind them; `∧` and `∨` are not mixed without brackets.
+side by side; `mod` and `/` have a single factor behind them, and `mod` stands beside no sum, no sign and no product; `∧` and
+`∨` are not mixed without brackets.
 """
 
 from __future__ import annotations
@@ -124,18 +125,25 @@ class Reader:
     def sum(self) -> al.Value:
         if self.is_extreme():
             return self.extreme()
-        sign = self.takes("−", "+")
         start = self.at
+        signs = [sign] if (sign := self.takes("−", "+")) else []
         total = self.term()
-        if sign and Mark("mod") in self.line[start : self.at]:
-            raise Unclear("a sign before mod")
         total = al.subtract(0, total) if sign == "−" else total
         while sign := self.takes("−", "+"):
+            signs.append(sign)
             total = al.subtract(total, self.term()) if sign == "−" else al.add(total, self.term())
+        if signs and Mark("mod") in self.line[start : self.at]:
+            raise Unclear("mod beside a sign")
         return total
 
     def term(self) -> al.Value:
+        start = self.at
         left = self.product()
+        if self.sees("mod"):
+            before = self.inner(self.line[start : self.at])
+            before.factor()
+            if before.peek() is not None:
+                raise Unclear("a product before mod")
         if sign := self.takes("mod", "/"):
             right = self.factor()
             if self.sees("mod", "/", "⋅", "×") or self.starts_factor():

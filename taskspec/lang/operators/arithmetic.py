@@ -78,7 +78,7 @@ TABLE = (
         scalar=Scalar("({0} - {1})"), array=Array("({0} - {1})"),
         bounds=lambda a, n: (a[0].low - a[1].high, a[0].high - a[1].low), finite=bounding.bounded,
         linear=linearity.every, rational=True, whole=True, wraps=True,
-        infix=Infix("-", "sub", 5, "{0} - {1}", "Difference.", Brackets(Level.SUM, (Level.SUM, Level.REMAINDER), lead=True)),
+        infix=Infix("-", "sub", 5, "{0} - {1}", "Difference.", Brackets(Level.SUM, (Level.SUM, Level.BIG), lead=True)),
     ),
     Operator(
         name="mul", rule=arithmetic, reference=lambda a, b: a * b, samples=PAIRS + NANS,
@@ -123,7 +123,7 @@ TABLE = (
         bounds=bounding.remainder, finite=bounding.divided, whole=True,
         infix=Infix(
             "%", "mod", 6, r"{0} \bmod {1}", "Remainder, with the sign of the divisor.",
-            Brackets(Level.REMAINDER, (Level.PRODUCT, Level.FACTOR)),
+            Brackets(Level.REMAINDER, (Level.FACTOR,)),
         ),
     ),
     Operator(

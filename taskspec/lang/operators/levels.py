@@ -15,8 +15,8 @@ class Level(IntEnum):
     NOT = 3
     RELATION = 4
     EXTREME = 5  # the sides of relations
-    SUM = 6
-    REMAINDER = 7
+    REMAINDER = 6  # below sums: readers take a remainder of all that stands left of it
+    SUM = 7
     BIG = 8
     PRODUCT = 9
     FACTOR = 10
