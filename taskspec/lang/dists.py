@@ -59,6 +59,11 @@ class Dist:
     shaped: bool = True  # takes `shape=`
     samples: tuple[Mapping[str, float | tuple[float, ...]], ...] = ()
 
+    @property
+    def squared(self) -> tuple[str, ...]:
+        """The arguments that stand squared in mathematics."""
+        return tuple(a.name for a in self.arguments if f"{{{a.name}}}^2" in self.latex)
+
 
 def _uniform(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
     unit = b.draw("uniform", (), Type(Kind.REAL, shape))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
@@ -10,7 +11,7 @@ from taskspec.lang.operators import INFIX
 from taskspec.lang.operators.levels import Level
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
-from taskspec.printers.elements import indices, pointwise, rank, under
+from taskspec.printers.elements import element, indices, pointwise, rank, under
 from taskspec.printers.notation import Writer
 from taskspec.printers.pieces import Piece, applied, fill, operands
 
@@ -271,6 +272,8 @@ def distribution(w: Writer, call: s.Call) -> Piece:
     dist = DISTS.get(call.function, CATEGORICAL)
     given = dict(zip((a.name for a in dist.arguments), call.args, strict=False)) | dict(call.keywords)
     shape = given.pop("shape", None)
+    if any(rank(w, given[name]) for name in dist.squared if name in given):
+        return _of_elements(w, call, given)
     trees = operands(dist.name, (_argument(w, given.get(a.name), a.default) for a in dist.arguments))
     holes = dict(zip((a.name for a in dist.arguments), trees, strict=True))
     if call.function == "UniformInt":  # a few integers are written out
@@ -278,6 +281,15 @@ def distribution(w: Writer, call: s.Call) -> Piece:
     else:
         tree = fill(dist.latex, holes.items())
     return Piece(tree) if shape is None else applied("**", m.Script(m.row(tree), sup=_shape(w, shape)))
+
+
+def _of_elements(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piece:
+    """A family of distributions with their index below: a matrix of deviations is squared element by element."""
+    at = indices(w, call, max(rank(w, value) for value in given.values()))
+    inner = replace(w, notation=w.notation.with_axes({index.id: 0 for index in at}))
+    keywords = tuple((name, element(inner, value, at)) for name, value in given.items())
+    one = distribution(inner, replace(call, args=(), keywords=keywords))
+    return Piece(m.Script(m.brackets(one.tree), m.joined(w.notation.symbol(index.id) for index in at)))
 
 
 def _argument(w: Writer, expr: s.Expr | None, default: int | None) -> Piece:
