@@ -31,6 +31,28 @@ SIGNS = {
     r"\mathbb{P}",
 }
 
+DRAWN = """\
+taskspec: 1
+name: Drawn
+state: {x: {type: int, low: 0, high: 3}}
+action: {q: {type: int, low: 0, high: 2}}
+noise: {xi: Bernoulli(1/2)}
+horizon: 3
+initial: {x: 0}
+dynamics: {x': "x if xi and Bernoulli(1/3) else 0"}
+reward: "q"
+"""
+CASES = """\
+taskspec: 1
+name: Cases
+state: {x: {type: int, low: 0, high: 3}}
+action: {q: {type: int, low: 0, high: 2}}
+horizon: 3
+initial: {x: 0}
+dynamics: {x': "3 if x > 2 else 2 if x > 1 else q"}
+reward: "1 if x > 1 else 0"
+"""
+
 
 def paragraphs(folder: Path, *arguments: object) -> tuple[str, str]:
     """In LaTeX, and the words of it on the index of a site."""
@@ -66,3 +88,24 @@ def test_what_is_proved_without_an_exact_model_is_not_said_to_follow_from_one(tm
         assert "exact model" not in said
         assert "marked as proved follows from the form of the equations, or from exact results" in said
         assert "actions drawn uniformly" in said
+
+
+def test_the_letter_for_draws_is_the_one_on_the_page(tmp_path: Path) -> None:
+    own = spec(tmp_path, DRAWN)
+    (alone, site), (usual, _) = (
+        paragraphs(tmp_path / "own", own, "--no-results"),
+        paragraphs(tmp_path / "u", "derail/ProcGoal"),
+    )
+    assert r"$\zeta$, with an index" in alone
+    assert r"\xi" not in alone
+    assert "ζ" in site
+    assert r"$\xi$, with an index" in usual
+    both, _ = paragraphs(tmp_path / "both", own, "derail/ProcGoal", "--no-results")
+    assert r"$\xi$ ($\zeta$ where the task has such a name), with an index" in both
+
+
+def test_of_several_cases_the_first_counts(tmp_path: Path) -> None:
+    told = "Of several cases the first counts whose condition holds."
+    assert all(told in said for said in paragraphs(tmp_path / "cases", spec(tmp_path, CASES), "--no-results"))
+    one = spec(tmp_path, CASES.replace("2 if x > 1 else q", "q").replace("name: Cases", "name: One"), "one.yaml")
+    assert not any(told in said for said in paragraphs(tmp_path / "one", one, "--no-results"))

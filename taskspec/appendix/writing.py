@@ -18,9 +18,13 @@ from taskspec.printers.names import expression, of_task
 from taskspec.printers.notation import Notation
 from taskspec.printers.pieces import prime
 from taskspec.printers.substitute import substitute
+from taskspec.printers.symbols import symbol
 from taskspec.task.names import signature
 from taskspec.task.schema import ComponentEntry, ParameterEntry, Spec
 from taskspec.task.task import Task
+
+LETTERS = ("xi", "zeta", "chi", "eta")
+"""Letters for what is drawn inside an expression, the usual one first."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,7 @@ class Writing:
         if is_draw(expr):
             sign = "=" if shows_chances(expr) else "∼"
             return m.Row((left, m.Sym(sign), self.math(expr, of)))
-        apart = take_apart(expr, self._free("xi"))
+        apart = take_apart(expr, self.drawn)
         notation = self._drawing(apart)
         parts: list[m.Math] = [left, m.Sym("="), self.math(apart.expr, of, notation)]
         for name, draw in apart.draws:
@@ -85,8 +89,12 @@ class Writing:
             axes[whole.id] = rank(ExpressionWriter(self.notation), draw) + len(indices)
         return self.notation.with_axes(axes)
 
-    def _free(self, name: str) -> str:
-        return name if name not in self.notation.symbols else "zeta"
+    @cached_property
+    def drawn(self) -> str:
+        """The letter for what is drawn inside an expression: one that neither is a name of the task nor looks like one."""
+        looks = set(self.notation.symbols.values())
+        free = (x for x in LETTERS if x not in self.notation.symbols and symbol(x) not in looks)
+        return next(free, LETTERS[0])
 
     # -- sets -----------------------------------------------------------------------------------------------------
 

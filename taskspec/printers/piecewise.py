@@ -13,6 +13,8 @@ from taskspec.printers.text import text
 
 Keys = tuple[s.Expr | None, ...]
 _OTHERWISE = m.Words("otherwise")
+IF = m.Words("if ")
+"""What a condition of a case begins with."""
 
 
 def cases(w: Writer, expr: s.Expr) -> m.Math:
@@ -38,7 +40,7 @@ def _rows(w: Writer, expr: s.Expr) -> Iterator[tuple[m.Math, m.Math]]:
 
 
 def _if(condition: m.Math) -> m.Math:
-    return m.Row((m.Words("if "), condition))
+    return m.Row((IF, condition))
 
 
 def _chance(w: Writer, value: s.Expr, p: s.Expr) -> tuple[m.Math, m.Math]:
