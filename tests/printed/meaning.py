@@ -11,7 +11,8 @@ from typing import Any
 from taskspec.lang import syntax as s
 from tests.printed import algebra as al
 
-VECTORS = {"v", "w", "p", "s"}  # p and s have lengths that the notation knows
+VECTORS = {"v", "w", "p", "s", "h"}  # p and s have lengths that the notation knows
+POINTWISE = {"abs", "floor", "sqrt", "sin", "min", "max", "clip"}  # functions that go element by element
 VALUED = {"sort", "argsort", "cumsum", "reverse"}  # functions whose value is a vector
 BINARY = {"+": al.add, "-": al.subtract, "*": al.multiply, "/": al.divide, "%": al.modulo, "**": al.power,
           "//": lambda a, b: al.floor(al.divide(a, b))}  # fmt: skip
@@ -107,7 +108,9 @@ class Meaning:
             return al.mixed(word, self.element(args[0]))
         if name == "where":
             return al.choice(*map(self.of, args))
-        given = [self.of(a) for a in args]
+        return self.applied(name, [self.of(a) for a in args])
+
+    def applied(self, name: str, given: list[al.Value]) -> al.Value:
         match name:
             case "abs" | "len":
                 return al.mixed("bars", *given)
@@ -154,6 +157,14 @@ class Meaning:
                     links.append(compared(op, self.at(left, i), self.at(right, i)))
                     left = right
                 return al.conjunction(links)
+            case s.Logical(op=op, operands=parts):
+                return (al.conjunction if op == "and" else al.disjunction)(self.at(x, i) for x in parts)
+            case s.IfElse(condition=c, then=a, otherwise=b):
+                return al.choice(*(self.at(x, i) for x in (c, a, b)))
+            case s.Call(function=name, args=args) if name in POINTWISE:
+                return self.applied(name, [self.at(x, i) for x in args])
+            case s.Subscript(value=value, indices=(s.Slice(start=None, stop=None),)):  # all of it
+                return al.index(self.of(value), [i])
             case _:
                 return al.index(self.of(expr), [i])
 
@@ -203,7 +214,7 @@ def is_vector(expr: s.Expr) -> bool:
         case s.Name(id=name):
             return name in VECTORS
         case s.Call(function=name):
-            return name in VALUED
+            return name in VALUED or (name in POINTWISE and not is_reduced(expr) and any(map(is_vector, expr.args)))
         case s.Subscript(indices=indices):
             return any(isinstance(i, s.Slice) for i in indices)
         case s.Binary(left=a, right=b):
@@ -212,4 +223,13 @@ def is_vector(expr: s.Expr) -> bool:
             return is_vector(a)
         case s.Compare(first=a, rest=rest):
             return is_vector(a) or any(is_vector(b) for _, b in rest)
+        case s.Logical(operands=parts):
+            return any(map(is_vector, parts))
+        case s.IfElse(condition=c, then=a, otherwise=b):
+            return any(map(is_vector, (c, a, b)))
     return False
+
+
+def is_reduced(call: s.Call) -> bool:
+    """Whether a call gives the best element of its one vector."""
+    return call.function in ("min", "max") and len(call.args) == 1

@@ -18,7 +18,8 @@ from tests.printed import algebra as al
 PLACE = s.Place(nowhere(""), 0, 0)
 SCALARS = ("x", "y", "a", "b", "i", "j", "theta", "L")
 KEYS = ("k", "n")  # small numbers, which tables look at
-VECTORS = ("v", "w", "p", "s")
+VECTORS = ("v", "w", "p", "s", "h")  # two unknown ones, two of known lengths, one that only its axes tell
+POINTWISE = ("abs", "floor", "sqrt", "sin", "min", "max", "clip")  # of vectors, element by element
 LABELS = {"up": "U", "go_left": "go left"}
 ONE = ("abs", "floor", "ceil", "round", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "tanh", "f", "Bernoulli", "Poisson",
        "Exponential", "Permutation")  # fmt: skip
@@ -29,8 +30,9 @@ RELATIONS = ("==", "!=", "<", "<=", ">", ">=")
 
 LENGTHS = {"p": parse(nowhere("n + 1")), "s": parse(nowhere("2 * L"))}
 NOTATION = Notation(
-    symbols={name: symbol(name) for name in (*SCALARS, *KEYS, "f", "g", "move")},
+    symbols={name: symbol(name) for name in (*SCALARS, *KEYS, "f", "g", "move", "h")},
     lengths=LENGTHS,
+    axes={"h": 1, "x": 0},
     labels={"move": {"up": m.Ident("U")}},
 )
 
@@ -151,8 +153,18 @@ def labels(draw: Callable[..., Any]) -> s.Expr:
 
 @st.composite
 def conditions_of_vectors(draw: Callable[..., Any], depth: int) -> s.Expr:
-    link = (draw(st.sampled_from(RELATIONS)), draw(vectors(depth) | numbers(depth)))
-    return s.Compare(draw(vectors(depth)), (link,), PLACE)
+    """Conditions on elements, alone or joined."""
+    less = max(depth - 1, 0)
+    link = (draw(st.sampled_from(RELATIONS)), draw(vectors(less) | numbers(less)))
+    found = s.Compare(draw(vectors(less)), (link,), PLACE)
+    match draw(st.integers(0, 5)) if depth > 0 else 0:
+        case 4:
+            return s.Unary("not", draw(conditions_of_vectors(less)), PLACE)
+        case 5:
+            other = draw(conditions_of_vectors(less) | conditions(less) | VECTOR)
+            return s.Logical(draw(st.sampled_from(("and", "or"))), tuple(draw(st.permutations((found, other)))), PLACE)
+        case _:
+            return found
 
 
 @st.composite
@@ -161,7 +173,7 @@ def vectors(draw: Callable[..., Any], depth: int = 3) -> s.Expr:
     if depth == 0 or draw(st.integers(0, 2)) == 0:
         return draw(VECTOR)
     less = depth - 1
-    match draw(st.integers(0, 5)):
+    match draw(st.integers(0, 8)):
         case 0:
             return call(draw(st.sampled_from(("sort", "argsort", "cumsum", "reverse"))), draw(vectors(less)))
         case 1:
@@ -169,9 +181,22 @@ def vectors(draw: Callable[..., Any], depth: int = 3) -> s.Expr:
             return s.Subscript(draw(VECTOR), (s.Slice(*parts, None, PLACE),), PLACE)
         case 2:
             return s.Unary("-", draw(vectors(less)), PLACE)
+        case 3 | 4:
+            return draw(pointwise(less))
+        case 5:
+            return s.IfElse(draw(conditions(less)), draw(vectors(less)), draw(vectors(less) | numbers(less)), PLACE)
         case _:
             pair = [draw(vectors(less)), draw(vectors(less) | numbers(less))]
             return s.Binary(draw(st.sampled_from(ARITHMETIC)), *draw(st.permutations(pair)), PLACE)
+
+
+@st.composite
+def pointwise(draw: Callable[..., Any], depth: int) -> s.Expr:
+    """A function of elements; single numbers among its arguments stay as they are."""
+    function = draw(st.sampled_from(POINTWISE))
+    count = {"min": 2, "max": 2, "clip": 3}.get(function, 1)
+    others = [draw(vectors(depth) | numbers(depth)) for _ in range(count - 1)]
+    return call(function, *draw(st.permutations([draw(vectors(depth)), *others])))
 
 
 @st.composite

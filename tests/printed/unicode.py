@@ -4,7 +4,21 @@ from __future__ import annotations
 
 import re
 
-from tests.printed.marks import CLOSING, Big, Cases, Fence, Frac, Line, Mark, Root, Unclear, Word, scripted
+from tests.printed.marks import (
+    CLOSING,
+    Big,
+    Cases,
+    Fence,
+    Frac,
+    Line,
+    Mark,
+    Root,
+    Script,
+    Seen,
+    Unclear,
+    Word,
+    scripted,
+)
 
 LOW = dict(zip("₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ", "0123456789+-=()aehijklmnoprstuvx", strict=True))
 HIGH = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁼⁽⁾ⁿ", "0123456789+-=()n", strict=True))
@@ -28,6 +42,12 @@ def read(text: str) -> Line:
     return found
 
 
+def _awaits(seen: Seen) -> bool:
+    """Whether an operand comes behind a sign, a sum sign, or `arg max` with what goes through all places below."""
+    core = seen.base if isinstance(seen, Script) else seen
+    return isinstance(seen, Mark | Big) or (isinstance(core, Word) and core.text in ("arg max", "arg min"))
+
+
 class _Reader:
     def __init__(self, text: str) -> None:
         self.text, self.at = text, 0
@@ -39,7 +59,7 @@ class _Reader:
         """Marks up to a closing bracket."""
         out: Line = ()
         while self.at < len(self.text):
-            expected = not out or isinstance(out[-1], Mark)  # an operand comes next, so that a bar opens
+            expected = not out or _awaits(out[-1])  # an operand comes next, so that a bar opens
             if stop and self.sees(stop) and (not expected or stop not in "|‖"):
                 break
             char = self.text[self.at]
