@@ -12,8 +12,9 @@ import numpy as np
 from taskspec.figures.marks import SIGNS, marked, sign
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.scene import Box, Item, Label, Line, Role, Scene, fitted, shifted, text_width
-from taskspec.figures.values import at_states, expert_path, reads_of
+from taskspec.figures.values import State, at_states, expert_path, reads_of
 from taskspec.lang.ir import Node, Read
+from taskspec.lang.types import Kind
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
@@ -38,28 +39,36 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
     steps = min(LONGEST, LONGEST if task.horizon is None else task.horizon)
     here = overlay.here
     paths = [expert_path(task, steps, seed) for seed in range(SEEDS)] if here is None else [[dict(here)]]
-    rows, state = max(((_rows(task, node, path), path[0]) for path in paths), key=lambda found: len(found[0]))
-    colors, alt = _colors(task, node, len(rows[0])), f"A state of {task.name} as {len(rows[0])}"
+    states, state = max(((_changes(task, node, path), path[0]) for path in paths), key=lambda found: len(found[0]))
+    rows = [_row(task, node, each) for each in states]
+    colors, alt = [_colors(task, node, each) for each in states], f"A state of {task.name} as {len(rows[0])}"
     if len(rows[0]) <= CELLS_UP_TO:
-        shown = rows if len(rows) <= ROWS else [*rows[: ROWS - 1], rows[-1]]
+        drawn = list(zip(rows, colors, strict=True))
+        shown = drawn if len(drawn) <= ROWS else [*drawn[: ROWS - 1], drawn[-1]]
         moves = "" if len(rows) == 1 else ", and how the expert changes it"
         return fitted(
-            [*_cells(shown, colors, len(rows) - len(shown)), *_sums(rows, colors, 1.0, 1.05)],
+            [*_cells(shown, len(rows) - len(shown)), *_sums(rows, colors[0], 1.0, 1.05)],
             f"{alt} cells{moves}",
             state=state,
         )
-    items = [*_bars(rows[0], colors, None if here is None else _bound(node))]
+    items = [*_bars(rows[0], colors[0], None if here is None else _bound(node))]
     notes: tuple[str, ...] = ()
     if len(rows) > 1:
-        items += [x for item in _bars(rows[-1], colors) for x in [shifted(item, 0.0, BELOW)]]
+        items += [x for item in _bars(rows[-1], colors[-1]) for x in [shifted(item, 0.0, BELOW)]]
         notes = (f"Above a first state, below what the expert has made of it after {len(rows) - 1} changes.",)
-    return fitted([*items, *_sums(rows, colors, _step(len(rows[0])), 0.35)], f"{alt} bars", notes, state=state)
+    return fitted([*items, *_sums(rows, colors[0], _step(len(rows[0])), 0.35)], f"{alt} bars", notes, state=state)
 
 
-def _rows(task: Task, node: Node, path: list[dict[str, Any]]) -> list[Array]:
-    """The vector along a path, each time that it changes."""
-    rows = [at_states(task, node, reads_of(task, state), 1)[0].astype(float) for state in path]
-    return [row for i, row in enumerate(rows) if i == 0 or not np.array_equal(row, rows[i - 1])]
+def _row(task: Task, node: Node, state: State) -> Array:
+    """The vector in a state."""
+    found: Array = at_states(task, node, reads_of(task, state), 1)[0].astype(float)
+    return found
+
+
+def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The states of a path in which the vector has another value than in the one before."""
+    rows = [_row(task, node, state) for state in path]
+    return [state for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
 
 
 def _sums(rows: list[Array], colors: list[Role], step: float, y: float) -> Iterator[Label]:
@@ -92,15 +101,26 @@ def _vector(task: Task) -> Node | None:
     return next(vectors, None)
 
 
-def _colors(task: Task, node: Node, count: int) -> list[Role]:
-    """Parts of the vector by colour: a slice of it, taken of its indices, says which elements are meant."""
+def _colors(task: Task, node: Node, state: State) -> list[Role]:
+    """Elements of the vector by colour: those of which a condition holds in this state, or a slice of the vector.
+
+    The slice is taken of the vector's indices, and so says which elements are meant.
+    """
+    count = node.type.size
     colors: list[Role] = ["accent"] * count
-    highlight = {} if task.figure is None else task.figure.highlight
-    for name, part in highlight.items():
-        if name not in _COLORS or not isinstance(node, Read) or len(part.type.shape) != 1:
+    reads = reads_of(task, state)
+    for name, part in ({} if task.figure is None else task.figure.highlight).items():
+        if name not in _COLORS:
             continue
-        indices = {(node.role, node.name): np.arange(count, dtype=float)[:, None]}
-        for i in at_states(task, part, indices, 1)[0].astype(int):
+        if part.type.kind is Kind.BOOL and part.type.shape in ((), (count,)):
+            holds = np.broadcast_to(at_states(task, part, reads, 1)[0], count)
+            chosen = np.flatnonzero(holds)
+        elif isinstance(node, Read) and len(part.type.shape) == 1 and part.type.kind in (node.type.kind, Kind.INT):
+            own = {(node.role, node.name): np.arange(count, dtype=float)[:, None]}
+            chosen = at_states(task, part, reads | own, 1)[0].astype(int)
+        else:
+            continue
+        for i in chosen[(chosen >= 0) & (chosen < count)].tolist():
             colors[i] = _COLORS[name]
     return colors
 
@@ -141,11 +161,12 @@ def _step(count: int) -> float:
     return min(0.3, 7.0 / count)
 
 
-def _cells(rows: list[Array], colors: list[Role], left_out: int) -> Iterator[Item]:
-    """Rows of cells, shaded by value, with arrows for elements that moved; dots before the last one for rows left out."""
-    low, high = float(rows[0].min()), float(rows[0].max())
+def _cells(shown: list[tuple[Array, list[Role]]], left_out: int) -> Iterator[Item]:
+    """Rows of cells in their colours, shaded by value, with arrows for elements that moved; dots where rows are left out."""
+    rows = [row for row, _ in shown]
+    low, high = float(np.min(rows)), float(np.max(rows))
     digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2
-    for r, row in enumerate(rows):
+    for r, (row, colors) in enumerate(shown):
         for i, value in enumerate(row.tolist()):
             shade = 0.2 + 0.7 * (value - low) / ((high - low) or 1.0)
             box = Box((i * 1.0, r * 1.5), 1.0, 0.8, colors[i], "paper", shade=shade)

@@ -95,7 +95,7 @@ class _Matrix:
         texts = [self.says.labels[code] for code in self.place]
         widest = max(text_width(text, LETTERS) for text in texts)
         numbered = self.named and widest + GAP > self.cell and not all(isinstance(text, m.Num) for text in texts)
-        numbers = [m.Num(str(i + 1)) for i in range(len(texts))] if numbered else None
+        numbers = [m.Num(str(i)) for i in range(len(texts))] if numbered else None
         left = -0.12 - self.strip
         beside = left if numbers is None else left - text_width(numbers[-1], LETTERS) - 2 * GAP
         for i in self._spaced(ROOM):
