@@ -19,6 +19,7 @@ from taskspec.figures.grid import grid
 from taskspec.figures.marks import keyed
 from taskspec.figures.matrix import matrix
 from taskspec.figures.motion import MOST_LINKS, arm, portrait
+from taskspec.figures.overlay import PARTS
 from taskspec.figures.overlay import Overlay as Overlay
 from taskspec.figures.results import OVERLAYS as OVERLAYS
 from taskspec.figures.results import overlay as overlay
@@ -88,7 +89,7 @@ def _legend(task: Task, found: Scene, over: Overlay) -> Iterator[str]:
     bare = _drawn(task, over.only(None))
     known = {} if found.state is None or over.told is None else over.told(found.state)
     for part, (scale, what) in over.legend.items():
-        laid = _drawn(task, over.only(part))
+        laid = _drawn(task, over.only(part)) if part in PARTS else None
         if laid is not None and not laid.shows(bare):
             yield f"{laid.drawn[part].format(scale)}: {what}"
         elif part in known:

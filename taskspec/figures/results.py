@@ -48,7 +48,7 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
     if task.modifiers:
         message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
         raise SpecError((Diagnostic("E713", None, message),))
-    known = _Known(extract(task), abstraction(task), wanted)
+    known = _Known(task, extract(task), abstraction(task), wanted)
     shown = {} if known.abstraction is not None else {part: getattr(known, part) for part in PARTS}
     return Overlay(**shown, legend=dict(_legend(task, known)), told=known.told)
 
@@ -56,22 +56,26 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
 def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
     """What is laid over the figure: its scale, if it has one, and what it is."""
     left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
-    wanted, whose = known.wanted, "the expert's" if task.expert is not None else "an optimal policy's"
+    wanted, whose = known.wanted, "an optimal policy's" if task.expert is None else "the expert's"
+    lacks = "" if known.acting is not None else ", for which there is no exact plan"
     if "values" in wanted:
         yield "values", ("", f"best return{left}")
     if "policy" in wanted:
         yield "policy", ("", f"best actions{left}")
-    elif "expert" in wanted:
-        yield "policy", ("", f"{whose} actions at first")
+    if "expert" in wanted:
+        memory = "" if task.memory is None else ", whatever it remembers"
+        beside = ", as the best ones are" if "policy" in wanted and not lacks else ""
+        yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
     if "occupancy" in wanted:
-        scale = f"up to {decimal(float(known.visits.max(initial=0.0)))} per episode"
-        yield "occupancy", (scale, f"{whose} {'' if task.discount == 1 else 'discounted '}visits")
+        scale = f"up to {decimal(max(known.visits.values(), default=0.0))} per episode"
+        yield "occupancy", (scale, f"{whose} {'' if task.discount == 1 else 'discounted '}visits{lacks}")
 
 
 @dataclass(frozen=True)
 class _Known:
     """What an exact model knows of states, by code; the model may be that of an abstraction."""
 
+    task: Task
     model: Model
     abstraction: Abstraction | None
     wanted: set[str]
@@ -82,30 +86,57 @@ class _Known:
 
     @cached_property
     def policy(self) -> Mapping[int, tuple[int, ...]]:
-        if not self.wanted & {"policy", "expert"}:
+        if "policy" in self.wanted:
+            return _policy(self.model, self.optimal(0))
+        if "expert" not in self.wanted or self.acting is None:
             return {}
-        return _policy(self.model, (self.optimal if "policy" in self.wanted else self.acting)(0))
+        whole, plan = self.acting
+        found: dict[int, set[int]] = {}
+        for code, actions in _policy(whole, plan(0)).items():
+            found.setdefault(self._without_memory(whole, code), set()).update(actions)
+        return {code: tuple(sorted(actions)) for code, actions in found.items()}
 
     @cached_property
-    def visits(self) -> np.ndarray[Any, Any]:
-        """How often each state is visited, (S,)."""
-        return solve.occupancy(self.model, self.acting)
+    def visits(self) -> Mapping[int, float]:
+        """How often each state is visited, by code, whatever is remembered there."""
+        found: dict[int, float] = {}
+        if self.acting is not None:
+            whole, plan = self.acting
+            for code, often in zip(whole.codes.tolist(), solve.occupancy(whole, plan).tolist(), strict=True):
+                code = self._without_memory(whole, code)
+                found[code] = found.get(code, 0.0) + often
+        return found
 
     @cached_property
     def occupancy(self) -> Mapping[int, float]:
         """By code; the most visited state 1."""
         if "occupancy" not in self.wanted:
             return {}
-        share = self.visits / (self.visits.max(initial=0.0) or 1.0)
-        return dict(zip(self.model.codes.tolist(), share.tolist(), strict=True))
+        most = max(self.visits.values(), default=0.0) or 1.0
+        return {code: often / most for code, often in self.visits.items()}
 
     @cached_property
     def optimal(self) -> plans.Plan:
         return plans.optimal_plan(self.model)
 
     @cached_property
-    def acting(self) -> plans.Plan:
-        return plans.expert_plan(self.model) or self.optimal
+    def acting(self) -> tuple[Model, plans.Plan] | None:
+        """How the expert acts, or an optimal policy where there is none, and the model whose states say so.
+
+        They are those of the task with the memory of an expert that has one. None where the expert has no plan on a model.
+        """
+        if self.task.expert is None:
+            return self.model, self.optimal
+        try:
+            whole = self.model if self.task.memory is None else extract(self.task.remembering())
+        except SpecError:  # too many states with the memory
+            return None
+        plan = plans.expert_plan(whole)
+        return None if plan is None else (whole, plan)
+
+    def _without_memory(self, whole: Model, code: int) -> int:
+        """The code of a state without what is remembered there, whose digits are the last ones."""
+        return code // (whole.states.size // self.model.states.size)
 
     def told(self, state: State) -> Mapping[str, str]:
         """Of one state: its value, and the actions taken in it."""
