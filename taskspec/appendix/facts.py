@@ -32,7 +32,7 @@ class ScoreFact:
 
 @dataclass(frozen=True, slots=True)
 class VerdictFact:
-    """What became of a claim; `holds` is None when it was not checked."""
+    """What became of a claim; `holds` is None when it was not decided, and there are no words when it was not checked."""
 
     holds: bool | None = None
     words: str = ""

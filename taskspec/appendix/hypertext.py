@@ -96,7 +96,7 @@ class HtmlWriter:
             case Cite():
                 return self.cite(piece)
             case Mark(holds=holds, text=text):
-                sign, kind = ("✓", "holds") if holds else ("✗", "fails")
+                sign, kind = ("?", "open") if holds is None else ("✓", "holds") if holds else ("✗", "fails")
                 return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(
                     kind, sign, text
                 )

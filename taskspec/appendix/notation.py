@@ -34,9 +34,10 @@ _DRAWN = (
 )
 _CASES = "Of several cases the first counts whose condition holds."
 _RETURNS = (
-    "A return is the expected sum of the rewards of an episode: the optimal one is the highest that a policy can have, the "
-    "worst one the lowest, and the random one that of actions drawn uniformly."
+    "A return is the expected sum of the rewards of an episode{discounted}: the optimal one is the highest that a policy can "
+    "have, the worst one the lowest, and the random one that of actions drawn uniformly."
 )
+_DISCOUNTED = r", where a task with a discount $\gamma$ multiplies that of the step after $t$ others by $\gamma^t$"
 _MARKS = (
     ("proved", "What is marked as proved follows from the form of the equations, or from exact results whose rounding errors are "
                "bounded."),
@@ -54,7 +55,8 @@ def notation(pages: Iterable[Page]) -> Inlines:
     marked = [piece.text for piece in pieces if isinstance(piece, Mark)]
     told = [_ALWAYS, *(text for sign, text in _SIGNS if re.search(sign, written)), *_draws(pages)]
     told += [_CASES] if any(map(_has_cases, trees)) else []
-    told += [_RETURNS] if any(page.section("scores") for page in pages) else []
+    if any(page.section("scores") for page in pages):
+        told.append(_RETURNS.format(discounted=_DISCOUNTED if _discounts(pages) else ""))
     return inlines(
         " ".join([*told, *(text for word, text in _MARKS if any(found.startswith(word) for found in marked))])
     )
@@ -82,6 +84,11 @@ def _has_cases(tree: m.Math) -> bool:
     """Whether there is a choice between several conditions."""
     conditions = [c for _, c in tree.rows if IF in m.children(c)] if isinstance(tree, m.Cases) else []
     return len(conditions) > 1 or any(map(_has_cases, m.children(tree)))
+
+
+def _discounts(pages: Iterable[Page]) -> bool:
+    """Whether returns on some page are discounted, at its own values of the parameters or at others beside them."""
+    return any(task.discount != 1 for page in pages for task in (page.task, *(s.task for s in page.settings)))
 
 
 def _pieces(page: Page) -> Iterator[Inline]:

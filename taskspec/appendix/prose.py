@@ -66,7 +66,7 @@ class Cite:
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Whether something was found to hold."""
+    """Whether something was found to hold; None where it was not decided."""
 
     holds: bool | None
     text: str

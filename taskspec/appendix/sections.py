@@ -89,8 +89,8 @@ def _claims(w: Writing, facts: Facts) -> Iterator[SectionLine]:
         about_others = w if not claim.cases else replace(w, values={})  # it says itself which values it is about
         cases = (Text(" (for "), *lines.cases(w, claim.cases), Text(")")) if claim.cases else ()
         content: list[Inline] = [*claims.claim(about_others, claim), *cases]
-        if found is not None and found.holds is not None:
-            words = found.words if found.holds or about_others.values == {} else "not for these values"
+        if found is not None and found.words:
+            words = "not for these values" if found.holds is False and about_others.values else found.words
             content += [Text(" "), Mark(found.holds, words)]
         yield SectionLine(tuple(content))
 

@@ -192,6 +192,7 @@ def _print_scores(task: Task, found: Scores, seen: Yardsticks | None) -> None:
     out.print(line((task.id, "name"), (f"  {defaults(task)}", "value")))
     out.print(_score_table(found, seen))
     out.print(_ground(found), style="quiet")
+    _print_discount(task)
 
 
 def _score_table(found: Scores, seen: Yardsticks | None) -> Table:
@@ -264,6 +265,14 @@ def _ground(found: Scores) -> str:
     return f"  no exact model: {found.why_not_exact}"
 
 
+def _print_discount(task: Task) -> None:
+    """That returns are those of discounted rewards, where they are."""
+    from taskspec.cli.console import console
+
+    if task.discount != 1:
+        console().print(f"  discounted by {task.discount:g} a step", style="quiet")
+
+
 def _print_difficulty(found: Difficulty, known: str | None) -> None:
     """The measures; the reason that has been given for having no model is not given again."""
     from taskspec.cli.console import columns, console
@@ -288,3 +297,4 @@ def _print_score(task: Task, result: Score) -> None:
     ends = ((name, getattr(result.scores, name)) for name in ("random", "expert", "optimal"))
     known = ", ".join(f"{name} {number(end.value)}" for name, end in ends if end is not None)
     out.print(f"  mean return {number(value.value)} over {value.episodes:,} episodes; {known}", style="quiet")
+    _print_discount(task)

@@ -184,7 +184,7 @@ class LatexWriter:
             case Cite():
                 return self.cite(piece)
             case Mark(holds=holds, text=text):
-                return rf"\taskspec{'holds' if holds else 'fails'}{{{escape(text)}}}"
+                return rf"\taskspec{'fails' if holds is False else 'holds'}{{{escape(text)}}}"
             case _:
                 assert_never(piece)
 

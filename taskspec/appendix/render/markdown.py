@@ -117,7 +117,7 @@ class MarkdownWriter:
             case Cite():
                 return self.cite(piece)
             case Mark(holds=holds, text=text):
-                return f"({'✓' if holds else '✗'} {escape(text)})"
+                return f"({'' if holds is None else '✓ ' if holds else '✗ '}{escape(text)})"
             case _:
                 assert_never(piece)
 
