@@ -68,7 +68,6 @@ def test_returns_are_discounted_where_the_task_discounts(tmp_path: Path) -> None
     assert r"\gamma^t" in (pages(tmp_path, text) / "appendix.tex").read_text(encoding="utf-8")
     assert "discounted by 0.9 a step" in Done("solve", spec(tmp_path, text)).out
     (tmp_path / "other").mkdir()
-    (tmp_path / "other").mkdir()
     assert r"\gamma" not in (pages(tmp_path / "other", WALK) / "appendix.tex").read_text(encoding="utf-8")
     assert "a step" not in Done("solve", spec(tmp_path, WALK)).out
 
