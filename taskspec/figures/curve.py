@@ -11,6 +11,7 @@ from taskspec.figures.axes import axes, plane
 from taskspec.figures.overlay import Overlay
 from taskspec.figures.scene import Circle, Item, Line, Point, Scene, fitted
 from taskspec.figures.values import State, at_states, expert_path, reads_of
+from taskspec.figures.wraps import runs, turn
 from taskspec.lang.ir import Node, Read, Role
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
@@ -52,13 +53,15 @@ def _point(task: Task, place: Node, level: Node, state: State) -> Point:
 
 
 def _draw(task: Task, line: list[Point], along: list[Point], dots: list[Point], symbols: Sequence[m.Math]) -> Scene:
+    turns = [turn(task, node) for node in (() if task.figure is None else task.figure.at)]
     xs = [x for x, _ in (*line, *along, *dots)]
     ys = [y for _, y in (*line, *along, *dots)]
     to = plane((min(xs), max(xs)), (min(ys), max(ys)))
     items: list[Item] = [*axes(min(xs), max(xs), min(ys), max(ys), to, symbols)]
     items.append(Line(tuple(map(to, line)), color="accent", width=0.07))
-    if len(dots) > 1:
-        items.append(Line(tuple(map(to, dots)), color="second", width=0.03))
+    for run in runs(dots, turns):
+        if len(dots[run]) > 1:
+            items.append(Line(tuple(map(to, dots[run])), color="second", width=0.03))
     every = -(-len(dots) // MOST_DOTS)
     items += [Circle(to(p), 0.05, "ink", None) for p in dots[::every]]
     if len(dots) > 1:

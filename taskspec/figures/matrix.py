@@ -19,7 +19,9 @@ LETTERS = 0.28
 NAMED, ROOM = 30, 0.36
 """As many states are all named, and the height of a row with a name, in centimetres."""
 GAP = 0.08
-"""Between names beside one another, in centimetres."""
+"""Between numbers beside one another, in centimetres."""
+CLEAR = 0.25
+"""The same between names, which may have spaces in them."""
 STRIP = 0.3
 """Width of the column that says which states are good, bad or an end, in centimetres."""
 MOST = 300
@@ -94,7 +96,8 @@ class _Matrix:
         """Names of states on the left, with numbers where columns have no room for names, and values on the right."""
         texts = [self.says.labels[code] for code in self.place]
         widest = max(text_width(text, LETTERS) for text in texts)
-        numbered = self.named and widest + GAP > self.cell and not all(isinstance(text, m.Num) for text in texts)
+        apart = GAP if all(isinstance(text, m.Num) for text in texts) else CLEAR
+        numbered = self.named and widest + apart > self.cell and not all(isinstance(text, m.Num) for text in texts)
         numbers = [m.Num(str(i)) for i in range(len(texts))] if numbered else None
         left = -0.12 - self.strip
         beside = left if numbers is None else left - text_width(numbers[-1], LETTERS) - 2 * GAP
@@ -103,7 +106,7 @@ class _Matrix:
             yield Label((beside, y), texts[i], LETTERS, "end", "muted")
             if numbers is not None:
                 yield Label((left, y), numbers[i], LETTERS, "end", "muted")
-        for i in self._spaced(self.cell if numbers else widest + GAP):
+        for i in self._spaced(self.cell if numbers else widest + apart):
             yield Label(((i + 0.5) * self.cell, -0.22), (numbers or texts)[i], LETTERS, "middle", "muted")
         for code, value in self.overlay.values.items() if self.named else ():
             if code in self.place:

@@ -10,9 +10,11 @@ import numpy as np
 
 from taskspec.exact.model.space import Space
 from taskspec.figures.axes import HEIGHT, WIDTH, axes, plane
+from taskspec.figures.marks import sign
 from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Circle, Item, Line, Point, Scene, fitted
-from taskspec.figures.values import STEPS, at_states, expert_path, first_state, reads_of
+from taskspec.figures.scene import Box, Circle, Item, Line, Point, Role, Scene, fitted
+from taskspec.figures.values import STEPS, Reads, at_states, expert_path, first_state, reads_of
+from taskspec.figures.wraps import runs, turn
 from taskspec.lang import batch
 from taskspec.lang.ir import Node, Read, draws
 from taskspec.lang.ir import Role as Reading
@@ -21,13 +23,19 @@ from taskspec.task.task import Task
 
 ACROSS, DOWN = 11, 7
 """Arrows of a flow."""
+WIDE, HIGH, SEAM, SIGN = 100, 60, 0.01, 0.26
+"""Into how many parts the plane is cut to shade it, how far strips overlap, and the size of signs, in centimetres."""
+SIGNED: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end"}
 LINK, REACH = 1.2, 6.0
 """Length of a link, and how far an arm may reach at most, in centimetres."""
 MOST_LINKS = 30
 
 
 def portrait(task: Task, overlay: Overlay) -> Scene | None:
-    """The plane of two components of the state: where one step leads from everywhere, and an episode of the expert."""
+    """The plane of two components of the state: where one step leads from everywhere, and an episode of the expert.
+
+    What is highlighted is shaded, everything but the two components being as in the first state.
+    """
     at = () if task.figure is None else task.figure.at
     known = {c.name: c for c in task.state}
     if len(at) != 2 or draws(task.next) or not all(isinstance(node, Read) and not node.type.shape for node in at):
@@ -42,8 +50,10 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
     dots = [to((float(x), float(y))) for x, y in np.clip(places, *np.transpose(ends))]
     names = of_task(task)
     items: list[Item] = [*axes(*ends[0], *ends[1], to, [names.symbol(c.name) for c in pair])]
+    items[:0] = _shades(task, [c.name for c in pair], ends, path[0])
     items += _flow(task, [c.name for c in pair], ends, path[0])
-    items += [Line(tuple(dots), color="accent", width=0.05)] if len(dots) > 1 else []
+    lines = (tuple(dots[run]) for run in runs(places.tolist(), [turn(task, node) for node in at]))
+    items += [Line(line, color="accent", width=0.05) for line in lines if len(line) > 1]
     items.append(Circle(dots[0], 0.09, "ink", None))
     told = f"Arrows: where a step leads with {_word(task)}, drawn longer than it is. Dot: a first state."
     notes = (told, "Line: an episode of the expert.") if len(dots) > 1 else (told,)
@@ -68,15 +78,46 @@ def _word(task: Task) -> str:
     return "the middle action"
 
 
+def _grid(ends: Sequence[tuple[float, float]], counts: tuple[int, int], edge: float = 1.0) -> np.ndarray[Any, Any]:
+    """Points of the plane (rows * columns, 2), row by row; the first ones are `edge` times as far from the edges as apart."""
+    shares = (np.arange(edge, n + edge) / (n - 1 + 2 * edge) for n in counts)
+    xs, ys = (low + (high - low) * share for (low, high), share in zip(ends, shares, strict=True))
+    return np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+
+
+def _reads(task: Task, pair: Sequence[str], points: np.ndarray[Any, Any], state: dict[str, Any]) -> Reads:
+    """The states at points of the plane, in everything else like one state."""
+    reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(task, state).items()}
+    return reads | {(Reading.STATE, name): points[:, i] for i, name in enumerate(pair)}
+
+
+def _shades(
+    task: Task, pair: Sequence[str], ends: Sequence[tuple[float, float]], state: dict[str, Any]
+) -> Iterator[Item]:
+    """Where the conditions of the figure section hold: strips in their colours, and a sign in the middle of them."""
+    points, to = _grid(ends, (WIDE, HIGH), 0.5), plane(ends[0], ends[1])
+    reads, width, height = _reads(task, pair, points, state), WIDTH / WIDE, HEIGHT / HIGH
+    for name, node in ({} if task.figure is None else task.figure.highlight).items():
+        if name not in SIGNED or node.type.shape:
+            continue
+        holds = at_states(task, node, reads, len(points)).astype(bool)
+        spots = np.array([to((float(x), float(y))) for x, y in points[holds]])
+        for y in np.unique(spots[:, 1]) if len(spots) else ():
+            row = np.sort(spots[spots[:, 1] == y, 0])
+            for run in np.split(row, np.flatnonzero(np.diff(row) > 1.5 * width) + 1):
+                corner = (float(run[0]) - width / 2, float(y) - height / 2)
+                yield Box(corner, float(run[-1] - run[0]) + width, height + SEAM, SIGNED[name], None)
+        if len(spots):
+            x, y = spots[np.abs(spots - spots.mean(axis=0)).sum(axis=1).argmin()]
+            yield from sign(SIGNED[name], (float(x), float(y)), SIGN)
+
+
 def _flow(
     task: Task, pair: Sequence[str], ends: Sequence[tuple[float, float]], state: dict[str, Any]
 ) -> Iterator[Line]:
     """Arrows for one step from points of the plane, the longest as long as there is room."""
-    xs, ys = (np.linspace(low, high, n + 2)[1:-1] for (low, high), n in zip(ends, (ACROSS, DOWN), strict=True))
-    points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-    reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(task, state).items()}
-    reads |= {(Reading.STATE, name): points[:, i] for i, name in enumerate(pair)}
-    given = reads | _neutral(task) | {(Reading.TIME, "t"): np.zeros(1, dtype=np.int64)}
+    points = _grid(ends, (ACROSS, DOWN))
+    given = _reads(task, pair, points, state) | _neutral(task) | {(Reading.TIME, "t"): np.zeros(1, dtype=np.int64)}
     after = dict(zip((c.name for c in task.state), batch.evaluate(task.next, given), strict=True))
     to = plane(ends[0], ends[1])
     targets = np.stack([np.broadcast_to(after[name], len(points)) for name in pair], axis=-1).astype(float)

@@ -14,10 +14,13 @@ from taskspec.figures.marks import decimal, signed
 from taskspec.figures.overlay import Overlay, State
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
 from taskspec.figures.values import STEPS, at_states, expert_path, reads_of
+from taskspec.figures.wraps import runs, turn
 from taskspec.lang import interval
-from taskspec.lang.ir import Node, Read
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Apply, Node, Read
 from taskspec.printers import tree as m
-from taskspec.printers.names import of_task
+from taskspec.printers.expressions import mathematics
+from taskspec.printers.names import expression, of_task
 from taskspec.task.task import Task
 
 MOST, PANEL, APART = 6, 1.0, 1.35
@@ -28,11 +31,12 @@ BEFORE, AFTER = 1.2, 2.8
 
 @dataclass(frozen=True)
 class _Number:
-    """A number to follow: its symbol, its values, and the bounds that the spec has for it."""
+    """A number to follow: its symbol, its values, the bounds that the spec has for it, and its steps that are no lines."""
 
     symbol: m.Math
     values: Sequence[float]
     ends: tuple[float, float]
+    turn: float = math.inf
 
 
 def series(task: Task, overlay: Overlay) -> Scene | None:
@@ -44,7 +48,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     if not _is_finite(found):
         return None
     panels = [
-        _panel(number.symbol, number.values, _wide(min(number.values), max(number.values)), len(path) - 1, i * APART)
+        _panel(number, number.symbol, _wide(min(number.values), max(number.values)), len(path) - 1, i * APART)
         for i, number in enumerate(found)
     ]
     items = [*(item for panel in panels for item in panel), *_time(0, len(path) - 1, len(found))]
@@ -72,7 +76,7 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
         top, value = i * APART, number.values[-1]
         label = m.Row((number.symbol, m.Sym("="), m.Num(decimal(value))))
         points = [t - first for t in times]
-        items += _panel(label, number.values, _scale(number), span, top, points)
+        items += _panel(number, label, _scale(number), span, top, points)
     items.append(Box((-BEFORE, 0.0), BEFORE + WIDTH + AFTER, PANEL, None, None))
     return fitted(items, f"{task.name} over time, {now} steps", state=seen[now])
 
@@ -105,22 +109,23 @@ def _wide(low: float, high: float) -> tuple[float, float]:
 
 
 def _panel(
+    number: _Number,
     label: m.Math,
-    values: Sequence[float],
     ends: tuple[float, float],
     span: int,
     top: float,
     times: Sequence[int] | None = None,
 ) -> Iterator[Item]:
     """One number over time, on a scale of its own; times are those of steps unless they are given."""
-    low, high = ends
+    (low, high), values = ends, number.values
     points = tuple(
         (WIDTH * t / span, top + PANEL * (high - v) / (high - low))
         for t, v in zip(times or range(len(values)), values, strict=True)
     )
     yield Box((0.0, top), WIDTH, PANEL, None, "faint")
-    if len(points) > 1:
-        yield Line(points, color="accent", width=0.05)
+    for run in runs([(v,) for v in values], (number.turn,)):
+        if len(points[run]) > 1:
+            yield Line(points[run], color="accent", width=0.05)
     if times is not None:
         yield Circle(points[-1], 0.08, "ink", None)
     yield Label((WIDTH + 0.2, top + PANEL / 2), label, LETTERS, "start")
@@ -144,16 +149,32 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
         shown = [c for c in task.state if not c.type.shape and c.domain is None][:MOST]
         return [
             _Number(
-                names.symbol(c.name), [float(state[c.name]) for state in path], (float(min(c.low)), float(max(c.high)))
+                names.symbol(c.name),
+                [float(state[c.name]) for state in path],
+                (float(min(c.low)), float(max(c.high))),
+                turn(task, task.builder.read(*c.read, c.type, c.least, c.most)),
             )
             for c in shown
         ]
     rows: Any = np.array([at_states(task, node, reads_of(task, s), 1)[0].reshape(-1) for s in path], dtype=float)
-    ends = interval.bounds(node, {})
-    return [_Number(symbol, rows[:, i].tolist(), ends) for i, symbol in enumerate(_symbols(task, node)[:MOST])]
+    parts = node.args if isinstance(node, Apply) and node.op == "vector" else (node,) * node.type.size
+    return [
+        _Number(symbol, rows[:, i].tolist(), interval.bounds(part, {}), turn(task, part))
+        for i, (symbol, part) in enumerate(zip(_symbols(task, node)[:MOST], parts, strict=False))
+    ]
 
 
 def _symbols(task: Task, node: Node) -> list[m.Math]:
-    """Of each element of a node."""
-    base = of_task(task).symbol(node.name) if isinstance(node, Read) else m.Ident("v")
-    return [m.Script(base, sub=m.Num(str(i))) for i in range(node.type.size)] if node.type.shape else [base]
+    """Of each element of a node, as it is written."""
+    names = of_task(task)
+    written = None if task.spec.figure is None else task.spec.figure.values
+    if written is None:
+        return [m.Ident("v")] * node.type.size
+    whole = expression(written)
+    if isinstance(whole, s.Vector) and len(whole.items) == node.type.size:
+        return [mathematics(item, names) for item in whole.items]
+    base = mathematics(whole, names)
+    if not node.type.shape:
+        return [base]
+    base = base if isinstance(node, Read) else m.brackets(base)
+    return [m.Script(base, sub=m.Num(str(i))) for i in range(node.type.size)]
