@@ -74,3 +74,12 @@ def test_returns_are_discounted_where_the_task_discounts(tmp_path: Path) -> None
 
 def test_cells_of_formulas_do_not_shrink_into_each_other(tmp_path: Path) -> None:
     assert "mtable { white-space: nowrap; }" in (pages(tmp_path, WALK) / "walk.html").read_text(encoding="utf-8")
+
+
+def test_roles_are_told_by_themselves(tmp_path: Path) -> None:
+    """They may differ in more than where episodes start."""
+    roles = "variants: {slow: {horizon: 9}, fast: {horizon: 3}}\nroles: {expert: slow, learner: fast}\n"
+    for options in ((), ("--brief",)):
+        tex = (pages(tmp_path, WALK + roles, "--no-results", *options) / "walk.tex").read_text(encoding="utf-8")
+        assert re.search(r"Roles(:|}:) the expert acts in slow, and the learner in fast", tex)
+    assert "**Roles**: the expert acts in slow" in (tmp_path / "out" / "walk.md").read_text(encoding="utf-8")

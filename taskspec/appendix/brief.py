@@ -13,7 +13,7 @@ from taskspec.appendix.sections import Section, SectionLine
 
 _KEPT = frozenset({
     "parameters", "modifiers", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
-    "termination", "initial", "scores",
+    "termination", "initial", "roles", "scores",
 })  # fmt: skip
 
 

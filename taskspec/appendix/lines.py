@@ -288,9 +288,12 @@ def initial(w: Writing) -> Iterator[Inlines]:
             Formula(w.equation(m.joined(names), expr, pairs[0][0])),
             *((Text(", independently"),) if together else ()),
         )
-    roles = w.spec.roles
-    if roles is not None:
-        yield (Text(f"roles: the expert in {roles.expert} and the learner in {roles.learner}"),)
+
+
+def roles(w: Writing) -> Iterator[Inlines]:
+    """In which variants the expert and the learner act."""
+    if w.spec.roles is not None:
+        yield (Text(f"the expert acts in {w.spec.roles.expert}, and the learner in {w.spec.roles.learner}"),)
 
 
 def expert(w: Writing) -> Iterator[Inlines]:

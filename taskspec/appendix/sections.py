@@ -45,6 +45,7 @@ _SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
     ("rewards", "Rewards", lines.rewards, True),
     ("termination", "Termination", lines.termination, True),
     ("initial", "Initial state", lines.initial, False),
+    ("roles", "Roles", lines.roles, True),
     ("expert", "Expert", lines.expert, False),
     ("abstraction", "Finite abstraction, for exact results", abstraction, False),
     ("symmetries", "Symmetries", symmetries, False),

@@ -35,11 +35,11 @@ from taskspec.printers.latex import LONG, escape, latex
 
 BESIDE = frozenset({
     "parameters", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
-    "termination", "initial", "expert",
+    "termination", "initial", "roles", "expert",
 })  # fmt: skip
 """Sections that stand beside the figure; the others have the whole width."""
 PARAGRAPHS = (
-    {"state", "observations", "actions", "horizon"}, {"definitions", "dynamics"}, {"rewards", "termination", "initial"},
+    {"state", "observations", "actions", "horizon"}, {"definitions", "dynamics"}, {"rewards", "termination", "initial", "roles"},
 )  # fmt: skip
 """Sections of the short form that share a paragraph."""
 BESIDE_ROOM, BRIEF_ROOM, WHOLE_ROOM = 27.0, 40.0, 60.0
