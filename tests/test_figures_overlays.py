@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from taskspec import registry
 from taskspec.figures import OVERLAYS, overlay, scene
-from taskspec.figures.scene import Label
+from taskspec.figures.scene import Box, Label, text_width
 from taskspec.printers.plain import plain
 from taskspec.task.task import Task
 
@@ -88,3 +90,38 @@ def test_only_one_policy_is_drawn_and_the_other_is_named(tmp_path: Path) -> None
     assert any(line.startswith("not drawn: the expert's actions") for line in told)
     alone = legend(cue(tmp_path, CUE.split("memory:")[0]), "expert")
     assert alone == ["thick arrows: an optimal policy's actions at first"]
+
+
+KEYS = """\
+taskspec: 1
+name: Keys
+summary: Walk to a key.
+state:
+  x: {type: int, low: 0, high: 3}
+  y: {type: int, low: 0, high: 2}
+action: {a: {type: choice, values: [left, right, up, down]}}
+horizon: 8
+initial: {x: 0, y: 0}
+dynamics:
+  x': clip(x + (a == right) - (a == left), 0, 3)
+  y': clip(y + (a == down) - (a == up), 0, 2)
+reward: 1 / 3 if x' == 2 and y' == 1 else 0
+figure: {kind: grid, at: [x, y], objects: {key: [2, 1], bed: [2, 1], jar: [0, 0]}}
+"""
+
+
+@pytest.mark.parametrize("names", [["values"], ["values", "policy"]])
+def test_objects_leave_the_values_of_their_cells_to_be_read(names: list[str], tmp_path: Path) -> None:
+    task = cue(tmp_path, KEYS)
+    found = scene(task, overlay(task, names))
+    assert found is not None
+    badges = [x for x in found.items if isinstance(x, Box) and x.fill == "second"]
+    texts = [x for x in found.items if isinstance(x, Label) and plain(x.text)[0].isdigit()]
+    assert len(badges) == 3
+    assert len(texts) == 12
+    for badge in badges:
+        (left, top), bottom, right = badge.corner, badge.corner[1] + badge.height, badge.corner[0] + badge.width
+        for text in texts:
+            half = text_width(text.text, text.size) / 2, text.size / 2
+            apart = abs(text.at[0] - (left + right) / 2) >= half[0] + badge.width / 2
+            assert apart or abs(text.at[1] - (top + bottom) / 2) >= half[1] + badge.height / 2

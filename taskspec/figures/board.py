@@ -23,8 +23,10 @@ KEPT = 2
 """Columns that are drawn on either side of those that are left out, as they are alike."""
 WIDEST, SIGN = 12.0, 0.26
 """In centimetres: the cells of boards that are larger still are as small as that needs, and their signs stay as large."""
-CORNERS = ((-0.3, 0.3), (0.3, 0.3), (-0.3, -0.3), (0.3, -0.3))
-"""Where in a cell objects are that share it, from its middle."""
+CORNERS = ((-1, 1), (1, 1), (-1, -1), (1, -1))
+"""In which corners of a cell objects are that share it, from its middle."""
+BADGE, BESIDE_VALUE = (0.3, 0.36), (0.34, 0.28)
+"""How far from the middle of a cell objects in its corners are, and how large, as shares of its side; and beside a value."""
 WALL = "#"
 COORDINATE, LETTER, VALUE = 0.26, 0.3, 0.24
 """Heights of letters."""
@@ -150,7 +152,7 @@ class Board:
         return next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in taken), (1, -1))
 
     def _marks(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
-        """What is in the cells that are drawn, which lie at these places; a value takes the room of all else."""
+        """What is in the cells that are drawn, which lie at these places; a value takes the room of all but objects."""
         middle = {cell: ((x + 0.5) * self.cell, (y + 0.5) * self.cell) for cell, (x, y) in at.items()}
         for cell, text in self.letters.items():
             if cell in middle and cell not in self.values and text != WALL:
@@ -162,7 +164,8 @@ class Board:
                 yield from agent(*middle[cell], weight, self.cell)
         for i, thing in enumerate(self.things):
             if thing.cell in middle:
-                taken = sum(x.cell == thing.cell for x in self.things[:i] if x.word) + (thing.cell in self.agents)
+                taken = sum(x.cell == thing.cell for x in self.things[:i] if x.word)
+                taken += thing.cell in self.agents or thing.cell in self.values
                 yield from self._thing(thing, middle[thing.cell], taken)
 
     def _thing(self, thing: Thing, at: tuple[float, float], taken: int) -> Iterator[Item]:
@@ -175,9 +178,10 @@ class Board:
         if not thing.word:
             return
         whole = 0.62 if thing.cell not in self.colors else 0.48  # beside a sign
-        side, word = (whole if not taken else 0.36) * self.cell, m.Words(thing.word)
-        dx, dy = CORNERS[(taken - 1) % len(CORNERS)] if taken else (0.0, 0.0)
-        x, y = at[0] + dx * self.cell, at[1] + dy * self.cell
+        out, small = BESIDE_VALUE if thing.cell in self.values else BADGE
+        side, word = (whole if not taken else small) * self.cell, m.Words(thing.word)
+        dx, dy = CORNERS[(taken - 1) % len(CORNERS)] if taken else (0, 0)
+        x, y = at[0] + out * dx * self.cell, at[1] + out * dy * self.cell
         yield Box((x - side / 2, y - side / 2), side, side, "second", "ink", round=0.15 * side)
         yield Label((x, y), word, min(0.7 * side, 0.9 * side / (BROAD * text_width(word, 1.0))))
 
