@@ -125,8 +125,7 @@ class Reader:
     def sum(self) -> al.Value:
         if self.is_extreme():
             return self.extreme()
-        start = self.at
-        signs = [sign] if (sign := self.takes("−", "+")) else []
+        start, signs = self.at, [sign] if (sign := self.takes("−", "+")) else []
         total = self.term()
         total = al.subtract(0, total) if sign == "−" else total
         while sign := self.takes("−", "+"):
@@ -141,8 +140,7 @@ class Reader:
         left = self.product()
         if self.sees("mod"):
             before = self.inner(self.line[start : self.at])
-            before.factor()
-            if before.peek() is not None:
+            if (before.factor(), before.peek())[1] is not None:
                 raise Unclear("a product before mod")
         if sign := self.takes("mod", "/"):
             right = self.factor()
