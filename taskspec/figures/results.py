@@ -57,12 +57,14 @@ def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
     """What is laid over the figure: its scale, if it has one, and what it is."""
     left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
     wanted, whose = known.wanted, "an optimal policy's" if task.expert is None else "the expert's"
-    lacks = "" if known.acting is not None else ", for which there is no exact plan"
+    lacks = (
+        "" if not wanted & {"expert", "occupancy"} or known.acting is not None else ", for which there is no exact plan"
+    )
     if "values" in wanted:
         yield "values", ("", f"best return{left}")
     if "policy" in wanted:
         yield "policy", ("", f"best actions{left}")
-    if "expert" in wanted:
+    if "expert" in wanted and not ("policy" in wanted and task.expert is None):
         memory = "" if task.memory is None else ", whatever it remembers"
         beside = ", as the best ones are" if "policy" in wanted and not lacks else ""
         yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
