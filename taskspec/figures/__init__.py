@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -61,7 +60,7 @@ HINT = (
 def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
     """W523 where the figure that a spec asks for cannot be drawn."""
     task = load(task)
-    if task.figure is None or _bare(task.unmodified) is not None:
+    if task.figure is None or _drawn(task.unmodified, Overlay()) is not None:
         return ()
     place = merge(task.document, task.variant).key_span(("figure",))
     hint = NEEDED.get(task.figure.kind, NEEDED_OTHERWISE)
@@ -75,8 +74,8 @@ def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
     parameters becomes a frame that says so. It shows the task as its spec has it: modifiers change none. What is laid
     over it is told below it: how it is drawn, or else what is known of the state that the figure shows.
     """
-    task, bare, over = load(task).unmodified, over is None, over or Overlay()
-    found = _bare(task) if bare else _drawn(task, over)
+    task, over = load(task).unmodified, over or Overlay()
+    found = _drawn(task, over)
     if found is None and task.figure is not None and over.here is None:
         found = stated(task, NEEDED.get(task.figure.kind, NEEDED_OTHERWISE))
     return found if found is None else with_legend(keyed(found), tuple(_legend(task, found, over)))
@@ -96,16 +95,6 @@ def _legend(task: Task, found: Scene, over: Overlay) -> Iterator[str]:
             yield f"{what}, from the first state shown: {known[part]}"
         else:
             yield f"not drawn: {what}"
-
-
-_BARE: WeakKeyDictionary[Task, Scene | None] = WeakKeyDictionary()
-
-
-def _bare(task: Task) -> Scene | None:
-    """The figure with nothing laid over it; kept, since pages show it, and are asked afterwards which could not be drawn."""
-    if task not in _BARE:
-        _BARE[task] = _drawn(task, Overlay())
-    return _BARE[task]
 
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:
