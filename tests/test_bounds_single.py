@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gymnasium.spaces import Discrete
 
 from taskspec.diagnostics import SpecError
 from taskspec.envs.vector import VectorEnvironment
@@ -53,6 +54,22 @@ def test_the_space_of_observations_has_room_for_what_every_backend_shows(backend
     env = VectorEnvironment(task, 1, backend=backend)
     shown = [env.reset(seed=0)[0], *(env.step(np.zeros(1, int))[0] for _ in range(2))]
     assert all(env.single_observation_space.contains(one[0]) for one in shown), (shown, env.single_observation_space)
+
+
+@pytest.mark.parametrize(
+    ("seen", "values"),
+    [
+        ("floor(x)", 2),
+        ("ceil(x)", 2),
+        ("floor(-x)", 2),
+        ("floor(2 * x - 1)", 3),
+        ("floor(max([x, -x]))", 3),
+        ("floor(3 * Uniform(0, 1))", 3),
+    ],
+)
+def test_ends_that_single_floats_hold_give_no_room_for_more(seen: str, values: int) -> None:
+    space = build(read_text(SPEC.format(high="1", reward=0, seen=seen))).make().observation_space
+    assert isinstance(space, Discrete) and space.n == values
 
 
 def value(dtype: type[np.floating], columns: list[np.ndarray], expr: str) -> np.ndarray:

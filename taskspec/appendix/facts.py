@@ -59,7 +59,7 @@ def gather(task: TaskLike | Report) -> Facts:
         SpecError: (E705) without scipy.
     """
     if isinstance(task, Report):
-        return _facts(task.unlimited(), task.verdicts, task.wrong_examples)
+        return _facts(task.unlimited, task.verdicts, task.wrong_examples)
     found = Results(load(task))
     return _facts(found, verdicts(found.task, found), frozenset(i for i, _ in wrong_examples(found.task)))
 

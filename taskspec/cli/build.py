@@ -79,7 +79,7 @@ class _Gathered:
         report = reported(task)
         tell(f"scores of {task.id}")
         if is_installed("scipy") and not report.errors:
-            self.facts[task.id], self.scores[task.id] = gather(report), scores(report.unlimited()).record()
+            self.facts[task.id], self.scores[task.id] = gather(report), scores(report.unlimited).record()
         return finding(report, len(task.examples))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -66,6 +67,7 @@ class Report:
     def warnings(self) -> tuple[Diagnostic, ...]:
         return tuple(d for d in self.diagnostics if d.severity == "warning")
 
+    @cached_property
     def unlimited(self) -> Results:
         """What is known of returns, on a model as large as limits allow: warnings alone are content with a moderate one."""
         return Results(self.task) if self.results is None or self.results.limit is not None else self.results

@@ -14,8 +14,11 @@ import math
 from collections.abc import Callable
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
 from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators.entry import Operator
 from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.ranges import EVERYTHING, HUGE, INF, Args, Interval, Range
 from taskspec.lang.types import INT_MAX, INT_WIDEST, Kind
@@ -65,7 +68,7 @@ def certain(root: Node, known: dict[int, Range]) -> Interval:
 
 
 SINGLE = 2.0**-21
-"""By more of its size an operation on single floats is not off: eight units of their last place."""
+"""By more of its size an operation that does not give the nearest single float is not off: eight units of the last place."""
 
 
 def single(root: Node) -> Interval:
@@ -74,24 +77,30 @@ def single(root: Node) -> Interval:
 
 
 def single_step(node: Node, args: Args) -> Range:
-    """`step`, with every real rounded outwards by more than an operation on single floats may be off."""
+    """`step` in single floats."""
     found = step(node, args)
-    terms = max((c.type.size for c in children(node)), default=1) if _adds_up(node) else 1
-    return outwards(found, terms, any(a.low < 0 < a.high for a in args)) if node.type.kind is Kind.REAL else found
-
-
-def outwards(found: Range, terms: int = 1, cancels: bool = False) -> Range:
-    """What is known of reals in single floats, of so many `terms` added up or multiplied, which may cancel."""
-    low, high = abs(found.low), abs(found.high)
-    if terms > 1 and cancels:
-        low = high = max(low, high)
-    if math.isinf(low + high):
+    if node.type.kind is not Kind.REAL:
         return found
-    return found._replace(low=found.low - SINGLE * terms * low, high=found.high + SINGLE * terms * high)
+    if isinstance(node, Apply) and node.op in OPERATORS and not _is_nearest(OPERATORS[node.op], args, found):
+        terms = max((c.type.size for c in children(node)), default=1)
+        cancels = terms > 1 and any(a.low < 0 < a.high for a in args)
+        low, high = abs(found.low), abs(found.high)
+        if cancels:
+            low = high = max(low, high)
+        if not math.isinf(low + high):
+            found = found._replace(low=found.low - SINGLE * terms * low, high=found.high + SINGLE * terms * high)
+    return rounded(found)
 
 
-def _adds_up(node: Node) -> bool:
-    return isinstance(node, Apply) and node.op in ("sum", "prod", "cumsum")
+def rounded(found: Range) -> Range:
+    """What is known of reals once they are single floats: rounding keeps their order, so that of the ends bounds that of all."""
+    with np.errstate(over="ignore"):
+        return found._replace(low=float(np.float32(found.low)), high=float(np.float32(found.high)))
+
+
+def _is_nearest(op: Operator, args: Args, found: Range) -> bool:
+    """Whether results are the nearest floats, of either precision, or stay among the elements that they are made of."""
+    return op.precise if op.elementwise else found[:2] == args[0][:2]
 
 
 def _certain_step(node: Node, args: Args) -> Range:

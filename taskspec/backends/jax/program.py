@@ -18,7 +18,7 @@ from taskspec.backends.jax.pack import DTYPES
 from taskspec.backends.lowering.hoist import compared, word_names
 from taskspec.backends.lowering.tabulate import folded
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.lang.interval import outwards, single_step
+from taskspec.lang.interval import rounded, single_step
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.ranges import INF, Range
@@ -178,7 +178,7 @@ def _check_ints(task: Task, roots: Sequence[Node]) -> None:
         (low, high), (first, last) = reached[c.name], task.builder.bounds(start)
         reached[c.name] = (min(first, -LONG) if low == -INF else low, max(last, LONG) if high == INF else high)
     counts = {id(n): Range(0, LONG) for n in walk(roots) if _is_endless(task, n)}
-    inside = {id(n): outwards(r) if n.type.kind is Kind.REAL else r for n, r in _read(roots, over(roots, reached))}
+    inside = {id(n): rounded(r) if n.type.kind is Kind.REAL else r for n, r in _read(roots, over(roots, reached))}
     most = widest(roots, INT_MAX, inside | counts, single_step)
     if most:
         message = f"an int of {task.id} may be as large as {most:.4g}; ints of JAX end at {INT_MAX}"
