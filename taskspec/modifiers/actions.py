@@ -18,9 +18,10 @@ from taskspec.modifiers.core import (
     acting,
     apart,
     combinations,
-    free_state,
+    fresh,
     inside,
     joint,
+    names_in,
     present,
     step_draws,
     with_state,
@@ -31,9 +32,9 @@ from taskspec.task.task import Component, Task
 
 def _sticky(task: Task, given: Arguments) -> Task:
     b = task.builder
-    name = free_state(task, "acted")
+    name, *names_kept = fresh(["acted", *(f"last_{c.name}" for c in task.action)], names_in(task))
     begun = b.read(Role.STATE, name, BOOL, 0, 1)
-    kept = [_previous(task, c) for c in task.action]
+    kept = [_previous(c, last) for c, last in zip(task.action, names_kept, strict=True)]
     with step_draws(task) as with_draws:
         repeated = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
     again = b.apply("and", begun, repeated)
@@ -47,9 +48,9 @@ def _sticky(task: Task, given: Arguments) -> Task:
     return with_draws(with_state(acting(task, executed), [*added, begins]))
 
 
-def _previous(task: Task, c: Component) -> Component:
+def _previous(c: Component, name: str) -> Component:
     """What keeps an action."""
-    return replace(c, name=free_state(task, f"last_{c.name}"), symbol=None, doc=f"`{c.name}` as it was executed last")
+    return replace(c, name=name, symbol=None, doc=f"`{c.name}` as it was executed last")
 
 
 def _random(task: Task, given: Arguments) -> Task:

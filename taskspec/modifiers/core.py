@@ -31,17 +31,23 @@ class AddedState:
     following: Node
 
 
-def free(name: str, components: Iterable[Component]) -> str:
-    """A name that no component has."""
-    taken = {c.name for c in components}
-    while name in taken:
-        name += "_"
-    return name
+def names_in(task: Task) -> set[str]:
+    """Every name that something in a task has."""
+    memory = () if task.memory is None else task.memory.components
+    found = {c.name for c in (*task.state, *task.action, *task.observation.components, *memory)}
+    return found | {p.name for p in task.parameters} | set(task.fixed)
 
 
-def free_state(task: Task, name: str) -> str:
-    """A name for a component that the state gets."""
-    return free(name, (*task.state, *task.action))
+def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
+    """The wanted names, lengthened so that none of them is taken and no two are the same."""
+    known = set(taken)
+    found = []
+    for name in wanted:
+        while name in known:
+            name += "_"
+        known.add(name)
+        found.append(name)
+    return found
 
 
 def with_state(task: Task, added: Sequence[AddedState]) -> Task:

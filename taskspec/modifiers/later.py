@@ -15,7 +15,7 @@ from itertools import pairwise
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import INT, REAL, Kind, Type
-from taskspec.modifiers.core import AddedState, free_state, last, looked_up, paying, with_state
+from taskspec.modifiers.core import AddedState, fresh, last, looked_up, names_in, paying, with_state
 from taskspec.modifiers.entry import Arguments, ModifierArgument, ModifierEntry
 from taskspec.modifiers.values import floats
 from taskspec.task.task import Component, Task
@@ -50,7 +50,7 @@ def few_rewards(task: Task) -> FewRewards | None:
 
 def _delayed(task: Task, given: Arguments) -> Task:
     b, few, steps = task.builder, few_rewards(task), given["steps"]
-    name = free_state(task, "outstanding")
+    (name,) = fresh(["outstanding"], names_in(task))
     if few is None:
         c = Component(name, Type(Kind.REAL, (steps,)), (-math.inf,) * steps, (math.inf,) * steps, doc=_QUEUE)
         queue = b.read(Role.STATE, name, c.type)
@@ -82,7 +82,7 @@ def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
 
 def _at_end(task: Task, given: Arguments) -> Task:
     b, few = task.builder, few_rewards(task)
-    name = free_state(task, "earned")
+    (name,) = fresh(["earned"], names_in(task))
     counted = None if few is None else _in_units(task, few, name)
     if counted is None:
         c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")

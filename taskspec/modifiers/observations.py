@@ -11,7 +11,7 @@ from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Role
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.actions import SEED, permutations
-from taskspec.modifiers.core import combinations, free, joint, looked_up, noisy, observing, real_space
+from taskspec.modifiers.core import combinations, fresh, joint, looked_up, names_in, noisy, observing, real_space
 from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, unaffected
 from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
 
@@ -21,7 +21,8 @@ def _relabelled(task: Task, given: Arguments) -> Task:
     count = combinations(seen.components, "what is observed")
     labels = permutations(given["seed"], 1, count)[0].tolist()
     label = looked_up(b, labels, joint(b, seen.components, seen.nodes))
-    c = Component("label", INT, (0,), (count - 1,), doc="a number for what is observed")
+    (name,) = fresh(["label"], names_in(task))
+    c = Component(name, INT, (0,), (count - 1,), doc="a number for what is observed")
     return observing(task, [c], [label], "discrete", {})
 
 
@@ -32,8 +33,9 @@ def _distractors(task: Task, given: Arguments) -> Task:
         dist = DISTS[given["kind"].capitalize()]
         node = dist.build(b, {name: b.scalar(v) for name, v in arguments.items()}, shape)
     low, high = (-1.0, 1.0) if given["kind"] == "uniform" else (-math.inf, math.inf)
+    (name,) = fresh(["distractor"], names_in(task))
     c = Component(
-        free("distractor", seen.components), Type(Kind.REAL, shape), (low,) * shape[0], (high,) * shape[0],
+        name, Type(Kind.REAL, shape), (low,) * shape[0], (high,) * shape[0],
         doc="numbers that mean nothing",
     )  # fmt: skip
     return observing(task, [*seen.components, c], [*seen.nodes, b.cast(node, Kind.REAL)], real_space(task), drawn)
@@ -87,7 +89,8 @@ def _timed(task: Task, given: Arguments) -> Task:
         raise Inapplicable(f"without a horizon the time does not fit into a `{seen.space}` observation")
     high = float(task.horizon) if task.horizon is not None else math.inf
     time = task.builder.read(Role.TIME, "t", INT, 0, high)
-    clock = Component(free("t", seen.components), INT, (0,), (high,), doc="steps taken")
+    (name,) = fresh(["t"], names_in(task))
+    clock = Component(name, INT, (0,), (high,), doc="steps taken")
     space = "multi_discrete" if seen.space == "discrete" else seen.space
     return replace(task, observation=Observation((*seen.components, clock), (*seen.nodes, time), space))
 

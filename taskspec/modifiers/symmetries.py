@@ -17,8 +17,9 @@ from taskspec.modifiers.core import (
     apart,
     combinations,
     elements,
-    free,
+    fresh,
     joint,
+    names_in,
     observing,
     present,
     shaped,
@@ -66,7 +67,9 @@ def _seen(task: Task, symmetry: Symmetry) -> Task:
         return shown[node.name] if isinstance(node, Read) and node.role is Role.NEXT else None
 
     nodes = rewrite(symmetry.observation, leaf, task.builder.remake_late)
-    others = [(replace(c, name=free(c.name, components)), node) for c, node in now.values()]
+    taken = (names_in(task) - set(now)) | {c.name for c in components}
+    other_names = fresh(list(now), taken)
+    others = [(replace(c, name=name), node) for name, (c, node) in zip(other_names, now.values(), strict=True)]
     return observing(
         task, [*components, *(c for c, _ in others)], [*nodes, *(n for _, n in others)], task.observation.space, {}
     )

@@ -40,7 +40,8 @@ OF_NODES: tuple[NodeRule, ...] = (
 
 OF_TASKS: tuple[TaskRule, ...] = (
     ("there is a state and an action", lambda t: bool(t.state and t.action)),
-    ("no two components have one name", lambda t: _distinct(c.name for c in (*t.state, *t.action))),
+    ("no two components have one name", lambda t: _distinct(c.name for c in (*t.state, *t.action, *kept(t)))),
+    ("no two observed components have one name", lambda t: _distinct(c.name for c in t.observation.components)),
     ("bounds have one number for each element, low first", lambda t: all(map(_bounded, components(t)))),
     ("each state component has a first value of its type", lambda t: _typed(t.initial, t.state)),
     ("each state component has a next value of its type", lambda t: _typed(t.next, t.state)),
