@@ -21,6 +21,7 @@ from taskspec.modifiers.core import (
     fresh,
     inside,
     joint,
+    meaning,
     names_in,
     present,
     step_draws,
@@ -93,9 +94,9 @@ def _permuted(task: Task, given: Arguments) -> Task:
     expert = task.expert
     if isinstance(expert, tuple):
         expert = tuple(through(np.argsort(table, axis=1), list(expert)))
-    executed: Mapping[str, Node] = {c.name: n for c, n in zip(task.action, meant, strict=True)}
+    by_name: Mapping[str, Node] = {c.name: n for c, n in zip(task.action, meant, strict=True)}
     plain = tuple(replace(c, domain=None) for c in task.action)  # a label would say what an action no longer does
-    return replace(acting(task, executed), action=plain, expert=expert)
+    return meaning(replace(task, action=plain, expert=expert), by_name)
 
 
 def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:

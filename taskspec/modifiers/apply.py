@@ -90,15 +90,9 @@ def _about(task: Task, changed: Task, entry: ModifierEntry, values: Arguments) -
     """The changed task without what is true of the other one only."""
     if entry.claims:
         return changed
-    stays = KEPT.index(entry.kept(task, values)) <= KEPT.index("best policies") and _remembers(task, changed)
+    stays = KEPT.index(entry.kept(task, values)) <= KEPT.index("best policies")
     expert = changed.expert if stays or not isinstance(changed.expert, tuple) else None
     return replace(changed, claims=(), examples=(), expert=expert, memory=changed.memory if stays else None)
-
-
-def _remembers(task: Task, changed: Task) -> bool:
-    """Whether what an expert remembers of what is seen and done is still there, where it remembers something."""
-    before, after = (list(zip(t.observation.components, t.observation.nodes, strict=True)) for t in (task, changed))
-    return task.memory is None or (all(seen in after for seen in before) and changed.action == task.action)
 
 
 def _inapplicable(task: Task, given: Modifier, reason: str, hint: str | None) -> SpecError:

@@ -6,12 +6,14 @@ import math
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from taskspec.diagnostics import suggest
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Role
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.actions import SEED, permutations
-from taskspec.modifiers.core import combinations, fresh, joint, looked_up, names_in, noisy, observing, real_space
+from taskspec.modifiers.core import apart, combinations, fresh, joint, looked_up, names_in, noisy, observing, real_space
 from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, unaffected
 from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
 
@@ -19,11 +21,14 @@ from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
 def _relabelled(task: Task, given: Arguments) -> Task:
     b, seen = task.builder, task.observation
     count = combinations(seen.components, "what is observed")
-    labels = permutations(given["seed"], 1, count)[0].tolist()
-    label = looked_up(b, labels, joint(b, seen.components, seen.nodes))
+    labels = permutations(given["seed"], 1, count)[0]
+    label = looked_up(b, labels.tolist(), joint(b, seen.components, seen.nodes))
     (name,) = fresh(["label"], names_in(task))
     c = Component(name, INT, (0,), (count - 1,), doc="a number for what is observed")
-    return observing(task, [c], [label], "discrete", {})
+    told = b.read(Role.NEXT, name, INT, 0, count - 1)
+    behind = apart(b, seen.components, np.argsort(labels).tolist(), told)
+    meant = {each.name: node for each, node in zip(seen.components, behind, strict=True)}
+    return observing(task, [c], [label], "discrete", {}, meant)
 
 
 def _distractors(task: Task, given: Arguments) -> Task:

@@ -13,12 +13,12 @@ from taskspec.lang.ir import Node, Read, Role, rewrite
 from taskspec.lang.types import Kind
 from taskspec.modifiers.core import (
     MOST,
-    acting,
     apart,
     combinations,
     elements,
     fresh,
     joint,
+    meaning,
     names_in,
     observing,
     present,
@@ -122,7 +122,7 @@ def _steered(task: Task, symmetry: Symmetry) -> Task:
         expert = _put(task.builder, symmetry.action, dict(zip((c.name for c in task.action), expert, strict=True)))
     every = {c.name: executed.get(c.name) or present(task, c, Role.ACTION) for c in task.action}
     plain = tuple(replace(c, domain=None) if c.name in executed else c for c in task.action)
-    return replace(acting(task, every), action=plain, expert=expert)
+    return meaning(replace(task, action=plain, expert=expert), every)
 
 
 def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[Node, ...]:
