@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 import taskspec
+from taskspec.exact import Results
+from taskspec.exact.scoring.yardsticks import best_observing
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.exam.twins import twins_of
+from tests.test_memory import tiger
 from tests.test_symmetries import SOLUTIONS, STRUCTURED, Written, walk
 
 Array = np.ndarray[Any, Any]
@@ -49,6 +52,18 @@ def test_tasks_have_the_twins_that_suit_them() -> None:
     assert twins_of(taskspec.load("derail/Sort"), 2) == (("symmetry=downwards",),)
     assert twins_of(taskspec.load("derail/Sort"), 0) == ()
     assert all("relabelled" in twin[1] for twin in twins_of(taskspec.load("derail/RiskyPath"), 2))
+
+
+def test_twins_of_a_task_that_hides_its_state_pay_who_remembers_what_the_task_pays() -> None:
+    """A permutation for each hidden state cannot be known, or tells of the state."""
+    task = tiger()
+    twins = twins_of(task, 2)
+    assert len(set(twins)) == 2
+    for each in twins:
+        twin = Results(taskspec.modify(task, *each))
+        assert best_observing(twin, "remembering") == best_observing(Results(task), "remembering")
+        assert twin.enclosure("expert") == Results(task).enclosure("expert")
+    assert "per_state=true" in twins_of(taskspec.load("derail/RiskyPath"), 1)[0][0]  # which shows its state
 
 
 @pytest.mark.parametrize(("sign", "starc", "lost"), [(3.0, 0.0, 0.0), (-1.0, 1.0, 8 / (10 - 3.875))])

@@ -24,6 +24,7 @@ from taskspec.modifiers.core import (
     meaning,
     names_in,
     present,
+    shows_the_state,
     step_draws,
     with_state,
 )
@@ -134,6 +135,8 @@ TABLE = (
         ),
         "The effects of the actions are permuted at random: once for all states, or separately in each state.",
         _permuted, _says_permuted, keeps="all returns",
+        observed=lambda task, given: not given["per_state"] or shows_the_state(task),
+        observed_condition="each state has no permutation of its own, or no two states look alike",
         abstraction=lambda given: "lost" if given["per_state"] else "modified as well",
         needs="finite actions; finite states as well where each has its own",
     ),

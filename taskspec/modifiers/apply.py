@@ -48,6 +48,21 @@ def is_as_written(task: Task) -> bool:
     return all(MODIFIERS[m.name].claims for m in task.modifiers)
 
 
+def keeps_observers(task: Task, *modifiers: Written) -> bool:
+    """Whether modifiers keep the returns of those who see the observations of a task alone, too, as the table says it.
+
+    Raises:
+        SpecError: as `modify` does.
+    """
+    for written in modifiers:
+        given = modifier(written)
+        entry = MODIFIERS[given.name]
+        if not entry.keeps_observers(task, arguments(entry, given)):
+            return False
+        task = _modified(task, given)
+    return True
+
+
 def stand_in(task: Task, unmodified: Task) -> Task | None:
     """The finite stand-in of a task from that of the task as written; None where modifiers leave it none."""
     entries = [(m, MODIFIERS[m.name]) for m in task.modifiers]

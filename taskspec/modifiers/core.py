@@ -10,9 +10,10 @@ from typing import Any
 
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
-from taskspec.lang.ir import Draw, Node, Read, Role, reads, rewrite
+from taskspec.lang.ir import Draw, Node, Read, Role, draws, reads, rewrite
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.entry import Inapplicable
+from taskspec.task.bijection import parts
 from taskspec.task.invariants import remembers_what_is_told
 from taskspec.task.task import Component, Observation, SpaceKind, Task
 
@@ -175,6 +176,12 @@ def observing(
 def real_space(task: Task) -> SpaceKind:
     """The space of observations that hold reals: a dictionary where they are one, else a box."""
     return "dict" if task.observation.space == "dict" else "box"
+
+
+def shows_the_state(task: Task) -> bool:
+    """Whether it is known that no two states look alike, at whatever time; what is drawn tells nothing here."""
+    nodes = [n for n in task.observation.nodes if not draws([n]) and (Role.TIME, "t") not in reads([n])]
+    return all(part.is_decided and part.clash() is None for part in parts(Role.STATE, task.state, nodes))
 
 
 # -- what an expert remembers -------------------------------------------------------------------------------------

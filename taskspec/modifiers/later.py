@@ -16,7 +16,7 @@ from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import INT, REAL, Kind, Type
 from taskspec.modifiers.core import AddedState, fresh, last, looked_up, names_in, paying, with_state
-from taskspec.modifiers.entry import Arguments, ModifierArgument, ModifierEntry
+from taskspec.modifiers.entry import Arguments, ModifierArgument, ModifierEntry, always
 from taskspec.modifiers.values import floats
 from taskspec.task.task import Component, Task
 
@@ -126,12 +126,12 @@ TABLE = (
         _delayed,
         lambda task, given: f"each reward is paid {_times(given['steps'])} later; what is outstanding when the episode ends is "
         "paid then",
-        keeps="every policy's return", when=undiscounted, condition="the discount is 1",
+        keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
     ),
     ModifierEntry(
         "reward_at_end", (), "All rewards are 0 until the end of the episode, where their sum is paid.",
         _at_end, lambda task, given: "nothing is paid before the episode ends, and then the sum of all its rewards",
-        keeps="every policy's return", when=undiscounted, condition="the discount is 1",
+        keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
     ),
 )  # fmt: skip
 

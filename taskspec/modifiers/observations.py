@@ -14,7 +14,7 @@ from taskspec.lang.ir import Role
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.actions import SEED, permutations
 from taskspec.modifiers.core import apart, combinations, fresh, joint, looked_up, names_in, noisy, observing, real_space
-from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, unaffected
+from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, unaffected
 from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
 
 
@@ -113,13 +113,14 @@ _LAWS = {"normal": r"\mathcal{N}(0, 1)", "uniform": r"\operatorname{Unif}(-1, 1)
 TABLE = (
     _entry(
         "relabelled", (SEED,), "Each observation becomes one number, assigned at random, which tells nothing about similarity.",
-        _relabelled, _says_relabelled, needs="finite observations",
+        _relabelled, _says_relabelled, observed=always, needs="finite observations",
     ),
     _entry(
         "distractors", (_COUNT, _KIND), "Meaningless numbers are observed as well, drawn again in every step.",
         _distractors,
         lambda task, given: f"${given['count']}$ more numbers are observed, independently drawn from ${_LAWS[given['kind']]}$ "
         "in every step",
+        observed=always,
     ),
     _entry(
         "observation_noise", (STD,), "Normal noise is added to every number observed.",

@@ -24,7 +24,7 @@ from taskspec.modifiers.core import (
     present,
     shaped,
 )
-from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
+from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.task.bijection import MapPart, Moves, bounds, codes, outside, parts
 from taskspec.task.task import FINITE_SPACES, Component, Symmetry, Task
 
@@ -176,6 +176,6 @@ TABLE = (
                              sample=lambda task: task.symmetries[0].name if task.symmetries else "none"),
         ),
         "Observations or actions are transformed as the spec declares under `symmetries`.",
-        _twin, _says, keeps="all returns", abstraction=as_well, needs="a spec that declares it",
+        _twin, _says, keeps="all returns", observed=always, abstraction=as_well, needs="a spec that declares it",
     ),
 )  # fmt: skip
