@@ -223,9 +223,26 @@ def test_wrong_ones_are_refused_with_a_code(written: Any, code: str, part: str, 
 
 
 def test_a_horizon_that_others_stand_on_is_not_changed() -> None:
+    endless = build(read_text(WALK.replace("horizon: 6", "horizon: none")))
+    for task in (walk(), endless):
+        for earlier in ("delay=2", "reward_at_end", "potential=s"):
+            with pytest.raises(SpecError, match=f"'{earlier}' depends on when episodes end"):
+                taskspec.modify(task, earlier, "horizon=3")
+        later = taskspec.modify(task, "horizon=3", "delay=2")
+        assert episode(later, [RIGHT, STAY, STAY])[1] == [0, 0, 3]
+    assert taskspec.modify(endless, "reward_noise=0", "horizon=3").horizon == 3
     with pytest.raises(SpecError, match="depends on the time"):
-        walk("delay=2", "horizon=3")
-    assert episode(walk("horizon=3", "delay=2"), [RIGHT, STAY, STAY])[1] == [0, 0, 3]
+        walk("time_observed", "horizon=3")
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(9.5e307, 1.7e308), (5e-324, 1e-323), (1.0, 1.0000000000000002), (-1.7e308, 1.7e308)]
+)
+def test_rewards_that_are_paid_later_are_told_apart_to_the_last_digit(low: float, high: float) -> None:
+    task = build(read_text(WALK.replace("reward: s'", f"reward: {high!r} if a == right else {low!r}")))
+    later = taskspec.modify(task, "delay=1")
+    assert later.is_finite
+    assert episode(later, [LEFT, RIGHT, LEFT])[1] == [0, low, high]
 
 
 # -- names that modifiers make ------------------------------------------------------------------------------------

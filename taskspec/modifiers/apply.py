@@ -84,6 +84,7 @@ def sentences(task: Task) -> Iterator[tuple[Modifier, str]]:
 def _modified(task: Task, given: Modifier) -> Task:
     entry = MODIFIERS[given.name]
     values = arguments(entry, given)
+    _check_time_limit(task, given, entry)
     try:
         changed = entry.change(task, values)
     except Inapplicable as found:
@@ -99,6 +100,20 @@ def _modified(task: Task, given: Modifier) -> Task:
         written_as=task.unmodified,
         content_hash=hashlib.sha256(f"{task.content_hash}+{given}".encode()).hexdigest(),
     )
+
+
+def _check_time_limit(task: Task, given: Modifier, entry: ModifierEntry) -> None:
+    """Refuse to change a horizon that another modifier has read.
+
+    Raises:
+        SpecError: E720.
+    """
+    if entry.time_limit != "changed":
+        return
+    for earlier in task.modifiers:
+        if MODIFIERS[earlier.name].time_limit == "read":
+            reason = f"'{earlier}' depends on when episodes end"
+            raise _inapplicable(task, given, reason, "give the horizon before other modifiers")
 
 
 def _about(task: Task, changed: Task, entry: ModifierEntry, values: Arguments) -> Task:

@@ -156,6 +156,8 @@ class ModifierEntry:
     observed_condition: str = ""
     needs: str = ""
     claims: bool = False
+    time_limit: Literal["unread", "read", "changed"] = "unread"
+    """What it has to do with the horizon: once one has read it, no other one changes it."""
     abstraction: Callable[[Arguments], StandIn] = lambda given: "lost"
     """What becomes of the finite stand-in of a task that has one."""
 

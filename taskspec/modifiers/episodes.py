@@ -79,7 +79,7 @@ TABLE = (
                              sample=lambda task: (task.horizon or 20) // 2 + 1),
         ),
         "Episodes are longer or shorter.",
-        _horizon, _says_horizon, needs="a task that does not depend on the time, unless it comes first and shortens episodes",
+        _horizon, _says_horizon, time_limit="changed", needs="a task that does not depend on the time, unless it comes first and shortens episodes",
         abstraction=as_well,
     ),
     ModifierEntry(

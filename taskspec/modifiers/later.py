@@ -39,10 +39,16 @@ def few_rewards(task: Task) -> FewRewards | None:
         return None
     values = sorted({0.0, *found})
     number: Node = b.scalar(0)
-    for low, high in pairwise(values):  # half way between them no rounding makes a difference
-        above = b.apply("lt", b.scalar((low + high) / 2), task.reward)
+    for low, high in pairwise(values):
+        above = b.apply("lt", b.scalar(_between(low, high)), task.reward)
         number = b.apply("add", number, b.cast(above, Kind.INT))
     return FewRewards(tuple(values), b.within(number, 0, len(values) - 1))
+
+
+def _between(low: float, high: float) -> float:
+    """A number from the lower one on and below the higher one: half way, where rounding makes no difference, if it is a float."""
+    half = float((Fraction(low) + Fraction(high)) / 2)
+    return half if half < high else low
 
 
 # -- after some steps ---------------------------------------------------------------------------------------------
@@ -126,12 +132,12 @@ TABLE = (
         _delayed,
         lambda task, given: f"each reward is paid {_times(given['steps'])} later; what is outstanding when the episode ends is "
         "paid then",
-        keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
+        time_limit="read", keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
     ),
     ModifierEntry(
         "reward_at_end", (), "All rewards are 0 until the end of the episode, where their sum is paid.",
         _at_end, lambda task, given: "nothing is paid before the episode ends, and then the sum of all its rewards",
-        keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
+        time_limit="read", keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
     ),
 )  # fmt: skip
 

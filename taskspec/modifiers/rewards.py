@@ -80,6 +80,6 @@ TABLE = (
         _shaped,
         lambda task, given: rf"$\gamma\, \Phi(s') - \Phi(s)$ is added to the reward, where $\Phi$ is `{given['of']}`, and 0 when "
         "the episode has ended",
-        keeps="best policies",
+        time_limit="read", keeps="best policies",
     ),
 )  # fmt: skip
