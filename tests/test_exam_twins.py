@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import taskspec
+from taskspec.data import demonstrations
 from taskspec.exact import Results
 from taskspec.exact.scoring.yardsticks import best_observing
 from taskspec.exam import Case, Learned, examine, learns_from
@@ -64,6 +65,38 @@ def test_twins_of_a_task_that_hides_its_state_pay_who_remembers_what_the_task_pa
         assert best_observing(twin, "remembering") == best_observing(Results(task), "remembering")
         assert twin.enclosure("expert") == Results(task).enclosure("expert")
     assert "per_state=true" in twins_of(taskspec.load("derail/RiskyPath"), 1)[0][0]  # which shows its state
+
+
+@pytest.mark.parametrize("name", ["RiskyPath", "InitShiftExpert"])
+def test_seeds_of_twins_are_those_under_which_the_expert_acts_differently(name: str) -> None:
+    """The first seed under which no action is always the expert's, then the one that differs most from those chosen before."""
+    task = taskspec.load(f"derail/{name}")
+    names = {}
+    for seed in range(1, 17):
+        twin = taskspec.modify(task, f"permuted_actions={seed},per_state=true")
+        names[seed] = demonstrations(twin, "optimal" if twin.expert is None else "expert", episodes=8).acts
+    varied = [seed for seed, acts in names.items() if len(set(acts.tolist())) > 1]
+    chosen = [varied[0]]
+    for _ in range(2):
+        others = [seed for seed in varied if seed not in chosen]
+        chosen.append(max(others, key=lambda seed: min(np.count_nonzero(names[seed] != names[c]) for c in chosen)))
+    assert len(set(chosen)) == 3
+    assert twins_of(task, 3) == tuple((f"permuted_actions={s},per_state=true", f"relabelled={s}") for s in chosen)
+
+
+def test_a_learner_is_trained_on_each_twin_with_the_seeds_of_the_exam() -> None:
+    trained = []
+
+    def learner(case: Case) -> Any:
+        trained.append((tuple(map(str, case.task.modifiers)), case.seed))
+        return lambda observation: 0
+
+    found = examine(learner, tasks=["RiskyPath"], seeds=[4, 7], twins=2, learns_from=["reward"])
+    twins = twins_of(taskspec.load("derail/RiskyPath"), 2)
+    assert sorted(trained) == sorted((twin, seed) for twin in ((), *twins) for seed in (4, 7))
+    assert {(score["twin"], score["seed"]) for score in found["scores"]} == {
+        (None if not twin else "+".join(twin), seed) for twin, seed in trained
+    }
 
 
 @pytest.mark.parametrize(("sign", "starc", "lost"), [(3.0, 0.0, 0.0), (-1.0, 1.0, 8 / (10 - 3.875))])

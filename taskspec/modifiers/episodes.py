@@ -79,8 +79,9 @@ TABLE = (
                              sample=lambda task: (task.horizon or 20) // 2 + 1),
         ),
         "Episodes are longer or shorter.",
-        _horizon, _says_horizon, time_limit="changed", needs="a task that does not depend on the time, unless it comes first and shortens episodes",
-        abstraction=as_well,
+        _horizon, _says_horizon, time_limit="changed", abstraction=as_well,
+        needs="a task that does not depend on the time, unless it comes first and shortens episodes; it comes before modifiers "
+        "that read when episodes end",
     ),
     ModifierEntry(
         "discount", (ModifierArgument("factor", "real", "the discount", low=0, high=1, sample=lambda task: 0.9),),

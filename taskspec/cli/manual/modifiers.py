@@ -40,8 +40,8 @@ written
 | in YAML | `modifiers: [{sticky: 0.25}, time_observed, {distractors: {count: 3, kind: uniform}}]` |
 
 The first argument needs no name. Parts of a spec that may no longer hold are dropped: claims and examples with all modifiers
-except `absorbing` and `time_observed`, and a written expert where it may no longer be optimal, or does not see what it remembers; an expert that is `optimal` or
-`soft(b)` is planned for the modified task. The draws of a modifier come after those of the task, which are the same as before
+except `absorbing` and `time_observed`, and a written expert where it may no longer be optimal, or does not see what it remembers;
+an expert that is `optimal` or `soft(b)` is planned for the modified task. The draws of a modifier come after those of the task, which are the same as before
 for each seed. Figures show the task as written.
 
 The tests prove, on the exact models of finite tasks, what each modifier keeps. *Every policy's return* means that of every
