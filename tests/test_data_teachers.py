@@ -55,13 +55,13 @@ def test_labels_follow_the_true_returns(task: str, length: int | None) -> None:
 TWICE = """
 taskspec: 1
 name: Twice
-state: {s: {type: int, low: 0, high: 1}}
+state: {s: {type: int, low: 0, high: 2}}
 action: {a: {type: int, low: 0, high: 1}}
 horizon: 2
 discount: 1/4
 initial: {s: 0}
-dynamics: {s': a}
-reward: a * (t + 1)
+dynamics: {s': s + 1}
+reward: a * (s + 1)
 """
 
 
@@ -77,6 +77,12 @@ def test_labels_are_of_discounted_returns() -> None:
         plain = sum(first.rews) - sum(second.rews)
         differ += np.sign(plain) != np.sign(worth[0] - worth[1])
     assert differ > 5
+    unsure = preferences(task, 100, teacher="equal(0.3)")  # of the range from 0 to 1.5
+    apart = unsure.returns[:, 0] - unsure.returns[:, 1]
+    assert unsure.preferences.tolist() == np.where(np.abs(apart) < 0.45, 0.5, apart > 0).tolist()
+    assert len(set(np.abs(apart).tolist())) == 4
+    skipping = preferences(task, 100, teacher="skipping(0.5)")
+    assert set(skipping.returns.max(axis=1).tolist()) == {1.0, 1.5}
     myopic = preferences(task, 100, teacher="myopic(0.5)")
     seen = [
         sum(0.25**k * 0.5 ** (len(each) - 1 - k) * reward for k, reward in enumerate(each.rews))

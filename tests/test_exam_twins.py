@@ -14,6 +14,9 @@ from taskspec.exact import Results
 from taskspec.exact.scoring.yardsticks import best_observing
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.exam.twins import twins_of
+from taskspec.source import read_text
+from taskspec.task.build import build
+from tests.test_data_teachers import TWICE
 from tests.test_memory import tiger
 from tests.test_symmetries import SOLUTIONS, STRUCTURED, Written, walk
 
@@ -129,6 +132,26 @@ def by_preferences(case: Case) -> Any:
             seen, done = [*seen, after], terminated or truncated
         shown.append(SimpleNamespace(obs=np.array(seen), acts=np.full(len(seen) - 1, action)))
     return lambda _: int(case.prefer(*shown) == 0)
+
+
+def test_comparisons_are_of_discounted_returns() -> None:
+    """Where later rewards count a quarter, 1 now is preferred to 2 in the second step; without a discount it is not."""
+    answers = []
+
+    @learns_from("preferences")
+    def asking(case: Case) -> Any:
+        env = case.env()
+        shown = []
+        for actions in ((1, 0), (0, 1)):
+            seen = [env.reset()[0]]
+            seen += [env.step(action)[0] for action in actions]
+            shown.append(SimpleNamespace(obs=np.array(seen), acts=np.array(actions)))
+        answers.append(case.prefer(*shown))
+        return lambda observation: 1
+
+    for task in (build(read_text(TWICE)), build(read_text(TWICE.replace("discount: 1/4", "discount: 1")))):
+        examine(asking, tasks=[task], seeds=1, twins=0, probes=False)
+    assert answers == [1.0, 0.0]
 
 
 def test_who_learns_from_preferences_does_not_peek() -> None:

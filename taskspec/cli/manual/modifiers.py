@@ -41,8 +41,8 @@ written
 
 The first argument needs no name. Parts of a spec that may no longer hold are dropped: claims and examples with all modifiers
 except `absorbing` and `time_observed`, and a written expert where it may no longer be optimal, or does not see what it remembers;
-an expert that is `optimal` or `soft(b)` is planned for the modified task. The draws of a modifier come after those of the task, which are the same as before
-for each seed. Figures show the task as written.
+an expert that is `optimal` or `soft(b)` is planned for the modified task. The draws of a modifier come after those of the task,
+which are the same as before for each seed. Figures show the task as written.
 
 The tests prove, on the exact models of finite tasks, what each modifier keeps. *Every policy's return* means that of every
 function of the original state and the time. *Also from observations* is said of modifiers that keep returns for those who see
