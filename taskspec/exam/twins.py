@@ -16,6 +16,8 @@ Modifiers = tuple[str, ...]
 Labels = np.ndarray[Any, Any]
 TRIED = 16
 """Seeds that twins are chosen from, at least."""
+WAYS = ("permuted_actions={seed},per_state=true", "permuted_actions={seed}")
+"""How actions are permuted: the first way is taken that keeps what those can earn who see observations alone."""
 EPISODES = 8
 """Of the expert, that show what it does in the states where it comes."""
 NEGATED = "reward_scale=-1"
@@ -44,10 +46,6 @@ def twins_of(task: Task, wanted: int) -> tuple[Modifiers, ...]:
         others = [seed for seed in left if seed not in chosen]
         chosen.append(max(others, key=lambda seed: min(int((known[seed] != known[c]).sum()) for c in chosen)))
     return tuple(_modifiers(way, seed) for seed in chosen)
-
-
-WAYS = ("permuted_actions={seed},per_state=true", "permuted_actions={seed}")
-"""How actions are permuted: the first way is taken that keeps what those can earn who see observations alone."""
 
 
 def _way(task: Task) -> str | None:
