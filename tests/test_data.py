@@ -12,6 +12,11 @@ import pytest
 
 import taskspec
 from taskspec.data import Demonstrations, demonstrations, preferences, read, write
+from taskspec.diagnostics import SpecError
+from taskspec.exact import Results
+from taskspec.exact.scoring.returns import Return
+from taskspec.source import read_text
+from taskspec.task.build import build
 from tests.shared.commands import Done
 from tests.test_memory import DRAWN, tiger
 
@@ -112,6 +117,33 @@ def test_an_expert_that_remembers_acts_on_what_it_saw() -> None:
             seen, reward, *_ = env.step(action)
             lead += {0: 0, 1: -1, 2: 1}[int(seen)]
             assert seen == found.obs[t + 1] and reward == found.rews[t]
+
+
+COUNTING = """
+taskspec: 1
+name: Counting
+state: {s: {type: int}}
+action: {a: {type: bool}}
+horizon: none
+initial: {s: 0}
+dynamics: {s': s + 1}
+reward: 1
+terminal: s' == LAST
+"""
+
+
+def test_episodes_without_a_horizon_are_recorded_up_to_twenty_thousand_steps() -> None:
+    longer = build(read_text(COUNTING.replace("LAST", "20001")))
+    with pytest.raises(SpecError, match="still running after 20,000 steps"):
+        demonstrations(longer, "random", episodes=1)
+
+
+def test_returns_of_episodes_without_a_horizon_are_estimated_up_to_two_thousand_steps() -> None:
+    """Later than that some have to have ended, if all are to end within twenty thousand."""
+    longest, longer = (build(read_text(COUNTING.replace("LAST", str(n)))) for n in (2_000, 2_001))
+    assert Results(longest, episodes=2).sample("random") == Return(2000, 0, 2)
+    assert Results(longer, episodes=2).sample("random") is None
+    assert Results(taskspec.modify(longer, "horizon=2001"), episodes=2).sample("random") == Return(2001, 0, 2)
 
 
 def test_functions_of_files_see_what_the_environment_shows(tmp_path: Path) -> None:

@@ -9,6 +9,8 @@ import pytest
 
 from taskspec.data import Teacher, preferences
 from taskspec.data.transitions import Trajectory
+from taskspec.source import read_text
+from taskspec.task.build import build
 
 pytest.importorskip("scipy")
 RANGE = {"RiskyPath": (-247.5, 4.0), "NoisyObs": (0.0, 12.0)}
@@ -48,6 +50,47 @@ def test_labels_follow_the_true_returns(task: str, length: int | None) -> None:
         first, second = data.pairs[-1]
         assert data.returns[-1].tolist() == [first.rews.sum(), second.rews.sum()]
         assert length is None or {len(t) for t in data.trajectories} == {length}
+
+
+TWICE = """
+taskspec: 1
+name: Twice
+state: {s: {type: int, low: 0, high: 2}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 2
+discount: 1/4
+initial: {s: 0}
+dynamics: {s': s + 1}
+reward: a * (s + 1)
+"""
+
+
+def test_labels_are_of_discounted_returns() -> None:
+    """One reward now is preferred to two in the second step, where later ones count a quarter."""
+    task = build(read_text(TWICE))
+    data = preferences(task, 100)
+    differ = 0
+    for (first, second), label, returns in zip(data.pairs, data.preferences, data.returns, strict=True):
+        worth = [sum(0.25**k * reward for k, reward in enumerate(each.rews)) for each in (first, second)]
+        assert returns.tolist() == worth
+        assert label == (0.5 if worth[0] == worth[1] else float(worth[0] > worth[1]))
+        plain = sum(first.rews) - sum(second.rews)
+        differ += np.sign(plain) != np.sign(worth[0] - worth[1])
+    assert differ > 5
+    unsure = preferences(task, 100, teacher="equal(0.3)")  # of the range from 0 to 1.5
+    apart = unsure.returns[:, 0] - unsure.returns[:, 1]
+    assert unsure.preferences.tolist() == np.where(np.abs(apart) < 0.45, 0.5, apart > 0).tolist()
+    assert len(set(np.abs(apart).tolist())) == 4
+    skipping = preferences(task, 100, teacher="skipping(0.5)")
+    assert set(skipping.returns.max(axis=1).tolist()) == {1.0, 1.5}
+    myopic = preferences(task, 100, teacher="myopic(0.5)")
+    seen = [
+        sum(0.25**k * 0.5 ** (len(each) - 1 - k) * reward for k, reward in enumerate(each.rews))
+        for pair in myopic.pairs
+        for each in pair
+    ]
+    ahead = np.array(seen[::2]) - np.array(seen[1::2])
+    assert myopic.preferences.tolist() == np.where(ahead > 0, 1, np.where(ahead < 0, 0, 0.5)).tolist()
 
 
 def test_a_stochastic_teacher_prefers_as_bradley_and_terry_have_it() -> None:

@@ -216,6 +216,30 @@ def test_under_names_the_decision_model() -> None:
     assert found.status == "proved"
 
 
+@pytest.mark.parametrize(
+    ("claim", "status"),
+    [
+        ("optimal_return == 1 - 0.9e-9", "proved"),
+        ("optimal_return == 1 - 1.1e-9", "false"),
+        ("1000 * optimal_return == 1000 + 0.9e-6", "proved"),
+        ("1000 * optimal_return == 1000 + 1.1e-6", "false"),
+    ],
+)
+def test_numbers_are_equal_within_a_billionth_of_their_size(claim: str, status: str) -> None:
+    assert verdict(claim).status == status
+
+
+@pytest.mark.parametrize(("ahead", "status"), [(2e-10, "false"), (3e-10, "proved")])
+@pytest.mark.parametrize("chance", ["{p!r}", "exp(log({p!r}) - s)"])
+def test_actions_that_are_as_frequent_within_a_billionth_are_tied(ahead: float, status: str, chance: str) -> None:
+    """Frequencies 1/2 + d and 1/2 - d differ by 4 d of their size; once as rationals, and once as floats with errors."""
+    drawn = f"Bernoulli({chance.format(p=0.5 + ahead)})"
+    text = PATH.replace("CLAIM", "prefers(expert, a == go, at=s == 0)")
+    text = re.sub(r"(?m)^expert:.*$", f"expert: {{a: 'go if {drawn} else stay', idle: 0}}", text)
+    (found,) = verdicts(build(source.read_text(text, "path.yaml")))
+    assert found.status == status, found.detail
+
+
 DISCOUNTED = """
 taskspec: 1
 name: Discounted

@@ -156,6 +156,18 @@ def test_the_policy_that_draws_is_scored_beside_its_best_actions() -> None:
     assert score["deterministic"] == 1.0 and score["stochastic"] == pytest.approx(exact)
 
 
+@pytest.mark.parametrize("size", [0.01, 1, 1000])
+@pytest.mark.parametrize(("behind", "is_tied"), [(0.9e-9, True), (1.1e-9, False)])
+def test_actions_whose_values_differ_by_a_billionth_are_tied(size: float, behind: float, is_tied: bool) -> None:
+    """A billionth of the size of the values, or of 1 where they are smaller: tied actions are taken as often."""
+    top = size * np.ones((4, 1))
+    values = np.hstack([top, top - behind * max(size, 1)])
+    found = examine(lambda case: values, tasks=["RiskyPath"], seeds=1, twins=0, learns_from=["reward"])
+    task = taskspec.load("derail/RiskyPath")
+    chances = np.repeat([[0.5], [0.5]] if is_tied else [[1.0], [0.0]], 4, axis=1)
+    assert found["scores"][0]["deterministic"] == pytest.approx(taskspec.exact.score(task, chances).normalised)
+
+
 def test_tasks_without_a_model_are_scored_in_episodes() -> None:
     found = examine(lambda case: lambda seen: 0, tasks=["LargestSum"], seeds=1, learns_from=["reward"])
     for score in found["scores"]:

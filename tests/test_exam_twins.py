@@ -9,8 +9,15 @@ import numpy as np
 import pytest
 
 import taskspec
+from taskspec.data import demonstrations
+from taskspec.exact import Results
+from taskspec.exact.scoring.yardsticks import best_observing
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.exam.twins import twins_of
+from taskspec.source import read_text
+from taskspec.task.build import build
+from tests.test_data_teachers import TWICE
+from tests.test_memory import tiger
 from tests.test_symmetries import SOLUTIONS, STRUCTURED, Written, walk
 
 Array = np.ndarray[Any, Any]
@@ -51,6 +58,50 @@ def test_tasks_have_the_twins_that_suit_them() -> None:
     assert all("relabelled" in twin[1] for twin in twins_of(taskspec.load("derail/RiskyPath"), 2))
 
 
+def test_twins_of_a_task_that_hides_its_state_pay_who_remembers_what_the_task_pays() -> None:
+    """A permutation for each hidden state cannot be known, or tells of the state."""
+    task = tiger()
+    twins = twins_of(task, 2)
+    assert len(set(twins)) == 2
+    for each in twins:
+        twin = Results(taskspec.modify(task, *each))
+        assert best_observing(twin, "remembering") == best_observing(Results(task), "remembering")
+        assert twin.enclosure("expert") == Results(task).enclosure("expert")
+    assert "per_state=true" in twins_of(taskspec.load("derail/RiskyPath"), 1)[0][0]  # which shows its state
+
+
+@pytest.mark.parametrize("name", ["RiskyPath", "InitShiftExpert"])
+def test_seeds_of_twins_are_those_under_which_the_expert_acts_differently(name: str) -> None:
+    """The first seed under which no action is always the expert's, then the one that differs most from those chosen before."""
+    task = taskspec.load(f"derail/{name}")
+    names = {}
+    for seed in range(1, 17):
+        twin = taskspec.modify(task, f"permuted_actions={seed},per_state=true")
+        names[seed] = demonstrations(twin, "optimal" if twin.expert is None else "expert", episodes=8).acts
+    varied = [seed for seed, acts in names.items() if len(set(acts.tolist())) > 1]
+    chosen = [varied[0]]
+    for _ in range(2):
+        others = [seed for seed in varied if seed not in chosen]
+        chosen.append(max(others, key=lambda seed: min(np.count_nonzero(names[seed] != names[c]) for c in chosen)))
+    assert len(set(chosen)) == 3
+    assert twins_of(task, 3) == tuple((f"permuted_actions={s},per_state=true", f"relabelled={s}") for s in chosen)
+
+
+def test_a_learner_is_trained_on_each_twin_with_the_seeds_of_the_exam() -> None:
+    trained = []
+
+    def learner(case: Case) -> Any:
+        trained.append((tuple(map(str, case.task.modifiers)), case.seed))
+        return lambda observation: 0
+
+    found = examine(learner, tasks=["RiskyPath"], seeds=[4, 7], twins=2, learns_from=["reward"])
+    twins = twins_of(taskspec.load("derail/RiskyPath"), 2)
+    assert sorted(trained) == sorted((twin, seed) for twin in ((), *twins) for seed in (4, 7))
+    assert {(score["twin"], score["seed"]) for score in found["scores"]} == {
+        (None if not twin else "+".join(twin), seed) for twin, seed in trained
+    }
+
+
 @pytest.mark.parametrize(("sign", "starc", "lost"), [(3.0, 0.0, 0.0), (-1.0, 1.0, 8 / (10 - 3.875))])
 def test_what_is_told_of_a_learned_reward_is_in_the_results(sign: float, starc: float, lost: float) -> None:
     """EarlyTermPos pays 1 a step; who wants the opposite ends it in the second step and gets 2 of 10; random gets 3.875."""
@@ -81,6 +132,26 @@ def by_preferences(case: Case) -> Any:
             seen, done = [*seen, after], terminated or truncated
         shown.append(SimpleNamespace(obs=np.array(seen), acts=np.full(len(seen) - 1, action)))
     return lambda _: int(case.prefer(*shown) == 0)
+
+
+def test_comparisons_are_of_discounted_returns() -> None:
+    """Where later rewards count a quarter, 1 now is preferred to 2 in the second step; without a discount it is not."""
+    answers = []
+
+    @learns_from("preferences")
+    def asking(case: Case) -> Any:
+        env = case.env()
+        shown = []
+        for actions in ((1, 0), (0, 1)):
+            seen = [env.reset()[0]]
+            seen += [env.step(action)[0] for action in actions]
+            shown.append(SimpleNamespace(obs=np.array(seen), acts=np.array(actions)))
+        answers.append(case.prefer(*shown))
+        return lambda observation: 1
+
+    for task in (build(read_text(TWICE)), build(read_text(TWICE.replace("discount: 1/4", "discount: 1")))):
+        examine(asking, tasks=[task], seeds=1, twins=0, probes=False)
+    assert answers == [1.0, 0.0]
 
 
 def test_who_learns_from_preferences_does_not_peek() -> None:

@@ -81,6 +81,9 @@ DAMAGE: dict[str, Callable[[Task], Task]] = {
     "variables of comprehensions and functions are expanded": lambda t: damaged(t, next=(VARIABLE, t.next[1])),
     "there is a state and an action": lambda t: damaged(t, action=()),
     "no two components have one name": lambda t: damaged(t, action=(t.state[0],)),
+    "no two observed components have one name": lambda t: damaged(
+        t, observation=dataclasses.replace(t.observation, components=2 * t.observation.components)
+    ),
     "bounds have one number for each element, low first": lambda t: damaged(
         t, state=(dataclasses.replace(t.state[0], low=(6,)), t.state[1])
     ),

@@ -17,12 +17,14 @@ from typer.testing import CliRunner
 import taskspec
 from taskspec.appendix import page
 from taskspec.cli.app import app
+from taskspec.data import demonstrations
 from taskspec.diagnostics import SpecError
 from taskspec.exact import Expert, Results, check, score, scores
 from taskspec.exact.scoring.returns import simulate
 from taskspec.exact.simulation.rollout import by_expert
 from taskspec.source import read_text
 from taskspec.task.build import build
+from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 
 SEEN = "heard: heard"
@@ -312,3 +314,53 @@ def test_a_label_of_a_parameter_may_be_called_as_an_observation() -> None:
     memory = "lead: {type: int, low: -9, high: 9, initial: 0, next: 0}"
     text = spec("sound: heard", memory, "parameters: {ear: {type: choice, values: [sound, deaf], default: deaf}}")
     assert build(read_text(text.replace("if: lead >= 2", "if: ear == sound"))).expert is not None
+
+
+# -- modifiers ----------------------------------------------------------------------------------------------------
+
+TURNS = """
+taskspec: 1
+name: Turns
+state: {s: {type: int, low: 0, high: 1}, n: {type: int, low: 0, high: 9}, w: {type: int, low: 0, high: 2}}
+action: {a: {type: int, low: 0, high: 1}}
+observation: {s: s, w: w}
+horizon: 4
+initial: {s: {0: 1/2, 1: 1/2}, n: 0, w: 0}
+dynamics: {s': a, n': n + 1, w': "(w + 1) % 3"}
+reward: [{if: n % 2 == a, then: 1}, {else: 0}]
+memory: {m: {type: int, low: 0, high: 1, initial: 0 * s, next: (1 - a) * (1 if a == s' else 0)}}
+expert: {a: m}
+symmetries: {turned: {action: {a: 1 - a}}}
+"""
+"""Zero and one in turn: only who remembers what was done last is right, and it was what is seen now."""
+
+
+@pytest.mark.parametrize(
+    "modifiers",
+    [
+        ["permuted_actions=1"],
+        ["symmetry=turned"],
+        ["relabelled=1"],
+        ["permuted_actions=1", "relabelled=3", "permuted_actions=2", "symmetry=turned"],
+        ["delay=2", "hidden=w", "time_observed", "reward_noise=1"],
+    ],
+    ids=str,
+)
+def test_an_expert_remembers_what_its_actions_and_observations_mean(modifiers: list[str]) -> None:
+    task = build(read_text(TURNS))
+    twin = taskspec.modify(task, *modifiers)
+    assert not list(broken(twin))
+    found = Results(twin).enclosure("expert")
+    assert found is not None and found.is_exact and found.low == 4
+    if "reward_noise=1" not in modifiers:
+        assert demonstrations(twin, episodes=5).returns().tolist() == [4] * 5
+        env = twin.make()
+        assert [episode(env, Expert(twin), seed) for seed in range(4)] == [4] * 4
+
+
+@pytest.mark.parametrize(
+    "modifier", ["hidden=s", "observation_noise=1", "dropout=0.5", "permuted_actions=1,per_state=true"]
+)
+def test_an_expert_is_left_out_that_would_not_see_what_it_remembers(modifier: str) -> None:
+    twin = taskspec.modify(build(read_text(TURNS)), modifier)
+    assert twin.memory is None and twin.expert is None

@@ -20,11 +20,16 @@ from taskspec.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import Results, score, soundness
 from taskspec.exact.planning.plans import optimal_plan
-from taskspec.modifiers import MODIFIERS, sentences
+from taskspec.exact.scoring.yardsticks import SEARCHES, best_observing
+from taskspec.modifiers import MODIFIERS, keeps_observers, sentences
+from taskspec.modifiers.entry import never
 from taskspec.registry import task_ids
+from taskspec.source import read_text
+from taskspec.task.build import build
 from taskspec.task.invariants import broken
 from taskspec.task.task import Task
 from tests.shared.sparse import sparse
+from tests.test_memory import TURNS, tiger
 from tests.test_trajectories import walk_together
 
 SMALL: dict[str, dict[str, Any]] = {
@@ -209,6 +214,35 @@ def test_what_a_modifier_says_it_keeps_is_kept(task_id: str, name: str) -> None:
                 assert score(other, best_actions(one)).value.value == pytest.approx(returns(other)[0], abs=1e-9)
         case "nothing":
             pass
+
+
+OBSERVED = {
+    "relabelled=2", "distractors=2", "permuted_actions=2", "symmetry=turned", "delay=2", "reward_at_end", "reward_noise=1"
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("written", sorted(OBSERVED))
+def test_what_is_said_of_those_who_see_observations_alone_is_so(written: str) -> None:
+    """A task that pays for alternation: who remembers what was done earns all of it, and who does not, less."""
+    task = build(read_text(TURNS))
+    assert keeps_observers(task, written)
+    twin = Results(taskspec.modify(task, written))
+    for which in SEARCHES:
+        assert best_observing(twin, which) == best_observing(Results(task), which)
+
+
+def test_a_permutation_for_each_state_is_kept_from_those_who_do_not_see_the_state() -> None:
+    anew = "permuted_actions=2,per_state=true"
+    assert keeps_observers(small("derail/RiskyPath-v0"), anew)
+    assert not keeps_observers(tiger(), anew)
+    before, after = (best_observing(Results(t), "remembering") for t in (tiger(), taskspec.modify(tiger(), anew)))
+    assert before != after
+    assert not any(keeps_observers(tiger(), each) for each in ("sticky=0.25", "observation_noise=1", "time_observed"))
+
+
+def test_each_modifier_that_keeps_returns_is_tried_on_what_observers_earn() -> None:
+    kept = {n for n, e in MODIFIERS.items() if e.observed is not never}
+    assert kept == {written.partition("=")[0] for written in OBSERVED}
 
 
 def best_actions(task: Task) -> Any:

@@ -223,6 +223,91 @@ def test_wrong_ones_are_refused_with_a_code(written: Any, code: str, part: str, 
 
 
 def test_a_horizon_that_others_stand_on_is_not_changed() -> None:
+    endless = build(read_text(WALK.replace("horizon: 6", "horizon: none")))
+    for task in (walk(), endless):
+        for earlier in ("delay=2", "reward_at_end", "potential=s"):
+            with pytest.raises(SpecError, match=f"'{earlier}' depends on when episodes end"):
+                taskspec.modify(task, earlier, "horizon=3")
+        later = taskspec.modify(task, "horizon=3", "delay=2")
+        assert episode(later, [RIGHT, STAY, STAY])[1] == [0, 0, 3]
+    assert taskspec.modify(endless, "reward_noise=0", "horizon=3").horizon == 3
     with pytest.raises(SpecError, match="depends on the time"):
-        walk("delay=2", "horizon=3")
-    assert episode(walk("horizon=3", "delay=2"), [RIGHT, STAY, STAY])[1] == [0, 0, 3]
+        walk("time_observed", "horizon=3")
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(9.5e307, 1.7e308), (5e-324, 1e-323), (1.0, 1.0000000000000002), (-1.7e308, 1.7e308)]
+)
+def test_rewards_that_are_paid_later_are_told_apart_to_the_last_digit(low: float, high: float) -> None:
+    task = build(read_text(WALK.replace("reward: s'", f"reward: {high!r} if a == right else {low!r}")))
+    later = taskspec.modify(task, "delay=1")
+    assert later.is_finite
+    assert episode(later, [LEFT, RIGHT, LEFT])[1] == [0, low, high]
+
+
+# -- names that modifiers make ------------------------------------------------------------------------------------
+
+PLAIN = """
+taskspec: 1
+name: Plain
+parameters: {PARAMETER: {type: int, default: 1, low: 1, high: 3}}
+state:
+  STATE: {type: int, low: 0, high: 3}
+  OTHER: {type: int, low: 0, high: 3}
+action:
+  ACTION: {type: int, low: 0, high: 1}
+  SECOND: {type: int, low: 0, high: 1}
+observation: {SEEN: STATE, FURTHER: OTHER}
+horizon: 4
+initial: {STATE: 0, OTHER: 1}
+dynamics: {STATE': "(STATE + ACTION) % 4", OTHER': "(OTHER + SECOND + PARAMETER) % 4"}
+reward: STATE' + OTHER'
+terminal: STATE' == 3
+memory: {MEMORY: {type: int, low: 0, high: 3, initial: SEEN, next: "(MEMORY + ACTION) % 4"}}
+expert: {ACTION: 1 if MEMORY < 2 else 0, SECOND: 1}
+symmetries: {turned: {observation: {SEEN: 3 - SEEN}}}
+"""
+PLACES = ("PARAMETER", "STATE", "OTHER", "ACTION", "SECOND", "SEEN", "FURTHER", "MEMORY")
+
+
+def named(*names: str) -> Task:
+    """The plain task with its names replaced, in the order of `PLACES`."""
+    text = PLAIN
+    for place, name in zip(PLACES, names, strict=False):
+        text = text.replace(place, name)
+    return build(read_text(text))
+
+
+def names_made(task: Task) -> list[str]:
+    """The names that a task has and its spec does not have, lower case."""
+    written = {name.lower() for name in PLACES}
+    components = (*task.state, *task.observation.components)
+    return [c.name.lower() for c in components if c.name.lower() not in written]
+
+
+ONCE = ("hidden", "horizon")
+"""Modifiers that make no names, and cannot be given twice here."""
+
+
+@pytest.mark.parametrize("times", [1, 2])
+@pytest.mark.parametrize("name", MODIFIERS)
+def test_names_that_a_modifier_makes_are_new_whatever_a_spec_calls_its_own(name: str, times: int) -> None:
+    """Specs whose names are those that the modifier would choose, at each place of the spec in turn."""
+    first = [p.lower() for p in PLACES]
+
+    def changed(names: list[str]) -> Task:
+        task = named(*names)
+        return taskspec.modify(task, *[{name: MODIFIERS[name].sample(task)}] * (1 if name in ONCE else times))
+
+    calm = changed(first)
+    made = sorted(set(names_made(calm)) - {"t"})  # `t` is reserved
+    hostile = [*made, *(f"{m}_" for m in made), "last_a", "a", "a_"]
+    for start in range(len(hostile)):
+        turned = [*hostile[start:], *hostile[:start], *first]
+        chosen = list(dict.fromkeys(turned))[: len(PLACES)]
+        task = changed(chosen)
+        assert not list(broken(task)), chosen
+        walk_together(task, 3, 20)
+        Agreement(task, "numpy", 2, "SameStep", one=ReferenceEnv, states=True).run(6)
+        if task.is_finite:
+            assert returns(task) == returns(calm), chosen

@@ -147,6 +147,8 @@ def test_what_rounds_is_tested_and_no_more(symmetry: str, status: str) -> None:
         ("{observation: {p: '[abs(p[0]), p[1]]'}}", "does not return to itself"),
         ("{observation: {p: 2 * p}}", "does not return to itself"),
         ("{observation: {p: '[p[0] + q, p[1]]', q: q}}", "does not return to itself"),
+        ("{observation: {q: (q + 1e15) - 1e15}}", "does not return to itself"),  # what it adds rounds on the way
+        ("{observation: {n: (n + 1e17) - 1e17}}", "does not return to itself"),
         ("{observation: {o: 'p[0] + q'}}", "other things than p, q"),
         ("{observation: {n: 1e300 * n}}", "does not return to itself"),
         ("{observation: {n: inf}}", "a value that is not finite"),

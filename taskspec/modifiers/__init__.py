@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from taskspec.modifiers.apply import is_as_written as is_as_written
+from taskspec.modifiers.apply import keeps_observers as keeps_observers
 from taskspec.modifiers.apply import modify as modify
 from taskspec.modifiers.apply import sentences as sentences
 from taskspec.modifiers.apply import stand_in as stand_in

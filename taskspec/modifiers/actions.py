@@ -18,10 +18,13 @@ from taskspec.modifiers.core import (
     acting,
     apart,
     combinations,
-    free_state,
+    fresh,
     inside,
     joint,
+    meaning,
+    names_in,
     present,
+    shows_the_state,
     step_draws,
     with_state,
 )
@@ -31,9 +34,9 @@ from taskspec.task.task import Component, Task
 
 def _sticky(task: Task, given: Arguments) -> Task:
     b = task.builder
-    name = free_state(task, "acted")
+    name, *names_kept = fresh(["acted", *(f"last_{c.name}" for c in task.action)], names_in(task))
     begun = b.read(Role.STATE, name, BOOL, 0, 1)
-    kept = [_previous(task, c) for c in task.action]
+    kept = [_previous(c, last) for c, last in zip(task.action, names_kept, strict=True)]
     with step_draws(task) as with_draws:
         repeated = DISTS["Bernoulli"].build(b, {"p": b.scalar(given["probability"])}, ())
     again = b.apply("and", begun, repeated)
@@ -47,9 +50,9 @@ def _sticky(task: Task, given: Arguments) -> Task:
     return with_draws(with_state(acting(task, executed), [*added, begins]))
 
 
-def _previous(task: Task, c: Component) -> Component:
+def _previous(c: Component, name: str) -> Component:
     """What keeps an action."""
-    return replace(c, name=free_state(task, f"last_{c.name}"), symbol=None, doc=f"`{c.name}` as it was executed last")
+    return replace(c, name=name, symbol=None, doc=f"`{c.name}` as it was executed last")
 
 
 def _random(task: Task, given: Arguments) -> Task:
@@ -92,9 +95,9 @@ def _permuted(task: Task, given: Arguments) -> Task:
     expert = task.expert
     if isinstance(expert, tuple):
         expert = tuple(through(np.argsort(table, axis=1), list(expert)))
-    executed: Mapping[str, Node] = {c.name: n for c, n in zip(task.action, meant, strict=True)}
+    by_name: Mapping[str, Node] = {c.name: n for c, n in zip(task.action, meant, strict=True)}
     plain = tuple(replace(c, domain=None) for c in task.action)  # a label would say what an action no longer does
-    return replace(acting(task, executed), action=plain, expert=expert)
+    return meaning(replace(task, action=plain, expert=expert), by_name)
 
 
 def permutations(seed: int, rows: int, count: int) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
@@ -132,6 +135,8 @@ TABLE = (
         ),
         "The effects of the actions are permuted at random: once for all states, or separately in each state.",
         _permuted, _says_permuted, keeps="all returns",
+        observed=lambda task, given: not given["per_state"] or shows_the_state(task),
+        observed_condition="each state has no permutation of its own, or no two states look alike",
         abstraction=lambda given: "lost" if given["per_state"] else "modified as well",
         needs="finite actions; finite states as well where each has its own",
     ),

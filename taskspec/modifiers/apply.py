@@ -48,6 +48,21 @@ def is_as_written(task: Task) -> bool:
     return all(MODIFIERS[m.name].claims for m in task.modifiers)
 
 
+def keeps_observers(task: Task, *modifiers: Written) -> bool:
+    """Whether modifiers keep the returns of those who see the observations of a task alone, too, as the table says it.
+
+    Raises:
+        SpecError: as `modify` does.
+    """
+    for written in modifiers:
+        given = modifier(written)
+        entry = MODIFIERS[given.name]
+        if not entry.keeps_observers(task, arguments(entry, given)):
+            return False
+        task = _modified(task, given)
+    return True
+
+
 def stand_in(task: Task, unmodified: Task) -> Task | None:
     """The finite stand-in of a task from that of the task as written; None where modifiers leave it none."""
     entries = [(m, MODIFIERS[m.name]) for m in task.modifiers]
@@ -69,6 +84,7 @@ def sentences(task: Task) -> Iterator[tuple[Modifier, str]]:
 def _modified(task: Task, given: Modifier) -> Task:
     entry = MODIFIERS[given.name]
     values = arguments(entry, given)
+    _check_time_limit(task, given, entry)
     try:
         changed = entry.change(task, values)
     except Inapplicable as found:
@@ -86,19 +102,27 @@ def _modified(task: Task, given: Modifier) -> Task:
     )
 
 
+def _check_time_limit(task: Task, given: Modifier, entry: ModifierEntry) -> None:
+    """Refuse to change a horizon that another modifier has read.
+
+    Raises:
+        SpecError: E720.
+    """
+    if entry.time_limit != "changed":
+        return
+    for earlier in task.modifiers:
+        if MODIFIERS[earlier.name].time_limit == "read":
+            reason = f"'{earlier}' depends on when episodes end"
+            raise _inapplicable(task, given, reason, "give the horizon before other modifiers")
+
+
 def _about(task: Task, changed: Task, entry: ModifierEntry, values: Arguments) -> Task:
     """The changed task without what is true of the other one only."""
     if entry.claims:
         return changed
-    stays = KEPT.index(entry.kept(task, values)) <= KEPT.index("best policies") and _remembers(task, changed)
+    stays = KEPT.index(entry.kept(task, values)) <= KEPT.index("best policies")
     expert = changed.expert if stays or not isinstance(changed.expert, tuple) else None
     return replace(changed, claims=(), examples=(), expert=expert, memory=changed.memory if stays else None)
-
-
-def _remembers(task: Task, changed: Task) -> bool:
-    """Whether what an expert remembers of what is seen and done is still there, where it remembers something."""
-    before, after = (list(zip(t.observation.components, t.observation.nodes, strict=True)) for t in (task, changed))
-    return task.memory is None or (all(seen in after for seen in before) and changed.action == task.action)
 
 
 def _inapplicable(task: Task, given: Modifier, reason: str, hint: str | None) -> SpecError:

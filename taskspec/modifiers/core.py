@@ -10,9 +10,11 @@ from typing import Any
 
 from taskspec.lang.builder import Builder
 from taskspec.lang.dists import DISTS
-from taskspec.lang.ir import Draw, Node, Read, Role, reads, rewrite
+from taskspec.lang.ir import Draw, Node, Read, Role, draws, reads, rewrite
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.entry import Inapplicable
+from taskspec.task.bijection import parts
+from taskspec.task.invariants import remembers_what_is_told
 from taskspec.task.task import Component, Observation, SpaceKind, Task
 
 MOST = 100_000
@@ -31,17 +33,23 @@ class AddedState:
     following: Node
 
 
-def free(name: str, components: Iterable[Component]) -> str:
-    """A name that no component has."""
-    taken = {c.name for c in components}
-    while name in taken:
-        name += "_"
-    return name
+def names_in(task: Task) -> set[str]:
+    """Every name that something in a task has."""
+    memory = () if task.memory is None else task.memory.components
+    found = {c.name for c in (*task.state, *task.action, *task.observation.components, *memory)}
+    return found | {p.name for p in task.parameters} | set(task.fixed)
 
 
-def free_state(task: Task, name: str) -> str:
-    """A name for a component that the state gets."""
-    return free(name, (*task.state, *task.action))
+def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
+    """The wanted names, lengthened so that none of them is taken and no two are the same."""
+    known = set(taken)
+    found = []
+    for name in wanted:
+        while name in known:
+            name += "_"
+        known.add(name)
+        found.append(name)
+    return found
 
 
 def with_state(task: Task, added: Sequence[AddedState]) -> Task:
@@ -91,6 +99,11 @@ def acting(task: Task, executed: Mapping[str, Node]) -> Task:
     return replace(task, next=found[:count], raw_next=found[count : 2 * count], reward=found[-2], terminal=found[-1])
 
 
+def meaning(task: Task, meant: Mapping[str, Node]) -> Task:
+    """The task in which each action stands for another one, by name; its expert remembers those that are meant."""
+    return remembering(acting(task, meant), {(Role.ACTION, name): node for name, node in meant.items()})
+
+
 @contextmanager
 def step_draws(task: Task) -> Iterator[Callable[[Task], Task]]:
     """What is drawn inside is drawn in steps; gives what adds these draws to a task."""
@@ -133,20 +146,76 @@ def paying(task: Task, reward: Node) -> Task:
 
 
 def observing(
-    task: Task, components: Sequence[Component], nodes: Sequence[Node], space: SpaceKind, drawn: Mapping[int, Draw]
+    task: Task,
+    components: Sequence[Component],
+    nodes: Sequence[Node],
+    space: SpaceKind,
+    drawn: Mapping[int, Draw],
+    meant: Mapping[str, Node] | None = None,
 ) -> Task:
-    """The task with other observations, for which more is drawn at resets and in steps."""
-    return replace(
+    """The task with other observations, for which more is drawn at resets and in steps.
+
+    What was observed before, by name, is `meant` as a function of what is observed now. An expert that remembers something else
+    of it is left out.
+    """
+    meant = {} if meant is None else meant
+    now = list(zip(components, nodes, strict=True))
+    before = zip(task.observation.components, task.observation.nodes, strict=True)
+    lost = {(Role.NEXT, c.name) for c, node in before if (c, node) not in now and c.name not in meant}
+    changed = replace(
         task,
         observation=Observation(tuple(components), tuple(nodes), space),
         reset_draws=(*task.reset_draws, *drawn.values()),
         step_draws=(*task.step_draws, *drawn.values()),
     )
+    if task.memory is not None and lost & reads((*task.memory.initial, *task.memory.next)):
+        return forgetting(changed)
+    return remembering(changed, {(Role.NEXT, name): node for name, node in meant.items()})
 
 
 def real_space(task: Task) -> SpaceKind:
     """The space of observations that hold reals: a dictionary where they are one, else a box."""
     return "dict" if task.observation.space == "dict" else "box"
+
+
+def shows_the_state(task: Task) -> bool:
+    """Whether it is known that no two states look alike, at whatever time; what is drawn tells nothing here."""
+    nodes = [n for n in task.observation.nodes if not draws([n]) and (Role.TIME, "t") not in reads([n])]
+    return all(part.is_decided and part.clash() is None for part in parts(Role.STATE, task.state, nodes))
+
+
+# -- what an expert remembers -------------------------------------------------------------------------------------
+
+
+def remembering(task: Task, meant: Mapping[tuple[Role, str], Node]) -> Task:
+    """The task whose expert remembers what is meant by an action or an observation; without the expert where this is not told.
+
+    What is meant is not told where it depends on a state that is not observed.
+    """
+    memory = task.memory
+    if memory is None or not meant:
+        return task
+
+    def leaf(node: Node) -> Node | None:
+        return meant.get((node.role, node.name)) if isinstance(node, Read) else None
+
+    def read(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
+        return rewrite(nodes, leaf, task.builder.remake_late)
+
+    changed = replace(
+        memory,
+        initial=read(memory.initial),
+        next=read(memory.next),
+        raw_initial=read(memory.raw_initial),
+        raw_next=read(memory.raw_next),
+    )
+    found = replace(task, memory=changed)
+    return found if remembers_what_is_told(found) else forgetting(task)
+
+
+def forgetting(task: Task) -> Task:
+    """The task without a written expert, and without its memory."""
+    return replace(task, memory=None, expert=None if isinstance(task.expert, tuple) else task.expert)
 
 
 # -- joint indices ------------------------------------------------------------------------------------------------

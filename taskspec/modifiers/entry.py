@@ -125,8 +125,12 @@ def unaffected(given: Arguments) -> StandIn:
     return "unaffected"
 
 
-def _always(task: Task, given: Arguments) -> bool:
+def always(task: Task, given: Arguments) -> bool:
     return True
+
+
+def never(task: Task, given: Arguments) -> bool:
+    return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +139,9 @@ class ModifierEntry:
 
     `change` gives the changed task from a task and all arguments, or raises `Inapplicable`; what it leaves as it is need not be
     touched. `says` is a sentence about the task before, with the numbers, in Markdown with mathematics. `keeps` holds where
-    `when` says so, which is told by `condition`. With `claims` the claims and examples of the spec are still about the task.
+    `when` says so, which is told by `condition`. Where `observed` says so, told by `observed_condition`, returns are also kept
+    for those who see observations alone: every policy of what was seen and done so far has one that earns the same, and the
+    other way round. With `claims` the claims and examples of the spec are still about the task.
     """
 
     name: str
@@ -144,16 +150,24 @@ class ModifierEntry:
     change: Callable[[Task, Arguments], Task]
     says: Callable[[Task, Arguments], str]
     keeps: Kept = "nothing"
-    when: Callable[[Task, Arguments], bool] = _always
+    when: Callable[[Task, Arguments], bool] = always
     condition: str = ""
+    observed: Callable[[Task, Arguments], bool] = never
+    observed_condition: str = ""
     needs: str = ""
     claims: bool = False
+    time_limit: Literal["unread", "read", "changed"] = "unread"
+    """What it has to do with the horizon: once one has read it, no other one changes it."""
     abstraction: Callable[[Arguments], StandIn] = lambda given: "lost"
     """What becomes of the finite stand-in of a task that has one."""
 
     def kept(self, task: Task, given: Arguments) -> Kept:
         """What it keeps of a task with these arguments."""
         return self.keeps if self.when(task, given) else "nothing"
+
+    def keeps_observers(self, task: Task, given: Arguments) -> bool:
+        """Whether it keeps the returns of a task with these arguments, for those who see observations alone, too."""
+        return self.kept(task, given) in KEPT[:2] and self.observed(task, given)
 
     def sample(self, task: Task) -> dict[str, Any]:
         """Arguments that suit a task, for examples and tests."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 from taskspec.lang.ir import Node, Read, Role, walk
 from taskspec.lang.types import BOOL
 from taskspec.limits import Limits
-from taskspec.modifiers.core import AddedState, free_state, paying, present, reads_time, with_state
+from taskspec.modifiers.core import AddedState, fresh, names_in, paying, present, reads_time, with_state
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
 from taskspec.task.observe import Observed
 from taskspec.task.reach import reach
@@ -21,7 +21,7 @@ def _absorbing(task: Task, given: Arguments) -> Task:
     if task.ending == "absorb":
         return task
     b = task.builder
-    name = free_state(task, "absorbed")
+    (name,) = fresh(["absorbed"], names_in(task))
     over = b.read(Role.STATE, name, BOOL, 0, 1)
 
     def held(nodes: tuple[Node, ...]) -> tuple[Node, ...]:
@@ -79,8 +79,9 @@ TABLE = (
                              sample=lambda task: (task.horizon or 20) // 2 + 1),
         ),
         "Episodes are longer or shorter.",
-        _horizon, _says_horizon, needs="a task that does not depend on the time, unless it comes first and shortens episodes",
-        abstraction=as_well,
+        _horizon, _says_horizon, time_limit="changed", abstraction=as_well,
+        needs="a task that does not depend on the time, unless it comes first and shortens episodes; it comes before modifiers "
+        "that read when episodes end",
     ),
     ModifierEntry(
         "discount", (ModifierArgument("factor", "real", "the discount", low=0, high=1, sample=lambda task: 0.9),),

@@ -15,8 +15,8 @@ from itertools import pairwise
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import INT, REAL, Kind, Type
-from taskspec.modifiers.core import AddedState, free_state, last, looked_up, paying, with_state
-from taskspec.modifiers.entry import Arguments, ModifierArgument, ModifierEntry
+from taskspec.modifiers.core import AddedState, fresh, last, looked_up, names_in, paying, with_state
+from taskspec.modifiers.entry import Arguments, ModifierArgument, ModifierEntry, always
 from taskspec.modifiers.values import floats
 from taskspec.task.task import Component, Task
 
@@ -39,10 +39,16 @@ def few_rewards(task: Task) -> FewRewards | None:
         return None
     values = sorted({0.0, *found})
     number: Node = b.scalar(0)
-    for low, high in pairwise(values):  # half way between them no rounding makes a difference
-        above = b.apply("lt", b.scalar((low + high) / 2), task.reward)
+    for low, high in pairwise(values):
+        above = b.apply("lt", b.scalar(_between(low, high)), task.reward)
         number = b.apply("add", number, b.cast(above, Kind.INT))
     return FewRewards(tuple(values), b.within(number, 0, len(values) - 1))
+
+
+def _between(low: float, high: float) -> float:
+    """A number from the lower one on and below the higher one: half way, where rounding makes no difference, if it is a float."""
+    half = float((Fraction(low) + Fraction(high)) / 2)
+    return half if half < high else low
 
 
 # -- after some steps ---------------------------------------------------------------------------------------------
@@ -50,7 +56,7 @@ def few_rewards(task: Task) -> FewRewards | None:
 
 def _delayed(task: Task, given: Arguments) -> Task:
     b, few, steps = task.builder, few_rewards(task), given["steps"]
-    name = free_state(task, "outstanding")
+    (name,) = fresh(["outstanding"], names_in(task))
     if few is None:
         c = Component(name, Type(Kind.REAL, (steps,)), (-math.inf,) * steps, (math.inf,) * steps, doc=_QUEUE)
         queue = b.read(Role.STATE, name, c.type)
@@ -82,7 +88,7 @@ def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
 
 def _at_end(task: Task, given: Arguments) -> Task:
     b, few = task.builder, few_rewards(task)
-    name = free_state(task, "earned")
+    (name,) = fresh(["earned"], names_in(task))
     counted = None if few is None else _in_units(task, few, name)
     if counted is None:
         c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")
@@ -126,12 +132,12 @@ TABLE = (
         _delayed,
         lambda task, given: f"each reward is paid {_times(given['steps'])} later; what is outstanding when the episode ends is "
         "paid then",
-        keeps="every policy's return", when=undiscounted, condition="the discount is 1",
+        time_limit="read", keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
     ),
     ModifierEntry(
         "reward_at_end", (), "All rewards are 0 until the end of the episode, where their sum is paid.",
         _at_end, lambda task, given: "nothing is paid before the episode ends, and then the sum of all its rewards",
-        keeps="every policy's return", when=undiscounted, condition="the discount is 1",
+        time_limit="read", keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
     ),
 )  # fmt: skip
 

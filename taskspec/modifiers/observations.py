@@ -6,23 +6,29 @@ import math
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from taskspec.diagnostics import suggest
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Role
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.modifiers.actions import SEED, permutations
-from taskspec.modifiers.core import combinations, free, joint, looked_up, noisy, observing, real_space
-from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, unaffected
+from taskspec.modifiers.core import apart, combinations, fresh, joint, looked_up, names_in, noisy, observing, real_space
+from taskspec.modifiers.entry import STD, Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, unaffected
 from taskspec.task.task import FINITE_SPACES, Component, Observation, Task
 
 
 def _relabelled(task: Task, given: Arguments) -> Task:
     b, seen = task.builder, task.observation
     count = combinations(seen.components, "what is observed")
-    labels = permutations(given["seed"], 1, count)[0].tolist()
-    label = looked_up(b, labels, joint(b, seen.components, seen.nodes))
-    c = Component("label", INT, (0,), (count - 1,), doc="a number for what is observed")
-    return observing(task, [c], [label], "discrete", {})
+    labels = permutations(given["seed"], 1, count)[0]
+    label = looked_up(b, labels.tolist(), joint(b, seen.components, seen.nodes))
+    (name,) = fresh(["label"], names_in(task))
+    c = Component(name, INT, (0,), (count - 1,), doc="a number for what is observed")
+    told = b.read(Role.NEXT, name, INT, 0, count - 1)
+    behind = apart(b, seen.components, np.argsort(labels).tolist(), told)
+    meant = {each.name: node for each, node in zip(seen.components, behind, strict=True)}
+    return observing(task, [c], [label], "discrete", {}, meant)
 
 
 def _distractors(task: Task, given: Arguments) -> Task:
@@ -32,8 +38,9 @@ def _distractors(task: Task, given: Arguments) -> Task:
         dist = DISTS[given["kind"].capitalize()]
         node = dist.build(b, {name: b.scalar(v) for name, v in arguments.items()}, shape)
     low, high = (-1.0, 1.0) if given["kind"] == "uniform" else (-math.inf, math.inf)
+    (name,) = fresh(["distractor"], names_in(task))
     c = Component(
-        free("distractor", seen.components), Type(Kind.REAL, shape), (low,) * shape[0], (high,) * shape[0],
+        name, Type(Kind.REAL, shape), (low,) * shape[0], (high,) * shape[0],
         doc="numbers that mean nothing",
     )  # fmt: skip
     return observing(task, [*seen.components, c], [*seen.nodes, b.cast(node, Kind.REAL)], real_space(task), drawn)
@@ -87,7 +94,8 @@ def _timed(task: Task, given: Arguments) -> Task:
         raise Inapplicable(f"without a horizon the time does not fit into a `{seen.space}` observation")
     high = float(task.horizon) if task.horizon is not None else math.inf
     time = task.builder.read(Role.TIME, "t", INT, 0, high)
-    clock = Component(free("t", seen.components), INT, (0,), (high,), doc="steps taken")
+    (name,) = fresh(["t"], names_in(task))
+    clock = Component(name, INT, (0,), (high,), doc="steps taken")
     space = "multi_discrete" if seen.space == "discrete" else seen.space
     return replace(task, observation=Observation((*seen.components, clock), (*seen.nodes, time), space))
 
@@ -105,13 +113,14 @@ _LAWS = {"normal": r"\mathcal{N}(0, 1)", "uniform": r"\operatorname{Unif}(-1, 1)
 TABLE = (
     _entry(
         "relabelled", (SEED,), "Each observation becomes one number, assigned at random, which tells nothing about similarity.",
-        _relabelled, _says_relabelled, needs="finite observations",
+        _relabelled, _says_relabelled, observed=always, needs="finite observations",
     ),
     _entry(
         "distractors", (_COUNT, _KIND), "Meaningless numbers are observed as well, drawn again in every step.",
         _distractors,
         lambda task, given: f"${given['count']}$ more numbers are observed, independently drawn from ${_LAWS[given['kind']]}$ "
         "in every step",
+        observed=always,
     ),
     _entry(
         "observation_noise", (STD,), "Normal noise is added to every number observed.",

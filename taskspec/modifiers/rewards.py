@@ -7,7 +7,7 @@ from dataclasses import replace
 from taskspec.lang.ir import Const
 from taskspec.lang.types import Kind
 from taskspec.modifiers.core import after_step, last, noisy, paying, step_draws
-from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, as_well
+from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.modifiers.later import TABLE as LATER
 from taskspec.modifiers.potential import potential
 from taskspec.task.task import Component, Task
@@ -70,7 +70,7 @@ TABLE = (
         "reward_noise", (STD,), "Normal noise is added to every reward.",
         _noise,
         lambda task, given: rf"noise from $\mathcal{{N}}(0, {given['std']:g}^2)$ is added to every reward",
-        keeps="every policy's return", abstraction=as_well,
+        keeps="every policy's return", observed=always, abstraction=as_well,
     ),
     ModifierEntry(
         "potential", (
@@ -80,6 +80,6 @@ TABLE = (
         _shaped,
         lambda task, given: rf"$\gamma\, \Phi(s') - \Phi(s)$ is added to the reward, where $\Phi$ is `{given['of']}`, and 0 when "
         "the episode has ended",
-        keeps="best policies",
+        time_limit="read", keeps="best policies",
     ),
 )  # fmt: skip

@@ -13,17 +13,18 @@ from taskspec.lang.ir import Node, Read, Role, rewrite
 from taskspec.lang.types import Kind
 from taskspec.modifiers.core import (
     MOST,
-    acting,
     apart,
     combinations,
     elements,
-    free,
+    fresh,
     joint,
+    meaning,
+    names_in,
     observing,
     present,
     shaped,
 )
-from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
+from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, always, as_well
 from taskspec.task.bijection import MapPart, Moves, bounds, codes, outside, parts
 from taskspec.task.task import FINITE_SPACES, Component, Symmetry, Task
 
@@ -66,7 +67,9 @@ def _seen(task: Task, symmetry: Symmetry) -> Task:
         return shown[node.name] if isinstance(node, Read) and node.role is Role.NEXT else None
 
     nodes = rewrite(symmetry.observation, leaf, task.builder.remake_late)
-    others = [(replace(c, name=free(c.name, components)), node) for c, node in now.values()]
+    taken = (names_in(task) - set(now)) | {c.name for c in components}
+    other_names = fresh(list(now), taken)
+    others = [(replace(c, name=name), node) for name, (c, node) in zip(other_names, now.values(), strict=True)]
     return observing(
         task, [*components, *(c for c, _ in others)], [*nodes, *(n for _, n in others)], task.observation.space, {}
     )
@@ -119,7 +122,7 @@ def _steered(task: Task, symmetry: Symmetry) -> Task:
         expert = _put(task.builder, symmetry.action, dict(zip((c.name for c in task.action), expert, strict=True)))
     every = {c.name: executed.get(c.name) or present(task, c, Role.ACTION) for c in task.action}
     plain = tuple(replace(c, domain=None) if c.name in executed else c for c in task.action)
-    return replace(acting(task, every), action=plain, expert=expert)
+    return meaning(replace(task, action=plain, expert=expert), every)
 
 
 def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[Node, ...]:
@@ -173,6 +176,6 @@ TABLE = (
                              sample=lambda task: task.symmetries[0].name if task.symmetries else "none"),
         ),
         "Observations or actions are transformed as the spec declares under `symmetries`.",
-        _twin, _says, keeps="all returns", abstraction=as_well, needs="a spec that declares it",
+        _twin, _says, keeps="all returns", observed=always, abstraction=as_well, needs="a spec that declares it",
     ),
 )  # fmt: skip

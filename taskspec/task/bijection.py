@@ -25,6 +25,8 @@ Values = dict[str, Array]
 """A value (*shape) for each component."""
 EXACT = 2**24
 """Whole numbers up to here are floats of 32 bits, as observations are."""
+WHOLE = 2**53
+"""Whole numbers up to here are floats of 64 bits, in which sums are worked out."""
 _PLACES = {"index": (1,), "put": (1,), "swap": (1, 2), "where": (0,)}
 """Arguments that say which elements are meant, and are no elements themselves."""
 _CARRYING = frozenset({"vector", "concat", "slice", "element", "reshape", "fill", *_PLACES})
@@ -169,10 +171,29 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
     """
     if any(c.type.kind is Kind.BOOL for c in inputs) or not all(_only_moves(node) for node in nodes):
         return None
-    tags, zeros, at = {}, {}, 1
+    tags: dict[tuple[Role, str], Array] = {}
+    zeros: dict[tuple[Role, str], Array] = {}
+    at = 1
     for c in inputs:
         own = np.arange(at, at + c.type.size).reshape(*c.type.shape, 1).astype(DTYPES[c.type.kind])
-        tags[role, c.name], zeros[role, c.name], at = own, np.zeros_like(own), at + c.type.size
+        tags[role, c.name] = own
+        zeros[role, c.name] = np.zeros_like(own)
+        at += c.type.size
+    sums = [node for node in walk(nodes) if isinstance(node, Apply) and node.op in ("add", "sub") and reads([node])]
+    inner = _told_apart(sums, zeros, tags, inputs, WHOLE)
+    if inner is None or (np.abs(inner.shift) > WHOLE / 2).any():  # where tags would round, too
+        return None
+    return _told_apart(nodes, zeros, tags, inputs, EXACT)
+
+
+def _told_apart(
+    nodes: Sequence[Node],
+    zeros: dict[tuple[Role, str], Array],
+    tags: dict[tuple[Role, str], Array],
+    inputs: Sequence[Component],
+    most: int,
+) -> Moves | None:
+    """The elements of nodes that only move; None where they may round: a sum with a real, or whole numbers beyond `most`."""
     shift, tagged = (_rows(evaluate(nodes, values), 1)[0].astype(np.float64) for values in (zeros, tags))
     if not np.isfinite(shift).all():
         return None
@@ -180,8 +201,13 @@ def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Mo
     room = [max(abs(a), abs(b)) if c.type.kind is Kind.INT else math.inf
             for c in inputs for a, b in zip(c.low, c.high, strict=True)]  # fmt: skip
     source = np.abs(factor) - 1
-    is_exact = (shift == np.rint(shift)) & (np.append(room, 0.0)[source] + np.abs(shift) <= EXACT)
-    return Moves(source, np.sign(factor), shift) if bool(((shift == 0) | (source < 0) | is_exact).all()) else None
+    is_exact = (shift == np.rint(shift)) & (np.append(room, 0.0)[source] + np.abs(shift) <= most)
+    is_int = np.array([c.type.kind is Kind.INT for c in inputs for _ in range(c.type.size)] + [False])
+    becomes_real = np.array([n.type.kind is Kind.REAL for n in nodes for _ in range(n.type.size)], np.bool_)
+    is_moved = (shift == 0) & ~(becomes_real & is_int[source])
+    if not (is_moved | (source < 0) | is_exact).all():
+        return None
+    return Moves(source, np.sign(factor), shift)
 
 
 def _only_moves(root: Node) -> bool:

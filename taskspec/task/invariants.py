@@ -40,7 +40,8 @@ OF_NODES: tuple[NodeRule, ...] = (
 
 OF_TASKS: tuple[TaskRule, ...] = (
     ("there is a state and an action", lambda t: bool(t.state and t.action)),
-    ("no two components have one name", lambda t: _distinct(c.name for c in (*t.state, *t.action))),
+    ("no two components have one name", lambda t: _distinct(c.name for c in (*t.state, *t.action, *kept(t)))),
+    ("no two observed components have one name", lambda t: _distinct(c.name for c in t.observation.components)),
     ("bounds have one number for each element, low first", lambda t: all(map(_bounded, components(t)))),
     ("each state component has a first value of its type", lambda t: _typed(t.initial, t.state)),
     ("each state component has a next value of its type", lambda t: _typed(t.next, t.state)),
@@ -56,7 +57,7 @@ OF_TASKS: tuple[TaskRule, ...] = (
     ("the absorbing reward reads state and time", lambda t: _roles([t.absorbing_reward]) <= _PRESENT),
     ("the absorbing reward draws nothing", lambda t: not draws([t.absorbing_reward])),
     ("each component of a memory has values of its type", lambda t: all(_typed(nodes, kept(t)) for nodes in memories(t))),
-    ("a memory reads what is seen, and later itself, action and time", lambda t: _remembered(t)),
+    ("a memory reads what is seen, and later itself, action and time", lambda t: remembers_what_is_told(t)),
     ("a memory draws nothing", lambda t: not draws(n for nodes in memories(t) for n in nodes)),
     ("a symmetry maps what is seen, or the action, and draws nothing", lambda t: all(map(_mapped, t.symmetries))),
     ("what is read is a component", lambda t: _names(t) <= {*(c.name for c in (*t.state, *t.action, *kept(t))), "t"}),
@@ -153,7 +154,8 @@ def _roles(nodes: Iterable[Node]) -> set[Role]:
     return {role for role, _ in reads(nodes)} - {Role.PARAMETER}
 
 
-def _remembered(task: Task) -> bool:
+def remembers_what_is_told(task: Task) -> bool:
+    """Whether an expert's memory, if there is one, reads what is seen, and later itself, action and time."""
     if task.memory is None:
         return True
     seen = {(Role.NEXT, c.name) for c in task.observation.components}

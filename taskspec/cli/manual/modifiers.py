@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from taskspec.cli.manual.markdown import code, table
 from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
+from taskspec.modifiers.entry import never
 
 _HEAD = """\
 # Modifiers
@@ -39,12 +40,15 @@ written
 | in YAML | `modifiers: [{sticky: 0.25}, time_observed, {distractors: {count: 3, kind: uniform}}]` |
 
 The first argument needs no name. Parts of a spec that may no longer hold are dropped: claims and examples with all modifiers
-except `absorbing` and `time_observed`, and a written expert where it may no longer be optimal; an expert that is `optimal` or
-`soft(b)` is planned for the modified task. The draws of a modifier come after those of the task, which are the same as before
-for each seed. Figures show the task as written.
+except `absorbing` and `time_observed`, and a written expert where it may no longer be optimal, or does not see what it remembers;
+an expert that is `optimal` or `soft(b)` is planned for the modified task. The draws of a modifier come after those of the task,
+which are the same as before for each seed. Figures show the task as written.
 
 The tests prove, on the exact models of finite tasks, what each modifier keeps. *Every policy's return* means that of every
-function of the original state and the time.
+function of the original state and the time. *Also from observations* is said of modifiers that keep returns for those who see
+observations alone, too: every policy of what was seen and done so far has one that earns the same, and the other way round. So
+where observations hide the state, the best return of those who remember is kept. `permuted_actions` with `per_state=true`
+keeps it only where no two states look alike: else nobody can know which permutation is the present one.
 
 ## The table
 
@@ -74,3 +78,7 @@ def _kept(entry: ModifierEntry) -> Iterator[str]:
     yield entry.keeps
     if entry.condition:
         yield f", where {entry.condition}"
+    if entry.observed is not never:
+        yield "; also from observations"
+    if entry.observed_condition:
+        yield f", where {entry.observed_condition}"
