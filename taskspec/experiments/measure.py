@@ -57,7 +57,7 @@ class Order:
 
 
 def key(content_hash: str, modifiers: tuple[str, ...], wanted: Questions) -> str:
-    """Return what a result is kept under: a hash of the task's content, of the modifiers, of what is asked, and of the version."""
+    """Return what a result is kept under: a hash of the task, of the modifiers, of what is asked, and of the version."""
     content = [content_hash, modifiers, sorted(vars(wanted).items()), __version__]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
