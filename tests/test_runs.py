@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -197,6 +198,40 @@ def test_one_run_at_a_time_writes_and_others_read(tmp_path: Path) -> None:
             assert status == 1 and "error[E722 results-in-use]" in out
         other.record([result("a")])
         assert list(mine.results()) == ["a"]
+
+
+class _Full:
+    """A connection to a file on a disk that is full."""
+
+    def execute(self, question: str) -> None:
+        error = sqlite3.OperationalError("database or disk is full")
+        error.sqlite_errorcode = sqlite3.SQLITE_FULL
+        raise error
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_full_disk_is_called_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Store(tmp_path / "store") as store:
+        monkeypatch.setattr("taskspec.runs.store.sqlite3.connect", lambda *arguments, **options: _Full())
+        with pytest.raises(SpecError) as error:
+            run(jobs.squares(1), store, workers=1)
+    assert code(error) == "E716" and "disk is full" in str(error.value)
+
+
+@pytest.mark.parametrize("change", ["versions = '{'", "result = '[1'", "result = null", "attempts = 'x'"])
+def test_an_entry_that_is_damaged_is_named(tmp_path: Path, change: str) -> None:
+    with Store(tmp_path / "store") as store:
+        store.record([result("a"), result("b")])
+    with closing(sqlite3.connect(tmp_path / "store")) as connection:
+        connection.execute(f"update results set {change} where key = 'b'")
+        connection.commit()
+    with Store(tmp_path / "store") as store:
+        with pytest.raises(SpecError) as error:
+            run([Job("b", "B", jobs.square, (1,))], store, workers=1)
+        assert code(error) == "E721" and "the entry of 'B' cannot be read" in str(error.value)
+        assert list(store.results(["a"])) == ["a"]
 
 
 # -- runs that are killed -----------------------------------------------------------------------------------------

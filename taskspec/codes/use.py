@@ -242,7 +242,8 @@ taskspec.load("Parabola", modifiers=["relabelled"])    # wrong: the observation 
         "a file without results of this version",
         """
 Results are stored in a database that taskspec creates, in a format of one version. This file belongs to another
-program, or to another version of taskspec. It is left unchanged.
+program, or to another version of taskspec, or entries of it are damaged. It is left unchanged: move it away, and the
+results are computed again.
 """,
     ),
     Code(

@@ -69,7 +69,8 @@ def sweep(
             retry_failed=retry,
             progress=progress,
         )
-    return Swept(written.experiment, tuple(_row(i, jobs.get(i.id), done.rows) for i in found.instances))
+        rows = tuple(_row(i, jobs.get(i.id), done.rows, kept) for i in found.instances)
+    return Swept(written.experiment, rows)
 
 
 def wanted_of(experiment: Experiment) -> Questions:
@@ -89,11 +90,13 @@ def _job(instance: Instance, wanted: Questions) -> Job:
     return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (Order(about, wanted),))
 
 
-def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult]) -> Measured:
+def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult], store: Store) -> Measured:
     if job is None:
         return Measured(instance, "failed", error=instance.problem)
     found = results[job.key]
     if found.status != "done":
         return Measured(instance, found.status, error=found.message, seconds=found.seconds)
+    if not isinstance(found.value, dict):
+        raise store.damaged(found.name, "it holds no measurements")
     values = dict(found.value)
     return Measured(instance, "done", values, values.pop("policies", {}), seconds=found.seconds)
