@@ -63,6 +63,20 @@ def test_values_of_a_real_are_the_decimals_that_are_written(tmp_path: Path) -> N
     assert [g["dx"] for g in got] == [0.1, 0.2, 0.3, 0.4]
 
 
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [
+        ("0.1 * 6", 0.6), ("0.1 + 0.2", 0.3), ("3 * A", 0.3), ("A / 3 + 2 * A / 3", 0.1), ("1e-300 * 1e300", 1.0),
+        ("0.1 ** 3", 0.001), ("sqrt(2)", 2**0.5), ("1e-320", 1e-320), ("0.1 if A == 0.1 else 2", 0.1), ("-0.7 - 0.2", -0.9),
+    ],
+)  # fmt: skip
+def test_decimals_of_expressions_are_exact(written: str, value: float, tmp_path: Path) -> None:
+    (got,) = found(f"{{task: Parabola, parameters: {{A: 0.1, dx: {written}}}}}", tmp_path)
+    assert got["dx"] == value
+    (instance,) = expanded(f"{HEAD}  - {{task: Parabola, parameters: {{A: 0.1, dx: {written}}}}}\n", tmp_path).instances
+    assert f"dx={value}" in instance.id.replace("%2B", "+")
+
+
 def test_expressions_read_the_other_values_and_defaults(tmp_path: Path) -> None:
     spec = tmp_path / "sub" / "t.yaml"
     spec.parent.mkdir()
