@@ -13,7 +13,6 @@ from pathlib import Path
 
 from taskspec.diagnostics import Diagnostic, SpecError
 
-
 LONGEST = 100
 """Bytes of a name that is taken from a spec or an experiment; more stands in the file's name beside it."""
 _KEPT = re.compile(r"[^\w .,=+()-]")

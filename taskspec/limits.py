@@ -58,7 +58,7 @@ class Limits:
     points: int = _limit(2_000_000, "state-action pairs that `check` tries one by one")
     outcomes: int = _limit(1_000_000, "outcomes of one step")
     transitions: int = _limit(20_000_000, "transitions of an exact model")
-    episodes: int = _limit(1_000_000, "episodes that are simulated for one claim")
+    episodes: int = _limit(1_000_000, "episodes that are simulated for one claim, or of one policy in an experiment")
     lanes: int = _limit(2**24, "environments that are stepped together")
     instances: int = _limit(100_000, "instances of an experiment")
     seconds: int = _limit(10, "seconds of each exact analysis of a task")

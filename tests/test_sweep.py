@@ -201,3 +201,25 @@ def test_all_that_a_result_depends_on_decides_whether_it_still_counts(
     monkeypatch.undo()
     limits.limits.cache_clear()
     assert results() == 5
+
+
+def test_a_sweep_off_a_terminal_says_how_far_it_is(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("taskspec.cli.progress.BETWEEN_LINES", 0.0)
+    done = Done("sweep", str(file), "--out", str(file.parent / "results"), "-j", "1", "-p", "L=2,3", "-f", "json")
+    assert done.status == 0 and "noise: 6/6" in done.err
+
+
+HOSTILE = ["../x", "/tmp/taskspec-x", "a/b", "a\\b", "a\0b", "-rf", ".x", "con", "n" * 5000]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_files_of_results_lie_in_their_folder_whatever_the_name(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "e.yaml"
+    about = {"experiment": 1, "name": name, "tasks": [{"task": "Branching", "parameters": {"L": 2}}], "measures": []}
+    path.write_text(json.dumps(about))
+    (tmp_path / "x.json").write_text("mine")
+    swept(path)
+    assert {p.name for p in tmp_path.iterdir()} == {"e.yaml", "x.json", "results"}
+    assert (tmp_path / "x.json").read_text() == "mine"
+    assert not list(Path("/tmp").glob("taskspec-x*"))
+    assert {p.suffix for p in (tmp_path / "results").iterdir()} >= {".json", ".csv", ".sqlite"}

@@ -91,6 +91,7 @@ def _rolled_out(task: Task, policy: str, wanted: Questions) -> dict[str, Any]:
     }  # fmt: skip
 
 
+SPEEDS = ("steps_per_second", "steps_per_second_vectorized")
 LANES = 64
 SECONDS = 0.2
 """How many environments are stepped together for the speed of many, and how long each is timed."""
@@ -100,7 +101,7 @@ def _speed(task: Task) -> dict[str, Any]:
     """Steps per second of one environment and of many on NumPy, in time of the processor."""
     drives = (programs.scalar(Environment(task)), programs.vector(task, "numpy", LANES))
     (one,), (many,) = race(drives, 1, SECONDS)
-    return {"steps_per_second": one, "steps_per_second_vectorized": many}
+    return dict(zip(SPEEDS, (one, many), strict=True))
 
 
 def _sizes(task: Task, results: Results) -> dict[str, Any]:

@@ -57,6 +57,7 @@ def sweep(
         SpecError: with every mistake in the experiment; E705 without an extra.
     """
     found = expand(written) if expanded is None else expanded
+    found.raise_if_wrong()
     wanted = wanted_of(written.experiment)
     jobs = {i.id: _job(i, wanted) for i in found.instances if i.problem is None}
     with Store(store) as kept:
