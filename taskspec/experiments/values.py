@@ -154,7 +154,7 @@ class Assignment:
 class _ExactChecker(Checker):
     """Numbers are the decimals that are written, not the floats nearest to them: `0.1 * 6` is 0.6."""
 
-    def _number(self, number: float, want: Domain | None) -> Value:
+    def _number(self, number: int | float, want: Domain | None) -> Value:
         if isinstance(number, float):
             return Value(self.builder.scalar(_decimal(number)))
         return super()._number(number, want)
