@@ -1,8 +1,10 @@
-"""Files are written whole or not at all: beside their place, to disk, and only then into it."""
+"""Files: their names, and how they are written: whole or not at all, beside their place, to disk, and only then into it."""
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
 import shutil
 import stat
 from collections.abc import Iterator
@@ -10,6 +12,25 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from taskspec.diagnostics import Diagnostic, SpecError
+
+LONGEST = 100
+"""Bytes of a name that is taken from a spec or an experiment; more stands in the file's name beside it."""
+_KEPT = re.compile(r"[^\w .,=+()-]")
+_RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])(\..*)?", re.IGNORECASE)
+"""What Windows takes for a device, whatever stands behind a dot."""
+
+
+def safe_name(text: str) -> str:
+    """Return a text as a part of a file's name that means the same on every system, in the folder where it is put.
+
+    A text that is such a name is returned as it is. Of others, letters that may not be are replaced, and a hash of the text
+    is added: different texts have different names.
+    """
+    clean = _KEPT.sub("-", text).encode(errors="replace")[:LONGEST].decode(errors="ignore").strip("-. ")
+    if clean == text and not _RESERVED.fullmatch(clean) and clean:
+        return clean
+    digest = hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:8]
+    return f"{'_' if _RESERVED.fullmatch(clean) else ''}{clean or 'unnamed'}-{digest}"
 
 
 def write_text(place: Path, text: str, new: bool = False) -> None:

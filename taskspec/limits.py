@@ -58,7 +58,7 @@ class Limits:
     points: int = _limit(2_000_000, "state-action pairs that `check` tries one by one")
     outcomes: int = _limit(1_000_000, "outcomes of one step")
     transitions: int = _limit(20_000_000, "transitions of an exact model")
-    episodes: int = _limit(1_000_000, "episodes that are simulated for one claim")
+    episodes: int = _limit(1_000_000, "episodes that are simulated for one claim, or of one policy in an experiment")
     lanes: int = _limit(2**24, "environments that are stepped together")
     instances: int = _limit(100_000, "instances of an experiment")
     seconds: int = _limit(10, "seconds of each exact analysis of a task")
@@ -91,6 +91,12 @@ def also(text: str) -> Iterator[None]:
         yield
     finally:
         _set(before)
+
+
+def written() -> str:
+    """Return the limits that hold, as `also` takes them: results that rest on limits are kept with these."""
+    now = limits()
+    return ",".join(f"{row.name}={getattr(now, row.name)}" for row in table() if not row.fixed)
 
 
 def _set(text: str) -> None:

@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from markdown_it import MarkdownIt
 
 import taskspec
 from taskspec.appendix import write
@@ -126,6 +127,9 @@ def test_markdown_holds_no_markup_of_the_spec(folder: Path) -> None:
         outside = re.sub(r"(`+).*?\1|^    .*$", "", text, flags=re.MULTILINE)
         assert not re.search(r"<(script|img|svg|b|i|li)\b", outside)
         assert not re.search(r"(?<!\\)\]\(<?\s*(javascript|data):", outside)
+        inline = [token for block in MarkdownIt().parse(text) for token in block.children or ()]
+        sources = [token.attrs["src"] for token in inline if token.type == "image"]
+        assert all(str(source).startswith("figures/") for source in sources)  # nothing is loaded from elsewhere
 
 
 def test_template_marks_are_text(folder: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -290,6 +291,36 @@ def test_a_spec_without_an_expert_says_what_else_there_is(tmp_path: Path) -> Non
     done = Done("demos", path, "-o", tmp_path / "x.npz")
     assert done.status == 1 and "gives no expert" in done.err and "`optimal`" in done.err
     assert Done("demos", path, "-o", tmp_path / "x.npz", "--policy", "epsilon(0.1)").status == 0
+
+
+LABELS = """
+taskspec: 1
+name: Con
+parameters: {c: {type: choice, values: ["../../a", b], default: b}}
+state: {s: {type: int, low: 0, high: 1}}
+action: {u: {type: bool}}
+horizon: 2
+initial: {s: 0}
+dynamics: {s': "u"}
+reward: s' * (1 if c == b else 2)
+expert: {u: true}
+"""
+
+
+def test_names_and_labels_of_a_spec_are_safe_in_names_of_files(tmp_path: Path) -> None:
+    """A label with slashes stays in its folder, and a task may be called like a device of Windows."""
+    spec = tmp_path / "x.yaml"
+    spec.write_text(LABELS)
+    out = tmp_path / "out" / "d.npz"
+    done = Done("demos", spec, "-p", "c=../../a,b", "-o", out, "--episodes", "2")
+    assert done.status == 0, done.err
+    first, second = sorted(p.name for p in out.parent.iterdir())
+    assert re.fullmatch(r"d-c=\.\.-\.\.-a-[0-9a-f]{8}\.npz", first) and second == "d-c=b.npz"
+    pages = tmp_path / "pages"
+    assert Done("docs", spec, "-o", pages, "--format", "markdown").status == 0
+    assert not (pages / "con.md").exists()
+    assert [p.name for p in pages.iterdir() if p.name.startswith("_con-")]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out", "pages", "x.yaml"]
 
 
 def test_files_that_hold_no_data_are_refused(tmp_path: Path) -> None:

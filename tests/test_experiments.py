@@ -63,6 +63,20 @@ def test_values_of_a_real_are_the_decimals_that_are_written(tmp_path: Path) -> N
     assert [g["dx"] for g in got] == [0.1, 0.2, 0.3, 0.4]
 
 
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [
+        ("0.1 * 6", 0.6), ("0.1 + 0.2", 0.3), ("3 * A", 0.3), ("A / 3 + 2 * A / 3", 0.1), ("1e-300 * 1e300", 1.0),
+        ("0.1 ** 3", 0.001), ("sqrt(2)", 2**0.5), ("1e-320", 1e-320), ("0.1 if A == 0.1 else 2", 0.1), ("-0.7 - 0.2", -0.9),
+    ],
+)  # fmt: skip
+def test_decimals_of_expressions_are_exact(written: str, value: float, tmp_path: Path) -> None:
+    (got,) = found(f"{{task: Parabola, parameters: {{A: 0.1, dx: {written}}}}}", tmp_path)
+    assert got["dx"] == value
+    (instance,) = expanded(f"{HEAD}  - {{task: Parabola, parameters: {{A: 0.1, dx: {written}}}}}\n", tmp_path).instances
+    assert f"dx={value}" in instance.id.replace("%2B", "+")
+
+
 def test_expressions_read_the_other_values_and_defaults(tmp_path: Path) -> None:
     spec = tmp_path / "sub" / "t.yaml"
     spec.parent.mkdir()
@@ -146,6 +160,90 @@ def test_mistakes_have_a_code_and_a_place(entry: str, code: str, at: str | None,
     assert first.span is not None and first.span.line == 4
     if at is not None:
         assert text.splitlines()[3][first.span.column - 1 :].startswith(at)
+
+
+PLOTTED = """experiment: 1
+name: e
+tasks:
+  - {task: Branching, parameters: {L: [2, 3], B: 2}, modifiers: [{sticky: [0, 0.5]}]}
+  - {task: NoisyObs, parameters: {M: [4, 5]}}
+measures: [soft_gap]
+plot: PLOT
+"""
+
+
+@pytest.mark.parametrize(
+    ("plot", "at", "words"),
+    [
+        ("{x: Z}", "Z", "no instance has a parameter 'Z'"),
+        ("{x: stiky}", "stiky", "did you mean 'sticky'"),
+        ("{x: L, y: Q}", "Q", "no instance has a parameter 'Q'"),
+        ("{x: L, y: L}", "L}", "both axes"),
+        ("{x: B}", "B", "one value in all instances"),
+        ("{show: [randum]}", "randum", "did you mean 'random'"),
+        ("{show: [solution_length]}", "solution_length", "add 'solution_length' to `measures`"),
+        ("{show: [steps_per_second]}", "steps_per_second", "speed: true"),
+        ("{show: [random_status]}", "random_status", "no column"),
+        ("{log: [L, valu]}", "valu", "did you mean 'value'"),
+    ],
+)
+def test_a_plot_shows_what_there_is(plot: str, at: str, words: str, tmp_path: Path) -> None:
+    text = PLOTTED.replace("PLOT", plot)
+    (first,) = expanded(text, tmp_path).diagnostics
+    assert (first.code, first.span and first.span.line) == ("E206", 7)
+    assert words in f"{first.message} {first.hint}"
+    assert first.span is not None and text.splitlines()[6][first.span.column - 1 :].startswith(at)
+    assert Done("sweep", tmp_path / "e.yaml", "-o", tmp_path / "out").status == 1 and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    "plot", ["{x: M, log: [M, value]}", "{x: sticky, y: L}", "{show: [random, soft_gap, states, expert_half]}"]
+)
+def test_a_plot_of_what_there_is(plot: str, tmp_path: Path) -> None:
+    assert expanded(PLOTTED.replace("PLOT", plot), tmp_path).diagnostics == ()
+
+
+def test_an_axis_may_be_fixed_by_the_command_line(tmp_path: Path) -> None:
+    path = tmp_path / "e.yaml"
+    path.write_text(PLOTTED.replace("PLOT", "{x: M}"))
+    assert experiments.expand(experiments.read(path), [{"M": 3}]).diagnostics == ()
+
+
+@pytest.mark.parametrize(
+    ("asked", "at"),
+    [("episodes: 100000000000", "1"), ("policies: [random]\nseeds: 90000", "9"), ("seeds: 90000", None)],
+)
+def test_episodes_have_a_limit(asked: str, at: str | None, tmp_path: Path) -> None:
+    text = f"{HEAD}  - {{task: Branching}}\n{asked}\n"
+    found = expanded(text, tmp_path).diagnostics
+    assert [d.code for d in found] == ["E314"] * (at is not None)
+    for each in found:
+        assert "too many; the limit is 1,000,000" in each.message and "TASKSPEC_LIMITS=episodes=" in str(each.hint)
+        assert each.span is not None
+        assert text.splitlines()[each.span.line - 1][each.span.column - 1 :].startswith(str(at))
+
+
+def test_all_mistakes_are_reported_at_once(tmp_path: Path) -> None:
+    """A key that is not known, or a value of another kind, hides none of the others."""
+    text = (
+        "experiment: 1\nname: e\nsedes: 3\ntasks:\n  - {task: Branching, parameter: {L: 3}, parameters: {K: 3, L: foo}}\n"
+        "measures: [soft_gab]\npolicies: [exprt]\nepisodes: many\nplot: {x: Z, shaw: [random]}\n"
+    )
+    found = expanded(text, tmp_path).diagnostics
+    told = sorted((d.span.line, d.code) for d in found if d.span)
+    assert told == [
+        (3, "E202"), (5, "E202"), (5, "E302"), (5, "E702"), (6, "E206"), (7, "E713"), (8, "E204"), (9, "E202"), (9, "E206"),
+    ]  # fmt: skip
+    assert Done("sweep", tmp_path / "e.yaml", "-o", tmp_path / "out").status == 1 and not (tmp_path / "out").exists()
+    assert Done("check", tmp_path / "e.yaml").err.count("error[") in (0, len(found))
+
+
+def test_an_experiment_has_a_name(tmp_path: Path) -> None:
+    text = HEAD.replace("name: e", 'name: " "') + "  - {task: Branching}\n"
+    with pytest.raises(SpecError) as error:
+        expanded(text, tmp_path)
+    (first,) = error.value.diagnostics
+    assert first.span is not None and (first.code, first.span.line) == ("E205", 2)
 
 
 def test_an_experiment_is_no_spec_and_a_spec_no_experiment(tmp_path: Path) -> None:

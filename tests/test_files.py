@@ -164,6 +164,27 @@ def test_a_new_file_that_fails_is_not_there(tmp_path: Path, monkeypatch: pytest.
     assert not list(tmp_path.iterdir())
 
 
+HOSTILE = [
+    "", ".", "..", "../x", "/etc/passwd", "a/b", "a\\b", "a\0b", "a\nb", "-rf", ".hidden", "x.", "x ", "x" * 5000, "ё" * 300,
+    "con", "NUL.txt", "aux.", "COM1", "a:b", "a*b?", '"<|>', "\u202egpj", "\ud800", "a-b",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["noise", "my noise", "L=5-M=7", "tremble=0.0", "mine-train", "Größe", "v1.2+x"])
+def test_names_that_are_safe_stay(name: str) -> None:
+    assert files.safe_name(name) == name
+
+
+def test_names_of_files_are_safe_and_of_their_own(tmp_path: Path) -> None:
+    found = [files.safe_name(name) for name in HOSTILE]
+    assert len({name.lower() for name in found}) == len(HOSTILE)
+    for name in found:
+        assert re.fullmatch(r"[^\W]([\w .=,+()-]*[\w)=+,(])?", name), name
+        assert len(name.encode()) < 120 and name.split(".")[0].lower() not in ("con", "nul", "aux", "com1")
+        files.write_text(tmp_path / f"{name}.json", name)
+    assert len(list(tmp_path.iterdir())) == len(HOSTILE)
+
+
 WRITERS = {"savefig", "write_text", "write_bytes", "get_writer", "open"}
 
 

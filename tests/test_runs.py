@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,8 @@ from taskspec.cli.failures import reported
 from taskspec.diagnostics import SpecError
 from taskspec.extras import is_installed
 from taskspec.runs import Interrupted, Job, JobResult, Standing, Store, run
+from taskspec.runs.code import code_hash
+from taskspec.runs.crew import START
 from tests import jobs
 from tests.conftest import ROOT
 
@@ -196,6 +200,40 @@ def test_one_run_at_a_time_writes_and_others_read(tmp_path: Path) -> None:
         assert list(mine.results()) == ["a"]
 
 
+class _Full:
+    """A connection to a file on a disk that is full."""
+
+    def execute(self, question: str) -> None:
+        error = sqlite3.OperationalError("database or disk is full")
+        error.sqlite_errorcode = sqlite3.SQLITE_FULL
+        raise error
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_full_disk_is_called_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Store(tmp_path / "store") as store:
+        monkeypatch.setattr("taskspec.runs.store.sqlite3.connect", lambda *arguments, **options: _Full())
+        with pytest.raises(SpecError) as error:
+            run(jobs.squares(1), store, workers=1)
+    assert code(error) == "E716" and "disk is full" in str(error.value)
+
+
+@pytest.mark.parametrize("change", ["versions = '{'", "result = '[1'", "result = null", "attempts = 'x'"])
+def test_an_entry_that_is_damaged_is_named(tmp_path: Path, change: str) -> None:
+    with Store(tmp_path / "store") as store:
+        store.record([result("a"), result("b")])
+    with closing(sqlite3.connect(tmp_path / "store")) as connection:
+        connection.execute(f"update results set {change} where key = 'b'")
+        connection.commit()
+    with Store(tmp_path / "store") as store:
+        with pytest.raises(SpecError) as error:
+            run([Job("b", "B", jobs.square, (1,))], store, workers=1)
+        assert code(error) == "E721" and "the entry of 'B' cannot be read" in str(error.value)
+        assert list(store.results(["a"])) == ["a"]
+
+
 # -- runs that are killed -----------------------------------------------------------------------------------------
 
 
@@ -308,8 +346,48 @@ def test_an_address_without_a_cluster_is_a_message(tmp_path: Path, monkeypatch: 
     assert code(error) == "E723"
 
 
-def test_without_loky_there_is_a_command_that_installs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "loky", None)
-    with Store(tmp_path / "store") as store, pytest.raises(SpecError) as error:
-        run(jobs.squares(1), store)
-    assert code(error) == "E705" and "[sweep]" in str(error.value)
+def test_a_run_needs_no_package_beside_the_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("loky", "distributed", "cloudpickle"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with Store(tmp_path / "store") as store:
+        assert run(jobs.squares(3), store, workers=1).not_done == ()
+
+
+def test_time_limits_hold_where_there_are_no_signals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Windows: the process is ended, and the next job has a new one."""
+    monkeypatch.setattr("taskspec.runs.crew.START", f"import signal\ndel signal.setitimer, signal.SIGALRM\n{START}")
+    with Store(tmp_path / "store") as store:
+        outcome = run([Job("turn", "turn", jobs.turn), *jobs.squares(2)], store, workers=1, seconds=0.5)
+    (late,) = outcome.not_done
+    assert late.status == "timed_out" and "could not be interrupted" in str(late.message)
+
+
+# -- functions in files -------------------------------------------------------------------------------------------
+
+
+def test_the_hash_of_a_function_covers_what_its_file_imports_from_its_folder(tmp_path: Path) -> None:
+    files = {
+        "model.py": "import json\nfrom parts import inner\n\ndef act(seen):\n    import later\n    return 0\n",
+        "later.py": "x = 1\n",
+        "other.py": "x = 1\n",
+        "parts/__init__.py": "",
+        "parts/inner.py": "from . import deep\nfrom ..outside import x\n",
+        "parts/deep.py": "import parts.inner\n",
+    }
+    for name, text in files.items():
+        place = tmp_path / "one" / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text)
+    shutil.copytree(tmp_path / "one", tmp_path / "two")
+    before = code_hash(tmp_path / "one" / "model.py", "act")
+    assert code_hash(tmp_path / "two" / "model.py", "act") == before
+    assert code_hash(tmp_path / "one" / "model.py", "other") != before
+    for name in files:
+        place = tmp_path / "two" / name
+        text = place.read_text()
+        place.write_text(text + "y = 2\n")
+        now = code_hash(tmp_path / "two" / "model.py", "act")
+        assert (now == before) == (name == "other.py"), name
+        place.write_text(text)
+    (tmp_path / "two" / "model.py").write_text("def act(:")
+    assert code_hash(tmp_path / "two" / "model.py", "act") != before

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import taskspec
-from taskspec import experiments
+from taskspec import experiments, limits
 from taskspec.exact.difficulty import MEASURES
 from taskspec.experiments import picture, sweep
 from taskspec.runs import Store
@@ -157,3 +157,66 @@ def test_the_picture_has_curves_over_one_parameter_and_maps_over_two(file: Path,
     for i, b in enumerate((2, 3)):
         for j, n in enumerate((2, 4)):
             assert math.isclose(cells[i][j], b**-n)
+
+
+POLICY = """
+experiment: 1
+name: e
+tasks: [{task: derail/Branching, parameters: {L: 2, B: 2}, modifiers: []}]
+policies: ["MODEL:act"]
+episodes: 10
+measures: []
+"""
+
+
+def test_all_that_a_result_depends_on_decides_whether_it_still_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The function of a policy, what it imports, modifiers and limits: each that changes is worked out anew, and nothing else."""
+    file = tmp_path / "e.yaml"
+    model = tmp_path / "model.py"
+    helper = tmp_path / "helper.py"
+    text = POLICY.replace("MODEL", str(model))
+    file.write_text(text)
+    model.write_text("from helper import choice\n\ndef act(seen):\n    return choice\n")
+    helper.write_text("choice = 0\n")
+
+    def results() -> int:
+        rows = swept(file)
+        assert [row["error"] for row in rows] == [None]
+        with Store(tmp_path / "results" / "e.sqlite") as store:
+            return len(store.results())
+
+    assert results() == 1
+    helper.write_text("choice = 1\n")
+    assert results() == 2
+    model.write_text(model.read_text() + "\n")
+    assert results() == 3
+    file.write_text(text.replace("modifiers: []", "modifiers: [{sticky: 0.25}]"))
+    assert results() == 4
+    monkeypatch.setenv("TASKSPEC_LIMITS", "transitions=1000")
+    limits.limits.cache_clear()
+    assert results() == 5
+    assert results() == 5
+    monkeypatch.undo()
+    limits.limits.cache_clear()
+    assert results() == 5
+
+
+def test_a_sweep_off_a_terminal_says_how_far_it_is(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("taskspec.cli.progress.BETWEEN_LINES", 0.0)
+    done = Done("sweep", str(file), "--out", str(file.parent / "results"), "-j", "1", "-p", "L=2,3", "-f", "json")
+    assert done.status == 0 and "noise: 6/6" in done.err
+
+
+@pytest.mark.parametrize("name", ["../x", "FOLDER/x", "a\0$\\frac$", "n" * 5000])
+def test_files_of_results_lie_in_their_folder_whatever_the_name(name: str, tmp_path: Path) -> None:
+    name = name.replace("FOLDER", str(tmp_path))
+    path = tmp_path / "e.yaml"
+    about = {"experiment": 1, "name": name, "tasks": [{"task": "Branching", "parameters": {"L": 2}}], "measures": []}
+    path.write_text(json.dumps(about))
+    (tmp_path / "x.json").write_text("mine")
+    swept(path)
+    assert {p.name for p in tmp_path.iterdir()} == {"e.yaml", "x.json", "results"}
+    assert (tmp_path / "x.json").read_text() == "mine"
+    assert {p.suffix for p in (tmp_path / "results").iterdir()} >= {".json", ".csv", ".sqlite"}

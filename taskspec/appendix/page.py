@@ -18,6 +18,7 @@ from taskspec.appendix.prose import Block, Cite, Inlines, blocks, inlines
 from taskspec.appendix.sections import Section, SectionLine
 from taskspec.appendix.writing import Writing
 from taskspec.extras import need
+from taskspec.files import safe_name
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 from taskspec.visible import visible
@@ -95,7 +96,8 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
 
 def anchor(name: str) -> str:
     """A name as part of an address or a file name."""
-    return re.sub(r"[^a-z0-9]+", "-", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower()).strip("-") or "task"
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower()
+    return safe_name(re.sub(r"[^a-z0-9]+", "-", words).strip("-") or "task")
 
 
 def make_line(task: Task) -> str:

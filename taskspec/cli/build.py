@@ -12,7 +12,7 @@ import typer
 
 from taskspec.cli.console import say
 from taskspec.cli.options import Targets
-from taskspec.files import write_text
+from taskspec.files import safe_name, write_text
 
 if TYPE_CHECKING:
     from taskspec.appendix import Facts
@@ -166,7 +166,7 @@ def _sources(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
     from taskspec.backends.scalar.program import compile_scalar
 
     for task in tasks:
-        path = folder / "source" / (task.suite or "tasks") / f"{task.name}.py"
+        path = folder / "source" / safe_name(task.suite or "tasks") / f"{safe_name(task.name)}.py"
         write_text(path, compile_scalar(task).source)
     return folder / "source", "the generated code of every environment"
 

@@ -14,6 +14,7 @@ from taskspec.cli.console import say, write_json
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, LimitsGiven, complete_learners
 from taskspec.cli.sweep import Cluster, Jobs, Retry
+from taskspec.files import safe_name
 
 if TYPE_CHECKING:
     from taskspec.exam import Exam, Running
@@ -149,7 +150,7 @@ def _examine_all(
     from taskspec.cli.progress import bar
     from taskspec.experiments import examine_all
 
-    folder = output or Path("build/exams") / written.experiment.name
+    folder = output or Path("build/exams") / safe_name(written.experiment.name)
     found = examine_all(written, folder, running=running, bar=bar, **terms)
     write_json(found.exams) if json else print_exams(written.experiment, found, folder)
     if any(each["flags"] for each in found.exams.values()):

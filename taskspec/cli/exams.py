@@ -21,6 +21,7 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
     from taskspec.exam.report.told import named
     from taskspec.experiments.picture import draw
     from taskspec.extras import is_installed
+    from taskspec.files import safe_name
 
     out = console(wide=True)
     out.print(table_of(found.exams))
@@ -31,8 +32,9 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
     if is_installed("matplotlib"):
         written += write_several(found.exams, folder, ["svg"])
         if any(instance.varied for instance in found.instances):
-            draw(experiment, found.rows(), folder / f"{experiment.name}.svg", tuple(found.exams))
-            written.append(folder / f"{experiment.name}.svg")
+            path = folder / f"{safe_name(experiment.name)}.svg"
+            draw(experiment, found.rows(), path, tuple(found.exams))
+            written.append(path)
     for path in written:
         say(f"wrote {near(path)}")
 

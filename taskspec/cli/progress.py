@@ -1,4 +1,7 @@
-"""What is at the foot of the terminal while something takes long: a line that says what it is, or a bar; gone when it is done."""
+"""What is at the foot of the terminal while something takes long: a line that says what it is, or a bar; gone when it is done.
+
+Where standard error is no terminal, a run says how far it is in a line now and then.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
+from taskspec.cli.console import say
 from taskspec.progress import told_to
 from taskspec.visible import visible
 
@@ -18,6 +22,8 @@ if TYPE_CHECKING:
 
 PATIENCE, EVERY = 1.0, 0.1
 """Seconds before the line is shown, and between its changes."""
+BETWEEN_LINES = 10.0
+"""Seconds between the lines of a run where there is no terminal."""
 WIDTH = 20
 """Of a bar in the line, in letters."""
 
@@ -48,7 +54,7 @@ def progress(name: str) -> Iterator[None]:
 def bar(name: str) -> Iterator[Callable[[Standing], None]]:
     """A function that shows on standard error how far a run is, within the block: a bar, a rate, and the time left."""
     if not is_terminal():
-        yield lambda standing: None
+        yield _Lines(name).show
         return
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -65,6 +71,23 @@ def _words(standing: Standing) -> str:
     failed = f"{standing.failed} failed" if standing.failed else ""
     rate = "" if standing.left is None else f"{standing.rate:.3g}/s, {timedelta(seconds=round(standing.left))} left"
     return ", ".join(filter(None, (failed, rate)))
+
+
+class _Lines:
+    """How far a run is, in lines for those who read it later."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.due = time.monotonic() + BETWEEN_LINES
+
+    def show(self, standing: Standing) -> None:
+        now = time.monotonic()
+        if now < self.due:
+            return
+        counts = f"{standing.over}/{standing.total}"
+        words = ", ".join(filter(None, (counts, _words(standing))))
+        say(f"{self.name}: {words}", err=True)
+        self.due = now + BETWEEN_LINES
 
 
 class _Line:

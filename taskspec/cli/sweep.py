@@ -11,6 +11,7 @@ import typer
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, LimitsGiven, Parameters, complete_experiments
+from taskspec.files import safe_name
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -87,7 +88,7 @@ def sweep(
     found.raise_if_wrong()
     with bar(written.experiment.name) as progress:
         swept = run(
-            written, output / f"{written.experiment.name}.sqlite", expanded=found, workers=jobs, cluster=cluster,
+            written, output / f"{safe_name(written.experiment.name)}.sqlite", expanded=found, workers=jobs, cluster=cluster,
             seconds=time_limit, retry=retry, progress=progress,
         )  # fmt: skip
     files = _write(swept, output, wanted)
@@ -116,7 +117,7 @@ def _write(swept: Swept, output: Path, wanted: Sequence[str]) -> list[Path]:
 
     paths = []
     for kind in wanted:
-        path = output / f"{swept.experiment.name}.{kind}"
+        path = output / f"{safe_name(swept.experiment.name)}.{kind}"
         if kind in PICTURES:
             picture.draw(swept.experiment, swept.rows, path)
         else:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from taskspec import ids, registry, scan
 from taskspec.cli.failures import misuse, refuse
 from taskspec.diagnostics import suggest
+from taskspec.files import safe_name
 
 if TYPE_CHECKING:
     from taskspec.task.task import Task
@@ -175,9 +176,9 @@ def _joined(files: Iterable[File]) -> list[File]:
 
 
 def beside(path: Path, task: Task) -> Path:
-    """The file for one of several settings of a task: `scores-L=5-M=7.json` for `scores.json`."""
-    values = "".join(f"-{name}={ids.shown(value)}" for name, value in task.values.items())
-    return path.with_name(f"{path.stem}{values}{path.suffix}")
+    """Return the file for one of several settings of a task: `scores-L=5-M=7.json` for `scores.json`."""
+    values = "-".join(f"{name}={ids.shown(value)}" for name, value in task.values.items())
+    return path.with_name(f"{path.stem}-{safe_name(values)}{path.suffix}")
 
 
 # -- parameters ---------------------------------------------------------------------------------------------------

@@ -267,4 +267,19 @@ dynamics: {x': "min(x + a, 1000000)"}     # right
 ```
 """,
     ),
+    Code(
+        "W527",
+        "foreign-letters",
+        "a name that looks like another because of letters of another alphabet",
+        """
+A name consists of letters that are drawn like Latin ones, but some belong to another alphabet: a Cyrillic `\u0430` is
+not the Latin `a`. People who read the spec cannot tell it from the name that it looks like. Names that are visibly
+in another alphabet, such as `\u03b1`, are fine.
+
+```yaml
+parameters: {\u0430: {type: int, default: 1}}    # warning: Cyrillic
+parameters: {a: {type: int, default: 1}}    # right
+```
+""",
+    ),
 )

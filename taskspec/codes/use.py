@@ -242,7 +242,8 @@ taskspec.load("Parabola", modifiers=["relabelled"])    # wrong: the observation 
         "a file without results of this version",
         """
 Results are stored in a database that taskspec creates, in a format of one version. This file belongs to another
-program, or to another version of taskspec. It is left unchanged.
+program, or to another version of taskspec, or entries of it are damaged. It is left unchanged: move it away, and the
+results are computed again.
 """,
     ),
     Code(
@@ -259,8 +260,8 @@ or give this one another file. A run that was killed does not block the file.
         "no-cluster",
         "a Dask cluster that does not answer",
         """
-No scheduler answers at the address, it has no workers, or it was lost in the middle of a run. Workers need taskspec
-and loky installed, in the same versions. Finished results are kept, and the same command resumes from there.
+No scheduler answers at the address, it has no workers, or it was lost in the middle of a run. Workers need the same
+version of taskspec. Finished results are kept, and the same command resumes from there.
 
 ```console
 dask scheduler

@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 from taskspec.data.functions import function_of, is_function
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exam.case import SOURCES, Source
+from taskspec.files import safe_name
 from taskspec.learners import BUILT_IN, FAMILIES, learner
 
 DEFAULT: tuple[Source, ...] = ("demonstrations", "preferences")
@@ -67,7 +68,7 @@ def folder_name(learner: str) -> str:
     family, slash, name = learner.partition("/")
     if slash and family in FAMILIES and name in BUILT_IN:
         return learner
-    return re.sub(r"\W+", "-", learner.rpartition("/")[2].replace(".py", "")).strip("-")
+    return safe_name(re.sub(r"\W+", "-", learner.rpartition("/")[2].replace(".py", "")).strip("-"))
 
 
 def _sources(wanted: Any) -> tuple[Source, ...]:

@@ -12,14 +12,12 @@ from typing import Any
 from taskspec import ids, registry
 from taskspec.data.actors import actor_of
 from taskspec.data.functions import is_function, place_of
-from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, suggest
-from taskspec.exact.difficulty import MEASURES
-from taskspec.exam.learners import folder_name
+from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors
+from taskspec.experiments.asked import check_axes, check_questions
 from taskspec.experiments.axes import Axis, Values, combinations, sample
 from taskspec.experiments.laid import Option, options
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.values import Assignment, count, listed, misplaced
-from taskspec.learners import learner
 from taskspec.limits import how_to_raise, limits
 from taskspec.modifiers import modify
 from taskspec.source import Path as Place
@@ -95,48 +93,28 @@ def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -
     that have the parameters.
     """
     collector = Collector()
-    _check_measures(written, collector)
-    _check_learners(written, collector)
+    collector.extend(written.problems)
+    check_questions(written, collector)
+    names = dict[str, bool]()
     found: dict[str, Instance] = {}
     refused: list[Diagnostic] = []
     used: frozenset[str] = frozenset()
+    is_known = True
     for i, entry in enumerate(written.experiment.tasks):
         one = _Entry(written, i, entry, collector, instead)
         for instance in one.instances():
             found.setdefault(instance.id, instance)
         refused += one.refused
         used |= one.replaced
+        for name in one.names:
+            names[name] = names.get(name, False) or name in one.varied
+        is_known = is_known and one.is_known
     for name in dict.fromkeys(name for setting in instead for name in setting):
         if name not in used and not collector.has_errors:
             collector.add("E702", None, f"no task of the experiment has a parameter '{name}'")
+    if is_known:
+        check_axes(written, names, collector, may_be_fixed=bool(instead))
     return Expanded(tuple(found.values()), collector.diagnostics, tuple(refused))
-
-
-def _check_measures(written: ExperimentFile, collector: Collector) -> None:
-    for i, name in enumerate(written.experiment.measures or ()):
-        if name not in MEASURES:
-            hint = suggest(name, MEASURES) or f"there are: {', '.join(MEASURES)}"
-            collector.add("E206", written.document.span(("measures", i)), f"there is no measure '{name}'", hint)
-
-
-def _check_learners(written: ExperimentFile, collector: Collector) -> None:
-    folders, given = [folder_name(name) for name in written.learners], written.experiment.learners
-    for i, name in enumerate(written.learners):
-        first = folders.index(folders[i])
-        if first < i:
-            message = f"the results of '{given[i]}' would take the place of those of '{given[first]}'"
-            hint = (
-                f"both are kept in a folder '{folders[i]}': name each learner once, and functions in files differently"
-            )
-            collector.add("E713", written.document.span(("learners", i)), message, hint)
-        try:
-            if is_function(name):  # a check runs no code
-                place_of(name)
-            elif ":" not in name or name.endswith((".yaml", ".yml")):
-                learner(name)
-        except SpecError as error:
-            place = written.document.span(("learners", i))
-            collector.extend(replace(d, span=place) if d.span is None else d for d in error.diagnostics)
 
 
 class _Entry:
@@ -155,6 +133,9 @@ class _Entry:
         self.replaced: frozenset[str] = frozenset()
         self.document = written.document
         self.refused: list[Diagnostic] = []
+        self.is_known = False
+        self.names: tuple[str, ...] = ()
+        self.varied: tuple[str, ...] = ()
 
     def instances(self) -> Iterator[Instance]:
         """The instances; none where something is wrong with the entry itself."""
@@ -168,15 +149,22 @@ class _Entry:
             return
         axes = self._replaced(list(self._axes(known)), known)
         laid = self._modifiers()
-        self._check_policies()
-        if len(self.collector.diagnostics) > before or not self._is_payable(axes, laid):
-            return
         varied = tuple(name for axis in axes for name in axis.names if axis.size != 1)
+        arguments = tuple(dict.fromkeys(name for choice in laid for option in choice for name in option.varied))
+        self.is_known = True
+        self.names = (*(p.name for p in known), *arguments)
+        self.varied = (*varied, *arguments)
+        self._check_policies()
+        is_wrong = len(self.collector.diagnostics) > before
+        if not self._is_payable(axes, laid):
+            return
         for chosen in self._settings(axes):
             names = [name for axis in axes for name in axis.names]
             given = dict(zip(names, itertools.chain.from_iterable(chosen), strict=True))
             for over in itertools.product(*laid):
                 instance = self._instance(source, known, given, varied, over)
+                if is_wrong:  # the first shows what is wrong with expressions, too
+                    return
                 if instance is not None:
                     yield instance
 
@@ -229,8 +217,9 @@ class _Entry:
                 found = listed(values, kinds[name].kind)
                 yield Axis((kinds[name].name,), found if callable(found) else [(v,) for v in found])
         if self.entry.zip:
-            together = tuple(kinds[name].name for name in self.entry.zip if name in kinds)
-            yield Axis(together, list(zip(*self.entry.zip.values(), strict=True)))
+            together = [name for name in self.entry.zip if name in kinds]
+            lists = [self.entry.zip[name] for name in together]
+            yield Axis(tuple(kinds[name].name for name in together), list(zip(*lists, strict=True)))
 
     def _replaced(self, axes: list[Axis], known: Sequence[Parameter]) -> list[Axis]:
         """The axes, with those for which other values were given in their place."""

@@ -14,6 +14,7 @@ from taskspec.experiments.results import Measured
 from taskspec.extras import need
 from taskspec.files import write_bytes
 from taskspec.task.schema import Experiment
+from taskspec.visible import visible
 
 FORMATS = ("svg", "png", "pdf")
 WIDTH, HEIGHT, TITLE = 3.6, 2.7, 0.3
@@ -42,7 +43,10 @@ def draw(experiment: Experiment, rows: Sequence[Measured], path: Path, learners:
     """
     matplotlib = need("matplotlib", "figures")
     kind = path.suffix[1:].lower()
-    settings = {"svg.hashsalt": "taskspec", "svg.fonttype": "path", "font.size": 8, "font.family": "DejaVu Sans"}
+    settings = {
+        "svg.hashsalt": "taskspec", "svg.fonttype": "path", "font.size": 8, "font.family": "DejaVu Sans",
+        "text.parse_math": False,
+    }  # fmt: skip
     with matplotlib.rc_context(settings):
         drawn = figure(experiment, rows, learners)
         metadata: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}[
@@ -65,7 +69,7 @@ def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str
     across = max(1, min(ACROSS, len(panels)))
     down = max(1, math.ceil(len(panels) / across))
     drawn = figures.Figure(figsize=(WIDTH * across, HEIGHT * down + TITLE), layout="constrained")
-    drawn.suptitle(experiment.title or experiment.name, fontsize=9)
+    drawn.suptitle(visible(experiment.title or experiment.name), fontsize=9)
     axes = [drawn.add_subplot(down, across, i + 1) for i in range(len(panels))]
     for panel, each in zip(panels, axes, strict=True):
         (_map if panel.y else _curves)(panel, each, experiment)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taskspec.data.functions import is_function
-from taskspec.diagnostics import Diagnostic, SpecError, raise_if_errors, suggest
+from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.registry import tasks_root
 from taskspec.source import Document, read_file
 from taskspec.task.schema import Experiment, check_experiment
@@ -18,10 +18,14 @@ FOLDER = "experiments"
 
 @dataclass(frozen=True, eq=False)
 class ExperimentFile:
-    """An experiment as it is written: its sections, and the document that knows where each stands."""
+    """An experiment as it is written: its sections, and the document that knows where each stands.
+
+    `problems` are mistakes in its shape: what they are about is left out of `experiment`.
+    """
 
     experiment: Experiment
     document: Document
+    problems: tuple[Diagnostic, ...] = ()
 
     @property
     def folder(self) -> Path:
@@ -39,31 +43,31 @@ class ExperimentFile:
 
 
 def read(source: str | os.PathLike[str]) -> ExperimentFile:
-    """An experiment, by the path of its file, or as `suite/name` one that comes with a suite.
+    """Return an experiment, by the path of its file, or as `suite/name` one that comes with a suite.
 
     Raises:
-        SpecError: E710 when there is none, or with every mistake in its shape.
+        SpecError: E710 when there is none, or with every mistake in its shape where too little of it is right.
     """
     return described(read_file(find(source)))
 
 
 def described(document: Document) -> ExperimentFile:
-    """The experiment that a document describes.
+    """Return the experiment that a document describes.
 
     Raises:
-        SpecError: with every mistake in its shape.
+        SpecError: with every mistake in its shape, where too little of it is right.
     """
     found, problems = check_experiment(document)
-    raise_if_errors(problems)
-    assert found is not None
-    return ExperimentFile(found, document)
+    if found is None:
+        raise SpecError(problems)
+    return ExperimentFile(found, document, problems)
 
 
 def read_if_experiment(source: str) -> ExperimentFile | None:
-    """The experiment of this name or path, if it is one; None for anything else.
+    """Return the experiment of this name or path, if it is one; None for anything else.
 
     Raises:
-        SpecError: with every mistake in its shape.
+        SpecError: with every mistake in its shape, where too little of it is right.
     """
     if source in shipped():
         return read(source)

@@ -6,14 +6,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from taskspec import registry
+from taskspec import limits, registry
+from taskspec.data.functions import is_function, place_of
 from taskspec.experiments.instances import Expanded, Instance, expand
 from taskspec.experiments.measure import Order, Questions, key, measure
 from taskspec.experiments.order import Sent
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.results import Measured
-from taskspec.limits import limits
 from taskspec.runs import Job, JobResult, Standing, Store, run
+from taskspec.runs.code import code_hash
 from taskspec.source import packed
 from taskspec.task.schema import Experiment
 
@@ -56,6 +57,7 @@ def sweep(
         SpecError: with every mistake in the experiment; E705 without an extra.
     """
     found = expand(written) if expanded is None else expanded
+    found.raise_if_wrong()
     wanted = wanted_of(written.experiment)
     jobs = {i.id: _job(i, wanted) for i in found.instances if i.problem is None}
     with Store(store) as kept:
@@ -68,15 +70,18 @@ def sweep(
             retry_failed=retry,
             progress=progress,
         )
-    return Swept(written.experiment, tuple(_row(i, jobs.get(i.id), done.rows) for i in found.instances))
+        rows = tuple(_row(i, jobs.get(i.id), done.rows, kept) for i in found.instances)
+    return Swept(written.experiment, rows)
 
 
 def wanted_of(experiment: Experiment) -> Questions:
-    """What an experiment asks of every instance."""
+    """Return what an experiment asks of every instance."""
     measures = None if experiment.measures is None else tuple(experiment.measures)
+    functions = [place_of(name) for name in experiment.policies if is_function(name)]
+    code = tuple(code_hash(path, function) for path, function in functions)
     return Questions(
-        measures, tuple(experiment.policies), experiment.seeds or 1, experiment.episodes, experiment.speed,
-        limits().seconds,
+        measures, tuple(experiment.policies), experiment.seeds or 1, experiment.episodes, experiment.speed, code,
+        limits.written(),
     )  # fmt: skip
 
 
@@ -86,11 +91,13 @@ def _job(instance: Instance, wanted: Questions) -> Job:
     return Job(key(instance.content_hash, instance.modifiers, wanted), instance.id, measure, (Order(about, wanted),))
 
 
-def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult]) -> Measured:
+def _row(instance: Instance, job: Job | None, results: Mapping[str, JobResult], store: Store) -> Measured:
     if job is None:
         return Measured(instance, "failed", error=instance.problem)
     found = results[job.key]
     if found.status != "done":
         return Measured(instance, found.status, error=found.message, seconds=found.seconds)
+    if not isinstance(found.value, dict):
+        raise store.damaged(found.name, "it holds no measurements")
     values = dict(found.value)
     return Measured(instance, "done", values, values.pop("policies", {}), seconds=found.seconds)

@@ -17,7 +17,7 @@ from taskspec.lang.check import Checker
 from taskspec.lang.ir import plain
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Binding, Lazy, Scope, Value
-from taskspec.lang.types import Kind, Type
+from taskspec.lang.types import Domain, Kind, Type
 from taskspec.task.parts import Parameter
 
 Draw = Callable[[np.random.Generator], Any]
@@ -101,7 +101,7 @@ class Assignment:
     ) -> None:
         self.known, self.given, self.span = {p.name: p for p in known}, given, span
         self.builder = Builder()
-        self.checker = Checker(self.builder, collector)
+        self.checker = _ExactChecker(self.builder, collector)
         bindings: dict[str, Binding] = {
             name: Lazy(lambda at, name=name: self._value(name, at))  # type: ignore[misc]
             for name, p in self.known.items()
@@ -147,4 +147,18 @@ class Assignment:
         if isinstance(value, str):
             self.checker.fail("E306", at, f"'{name}' is a label, no number")
         kind = {bool: Kind.BOOL, int: Kind.INT}.get(type(value), Kind.REAL)
-        return Value(self.builder.const(value, Type(KINDS[parameter.kind] if kind is Kind.INT else kind)))
+        written = _decimal(value) if isinstance(value, float) else value
+        return Value(self.builder.const(written, Type(KINDS[parameter.kind] if kind is Kind.INT else kind)))
+
+
+class _ExactChecker(Checker):
+    """Numbers are the decimals that are written, not the floats nearest to them: `0.1 * 6` is 0.6."""
+
+    def _number(self, number: int | float, want: Domain | None) -> Value:
+        if isinstance(number, float):
+            return Value(self.builder.scalar(_decimal(number)))
+        return super()._number(number, want)
+
+
+def _decimal(number: float) -> Fraction | float:
+    return Fraction(repr(number)) if math.isfinite(number) else number

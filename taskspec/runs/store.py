@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, get_args
 
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.runs.job import JobResult
+from taskspec.runs.job import JobResult, Status
 
 APPLICATION, SCHEMA = 0x74736B73, 1
 """What the header of a file says that is ours, and the version of its tables."""
@@ -85,12 +85,12 @@ class Store:
         """What is kept of these jobs, in their order, or of all, in the order in which they were recorded first."""
         with self._reported():
             if keys is None:
-                return _results(self._database.execute(f"select {COLUMNS} from results order by rowid"))
+                return self._read(f"select {COLUMNS} from results order by rowid", ())
             wanted, found = list(keys), dict[str, JobResult]()
             for start in range(0, len(wanted), AT_ONCE):
                 part = wanted[start : start + AT_ONCE]
                 marks = ", ".join("?" * len(part))
-                found |= _results(self._database.execute(f"select {COLUMNS} from results where key in ({marks})", part))
+                found |= self._read(f"select {COLUMNS} from results where key in ({marks})", part)
         return {key: found[key] for key in wanted if key in found}
 
     def missing(self, keys: Iterable[str]) -> list[str]:
@@ -131,13 +131,8 @@ class Store:
             with self._reported():
                 lock = sqlite3.connect(f"{self.path}-lock", timeout=0, isolation_level=None)
                 stack.enter_context(closing(lock))
-            try:
+            with self._reported():
                 lock.execute("begin exclusive")
-            except sqlite3.OperationalError as error:
-                message = f"another process is writing to {str(self.path)!r}"
-                raise SpecError(
-                    [Diagnostic("E722", None, message, "wait until it is finished, or give another file")]
-                ) from error
             self._is_writing = True
             stack.callback(setattr, self, "_is_writing", False)
             yield
@@ -157,6 +152,21 @@ class Store:
     def _number(self, question: str) -> int:
         return int(self._database.execute(question).fetchone()[0])
 
+    def _read(self, question: str, keys: Sequence[str]) -> dict[str, JobResult]:
+        """Return the rows that a question selects, by key."""
+        found = dict[str, JobResult]()
+        for entry in self._database.execute(question, keys):
+            try:
+                found[entry[0]] = _result(entry)
+            except (TypeError, ValueError) as error:
+                raise self.damaged(entry[1], str(error)) from error
+        return found
+
+    def damaged(self, name: object, reason: str) -> SpecError:
+        """Return the error E721: what is kept of a job is not what was recorded."""
+        hint = "move the file away, and its results are worked out anew"
+        return self._foreign(f"is damaged: the entry of {str(name)!r} cannot be read ({reason})", hint)
+
     def _foreign(self, what: str, hint: str) -> SpecError:
         return SpecError([Diagnostic("E721", None, f"{str(self.path)!r} {what}; it was left as it is", hint)])
 
@@ -166,7 +176,12 @@ class Store:
         try:
             yield
         except sqlite3.OperationalError as error:
-            raise SpecError([Diagnostic("E716", None, f"cannot use {str(self.path)!r}: {error}")]) from error
+            if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
+                message = f"another process is writing to {str(self.path)!r}"
+                hint = "wait until it is finished, or give another file"
+                raise SpecError([Diagnostic("E722", None, message, hint)]) from error
+            hint = "results that were recorded earlier are kept"
+            raise SpecError([Diagnostic("E716", None, f"cannot use {str(self.path)!r}: {error}", hint)]) from error
         except sqlite3.DatabaseError as error:
             raise self._foreign(f"holds no results of taskspec ({error})", "give another place") from error
         except OSError as error:
@@ -174,5 +189,17 @@ class Store:
             raise SpecError([Diagnostic("E716", None, message)]) from error
 
 
-def _results(found: Iterable[tuple[Any, ...]]) -> dict[str, JobResult]:
-    return {entry[0]: JobResult(*(*entry[:-1], json.loads(entry[-1]))) for entry in found}
+def _result(entry: Sequence[Any]) -> JobResult:
+    """Return a row as it was recorded.
+
+    Raises:
+        ValueError, TypeError: it was not recorded like this.
+    """
+    key, name, status, result, message, seconds, attempts, when, versions = entry
+    if status not in get_args(Status) or (status == "done") != (result is not None):
+        raise ValueError(f"its status is {status!r}")
+    if result is not None:
+        json.loads(result)
+    return JobResult(
+        key, name, status, result, message, float(seconds), int(attempts), when, dict(json.loads(versions))
+    )

@@ -99,7 +99,11 @@ class MarkdownWriter:
         return text
 
     def prose(self, content: Inlines) -> str:
-        return "".join(map(self.inline, content))
+        texts = [self.inline(piece) for piece in content]
+        for i, piece in enumerate(content[1:]):
+            if isinstance(piece, Link) and texts[i].endswith("!"):  # a page loads no images from elsewhere
+                texts[i] = texts[i][:-1] + r"\!"
+        return "".join(texts)
 
     def inline(self, piece: Inline) -> str:
         match piece:

@@ -18,7 +18,7 @@ from taskspec.exact.lint.reals import whole
 from taskspec.exact.lint.rewards import indifferent, rewards
 from taskspec.exact.lint.slices import past_the_end, uneven
 from taskspec.exact.lint.states import unreachable
-from taskspec.exact.lint.symbols import printed_alike
+from taskspec.exact.lint.symbols import foreign_letters, printed_alike
 from taskspec.exact.lint.symmetries import idle
 from taskspec.exact.lint.twins import twins
 from taskspec.exact.lint.unread import forgotten, unread
@@ -32,7 +32,7 @@ Lint = Callable[[Linted, Collector], None]
 
 LINTS: tuple[Lint, ...] = (
     unreachable, rewards, indifferent, inert, unused_names, expert, leak, hidden_goal, moved, constant, duplicate, hidden,
-    unread, forgotten, twins, idle_errata, endless, printed_alike, idle,
+    unread, forgotten, twins, idle_errata, endless, printed_alike, idle, foreign_letters,
 )  # fmt: skip
 """What is looked at for the parameters at hand."""
 

@@ -15,7 +15,7 @@ import numpy as np
 from taskspec.exam.report import told
 from taskspec.exam.report.told import SeedCell, TaskRow
 from taskspec.extras import need
-from taskspec.files import write_bytes
+from taskspec.files import safe_name, write_bytes
 
 PRINTED, TWINS, QUIET = "#0072B2", "#CC79A7", "#6b7785"
 """Colours of Okabe and Ito: of tasks as printed, of twins; and of what stands beside."""
@@ -203,7 +203,7 @@ def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, An
 
 
 def _stem(name: str) -> str:
-    return re.sub(r"[^\w.=-]+", "-", name).strip("-")
+    return safe_name(re.sub(r"[^\w.=-]+", "-", name).strip("-"))
 
 
 def table(exams: Mapping[str, Mapping[str, Any]], title: str = "") -> Any:

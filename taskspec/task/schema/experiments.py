@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from typing import Annotated, Any, TypeAlias
 
-from pydantic import Field, TypeAdapter, WithJsonSchema, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, WithJsonSchema, model_validator
 
 from taskspec.diagnostics import Collector, Diagnostic
 from taskspec.source import Document
 from taskspec.task.schema import problems, values
 from taskspec.task.schema.check import add_problem, validate
-from taskspec.task.schema.fields import Name, checked, fail
+from taskspec.task.schema.fields import PROBLEMS, Name, checked, fail
 from taskspec.task.schema.problems import Problem, wrong_kind
 from taskspec.task.schema.typed import Strict
 
@@ -72,6 +73,11 @@ def _modifier(value: Any) -> Iterator[Problem]:
     if isinstance(value, str) or (isinstance(value, dict) and len(value) == 1):
         return
     yield wrong_kind("one modifier, such as `sticky: 0.25`", value)
+
+
+def _file_name(value: Any) -> Iterator[Problem]:
+    if isinstance(value, str) and not value.strip():
+        yield Problem("E205", (), "an experiment needs a name", "files of results are called by it")
 
 
 _VALUE = {"type": ["string", "number", "boolean"]}
@@ -152,7 +158,9 @@ class Experiment(Strict):
     """Which instances of which tasks are measured, or what learners are examined on, and how."""
 
     experiment: int = Field(description="The version of the format: 1.")
-    name: Annotated[str, Field(description="A short name; files of results are called by it.")]
+    name: Annotated[
+        str, checked(_file_name), Field(min_length=1, description="A short name; files of results are called by it.")
+    ]
     title: str | None = Field(None, description="Its heading.")
     doc: str | None = Field(None, description="What it is about.")
     tasks: Annotated[list[TaskEntry], Field(min_length=1, description="The tasks, each at some settings.")]
@@ -185,7 +193,10 @@ class Experiment(Strict):
 
 
 def check_experiment(document: Document) -> tuple[Experiment | None, tuple[Diagnostic, ...]]:
-    """The experiment that a document describes (None where it is not well-formed), and all that is wrong with its shape."""
+    """Return the experiment that a document describes, and all that is wrong with its shape.
+
+    What is wrong is left out of the experiment, so that the rest can be checked as well; None where too little is left.
+    """
     collector = Collector()
     if not isinstance(document.data, dict):
         message = f"an experiment is a mapping of sections, not {problems.kind(document.data)}"
@@ -198,7 +209,45 @@ def check_experiment(document: Document) -> tuple[Experiment | None, tuple[Diagn
             "E207", ("experiment",), f"format {version} is not known here", f"write `experiment: {FORMAT}`"
         )
         add_problem(collector, document, problem)
-    return found, collector.diagnostics
+    return found or _rest(document.data), collector.diagnostics
+
+
+def _rest(data: dict[str, Any]) -> Experiment | None:
+    """Return an experiment without the entries that are wrong, or None where it needs them."""
+    rest = copy.deepcopy(data)
+    try:
+        return Experiment.model_validate(rest)
+    except ValidationError as error:
+        places = [place for details in error.errors(include_url=False) for place in _places(dict(details))]
+        wrong = [_entry_at(rest, place) for place in places]
+    for owner, key in wrong:
+        owner.pop(key, None)
+    try:
+        return Experiment.model_validate(rest)
+    except ValidationError:
+        return None
+
+
+def _places(details: dict[str, Any]) -> list[tuple[str | int, ...]]:
+    """Return the places of what one of pydantic's errors is about."""
+    if details["type"] != PROBLEMS:
+        return [details["loc"]]
+    return [(*details["loc"], *problem.path) for problem in details["ctx"]["problems"]]
+
+
+def _entry_at(data: dict[str, Any], place: tuple[str | int, ...]) -> tuple[dict[str, Any], str]:
+    """Return the innermost mapping on the way to a place, and its key that leads there: items of a list are left together."""
+    owner = data
+    key = ""
+    inner: Any = data
+    for step in place:
+        if isinstance(inner, dict) and step in inner:
+            owner = inner
+            key = str(step)
+        elif not (isinstance(inner, list) and isinstance(step, int) and step < len(inner)):
+            break
+        inner = inner[step]
+    return owner, key
 
 
 def experiment_schema() -> dict[str, Any]:
