@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from taskspec.cli.targets import File
+from taskspec.diagnostics import SpecError
 from taskspec.source import Document, read_file
 
 if TYPE_CHECKING:
@@ -58,3 +60,18 @@ def task_in(file: File, variant: str | None) -> Task:
     from taskspec.task.build import build
 
     return modify(build(_document(str(file.path)), variant, file.parameters, file.suite), *file.modifiers)
+
+
+def tasks_in(files: Iterable[File]) -> Iterator[Task | SpecError]:
+    """The tasks of files in order, with what is wrong in place of those that cannot be built."""
+    for file in files:
+        try:
+            variants = variants_of(file)
+        except SpecError as error:
+            yield error
+            continue
+        for variant in variants:
+            try:
+                yield task_in(file, variant)
+            except SpecError as error:
+                yield error
