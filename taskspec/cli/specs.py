@@ -17,11 +17,13 @@ if TYPE_CHECKING:
 @lru_cache(maxsize=256)
 def _document(path: str) -> Document:
     """The document of a file whose shape is right."""
-    from taskspec.diagnostics import raise_if_errors
+    from taskspec.diagnostics import has_errors
+    from taskspec.task.build import mistakes
     from taskspec.task.schema import check_shape
 
     document = read_file(path)
-    raise_if_errors(check_shape(document))
+    if has_errors(check_shape(document)):
+        raise SpecError(mistakes(document))
     return document
 
 

@@ -95,6 +95,7 @@ def expand(written: ExperimentFile, instead: Sequence[Mapping[str, Any]] = ()) -
     that have the parameters.
     """
     collector = Collector()
+    collector.extend(written.problems)
     _check_measures(written, collector)
     _check_learners(written, collector)
     found: dict[str, Instance] = {}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taskspec.data.functions import is_function
-from taskspec.diagnostics import Diagnostic, SpecError, raise_if_errors, suggest
+from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.registry import tasks_root
 from taskspec.source import Document, read_file
 from taskspec.task.schema import Experiment, check_experiment
@@ -22,6 +22,8 @@ class ExperimentFile:
 
     experiment: Experiment
     document: Document
+    problems: tuple[Diagnostic, ...] = ()
+    """Unknown keys, which `expand` reports with all else that is wrong."""
 
     @property
     def folder(self) -> Path:
@@ -42,7 +44,7 @@ def read(source: str | os.PathLike[str]) -> ExperimentFile:
     """An experiment, by the path of its file, or as `suite/name` one that comes with a suite.
 
     Raises:
-        SpecError: E710 when there is none, or with every mistake in its shape.
+        SpecError: E710 when there is none, or with the mistakes in its shape that leave no experiment.
     """
     return described(read_file(find(source)))
 
@@ -51,12 +53,12 @@ def described(document: Document) -> ExperimentFile:
     """The experiment that a document describes.
 
     Raises:
-        SpecError: with every mistake in its shape.
+        SpecError: with the mistakes in its shape that leave no experiment.
     """
     found, problems = check_experiment(document)
-    raise_if_errors(problems)
-    assert found is not None
-    return ExperimentFile(found, document)
+    if found is None:
+        raise SpecError(problems)
+    return ExperimentFile(found, document, problems)
 
 
 def read_if_experiment(source: str) -> ExperimentFile | None:
