@@ -51,8 +51,9 @@ def without(data: Data, problem: Problem, first: Data) -> Data | None:
     if section in (*_EXPRESSIONS, *_TYPED):
         return _without_entry(data, problem)
     if section in _SINGLE:
-        is_part = section == "expert" and len(path) > 1 and not {"by", "rows"} & set(data["expert"])
-        return _changed(data, path[:2] if is_part else path[:1], LEFT_OUT)
+        value = data.get(section)
+        is_mapping = section == "expert" and isinstance(value, dict) and not {"by", "rows"} & set(value)
+        return _changed(data, path[:2] if is_mapping else path[:1], LEFT_OUT)
     return removed(data, path[:2] if section in ("accept", "symmetries") else path[:1])
 
 
