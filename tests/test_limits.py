@@ -352,6 +352,6 @@ def test_values_of_a_modifier_are_counted_before_they_are_written_out(monkeypatc
 
 def test_a_model_of_many_times_is_refused_before_it_is_built() -> None:
     task = written(horizon="100000", reward="s * t")
-    with pytest.raises(SpecError, match="E712.*the exact model would take about 50 seconds; the limit is 10"):
+    with pytest.raises(SpecError, match=r"E712.*the exact model would take about 50 seconds; the limit is 10"):
         extract(task)
     assert not extract(written(horizon="100000", reward="s")).is_timed

@@ -96,9 +96,9 @@ def test_truth_values_are_spelled_as_in_yaml_or_in_python(written: str) -> None:
     same = build(read_text(text(reward='"2 if s == 0 and True else (0 if True else 1)"')))
     assert str(task.reward) == str(same.reward)
     assert printed(task.surface.sections["reward"]) == printed(same.surface.sections["reward"])
-    choice = "action: {a: {type: choice, values: [%s, other]}}" % written.join("\"\"")
-    with pytest.raises(SpecError, match="is a word of the language"):
-        build(read_text(text().replace("action:", f"{choice}\nx:")))
+    choice = f'{{a: {{type: choice, values: ["{written}", other]}}}}'
+    with pytest.raises(SpecError, match=f"`{written}` is a word of the language"):
+        build(read_text(text(action=choice)))
 
 
 PLACES = {

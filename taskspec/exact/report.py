@@ -95,7 +95,8 @@ def check(
     """Check a task: soundness always; other parameter values, sanity checks, claims and examples unless told otherwise.
 
     `beside` gives the warnings that only other parts of the package can give (`ELSEWHERE`), None where these do not look; it is
-    asked about sound tasks alone, and the spec may accept its warnings like others. Never raises for a wrong task: everything found is in the report.
+    asked about sound tasks alone, and the spec may accept its warnings like others. Never raises for a wrong task: everything
+    found is in the report.
     """
     task = load(task)
     sound = examine(task)

@@ -242,7 +242,9 @@ class _Build:
             context.parameters.append(found[0])
             context.constants[name] = found[1]
             context.checker.parameters[name] = found[0].value
-        if any(d.span is None for d in self.collector.diagnostics):  # of values that were given, for which there is no task
+        if any(
+            d.span is None for d in self.collector.diagnostics
+        ):  # of values that were given, for which there is no task
             self.collector.raise_if_errors()
         if self.collector.has_errors:
             return  # requirements are about values that parameters can have

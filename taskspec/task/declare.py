@@ -63,7 +63,10 @@ class Declarations:
         if not self._within(name, value, low, high, labels, name in given):
             if name in given or labels is not None:
                 return None
-            value = low if low is not None and not value >= low else high  # what reads it can be checked with this one
+            nearest = low if low is not None and not value >= low else high
+            value = convert(nearest, kind)  # what reads the parameter can be checked with this one
+            if value is None or not math.isfinite(value):
+                return None
         shown = {k: entry.get(k) for k in ("symbol", "doc", "alias")}
         parameter = Parameter(name, kind, value, default, low, high, labels, **shown)
         if kind == "choice":

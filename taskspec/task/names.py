@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import Poisoned

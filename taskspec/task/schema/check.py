@@ -161,7 +161,9 @@ def _fitted(
             every = [p for details in error.errors(include_url=False) for p in _problems(dict(details), model)]
         found = [problem for problem in dict.fromkeys(every) if problem not in known]
         for problem in found:
-            if not any(before.path[: len(problem.path)] == problem.path for before in known):  # else it may follow from that
+            if not any(
+                before.path[: len(problem.path)] == problem.path for before in known
+            ):  # else it may follow from that
                 add_problem(collector, located, problem)
         known.update(found)
         data = leave_out(data, found) if found else None

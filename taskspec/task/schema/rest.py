@@ -41,25 +41,27 @@ def without(data: Data, problem: Problem, first: Data) -> Data | None:
     if section == "variants" and len(path) > 2 and path[2] not in ("base", "extends"):
         variant = data["variants"].get(path[1])
         changed = variant and without(variant, problem._replace(path=path[2:]), first)
-        return _changed(data, path[:2], changed) if changed else removed(data, path[:2])
+        return _changed(data, path[:2], changed) if changed else _dropped(data, path[:2])
     if section == "variants":
-        return removed(data, path[:2])
+        return _dropped(data, path[:2])
     if problem.code == "E202" and len(path) == 1:
-        return _completed(removed(data, path))
+        return _completed(_dropped(data, path))
     if problem.code == "E202" and not (section in _TYPED and len(path) == 3 and _decides(problem)):
-        return removed(data, path)
+        return _dropped(data, path)
     if section in (*_EXPRESSIONS, *_TYPED):
         return _without_entry(data, problem)
     if section in _SINGLE:
         value = data.get(section)
         is_mapping = section == "expert" and isinstance(value, dict) and not {"by", "rows"} & set(value)
         return _changed(data, path[:2] if is_mapping else path[:1], LEFT_OUT)
-    return removed(data, path[:2] if section in ("accept", "symmetries") else path[:1])
+    return _dropped(data, path[:2] if section in ("accept", "symmetries") else path[:1])
 
 
 def _decides(problem: Problem) -> bool:
     """Whether an unknown key of a typed entry seems to be meant as one that decides what values there are."""
-    keys = ("type", "values", "default") if problem.path[0] == "parameters" else ("type", "values", "shape", "low", "high")
+    keys = (
+        ("type", "values", "default") if problem.path[0] == "parameters" else ("type", "values", "shape", "low", "high")
+    )
     words = re.findall(r"\w+", problem.hint or "")
     return len(words) < 12 and any(key in words for key in keys)
 
@@ -67,15 +69,15 @@ def _decides(problem: Problem) -> bool:
 def _completed(data: Data) -> Data | None:
     """A spec's data with something in place of required sections: an unknown key may have been meant as one."""
     given = set(data)
-    for variant in (data.get("variants") or {}).values():
-        given |= set(variant or ())
+    for variant in _mapping(data.get("variants")).values():
+        given |= set(_mapping(variant))
     lacking = [section for section in REQUIRED if section not in given]
     if not lacking or EXTENDS in given:
         return data
     if {"state", "action"} & set(lacking):
         return None
     unknown: Data = {
-        "initial": dict.fromkeys(data["state"] or (), LEFT_OUT),
+        "initial": dict.fromkeys(_mapping(data["state"]), LEFT_OUT),
         "dynamics": {},
         "horizon": LEFT_OUT,
         "reward": LEFT_OUT,
@@ -92,11 +94,10 @@ def _without_entry(data: Data, problem: Problem) -> Data | None:
     if problem.code == "E205" and len(path) == 2:
         return None  # whatever names it would be wrong, too
     if problem.code == "E215" or entry in (("parameters", "require"), ("observation", "space")):
-        return removed(data, entry)
+        return _dropped(data, entry)
     if path[0] in _EXPRESSIONS:
         return _changed(data, entry, LEFT_OUT)
-    written = data[entry[0]].get(entry[1])
-    known = written if isinstance(written, dict) else {}
+    known = _mapping(data[str(entry[0])].get(entry[1]))
     if problem.code == "E213":
         return _changed(data, (*entry, "default"), _default(known))
     return _changed(data, entry, _unknown(str(path[0]), known))
@@ -105,7 +106,8 @@ def _without_entry(data: Data, problem: Problem) -> Data | None:
 def _unknown(section: str, entry: Data) -> Data:
     """An entry with a type in place of a wrong one: its labels are known, and nothing else."""
     values = entry.get("values")
-    labels = [label for label in values if isinstance(label, str)] if isinstance(values, list | dict) else []
+    written = values if isinstance(values, list | dict) else ()
+    labels = [label for label in written if isinstance(label, str) and label.lower() not in ("", "true", "false")]
     found: Data = {"type": "int", "low": LEFT_OUT}
     if labels:
         found = {"type": "choice", "values": dict.fromkeys(labels, LEFT_OUT)}
@@ -120,21 +122,30 @@ def _default(entry: Data) -> Any:
     """A default that a parameter can have, in place of one that it cannot."""
     match entry.get("type"):
         case "choice":
-            return next(iter(entry["values"]))
+            return next(iter(entry["values"] or ()), None)
         case "bool":
             return False
     ends = [entry[key] for key in ("low", "high") if entry.get(key) is not None]
     return ends[0] if ends else 1
 
 
+def _mapping(value: Any) -> Data:
+    return value if isinstance(value, dict) else {}
+
+
 def _changed(data: Data, path: Path, value: Any) -> Data:
     """Data with another value at a path, if it has one there."""
     first, *rest = path
-    if first not in data:
+    if first not in _mapping(data):
         return data
     if rest:
         value = _changed(data[str(first)], tuple(rest), value)
     return data | {str(first): value}
+
+
+def _dropped(data: Data, path: Path) -> Data:
+    found: Data = removed(data, path)
+    return found
 
 
 def removed(data: Any, path: Path) -> Any:
