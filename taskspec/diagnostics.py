@@ -153,16 +153,21 @@ class Collector:
     @property
     def has_errors(self) -> bool:
         """Whether anything recorded is an error (warnings do not count)."""
-        return any(each.severity == "error" for each in self._found)
+        return has_errors(self._found)
 
     def raise_if_errors(self) -> None:
         """Raise SpecError with everything recorded, if any of it is an error."""
         raise_if_errors(self._found)
 
 
+def has_errors(found: Iterable[Diagnostic]) -> bool:
+    """Whether any of what was found is an error (warnings do not count)."""
+    return any(each.severity == "error" for each in found)
+
+
 def raise_if_errors(found: Sequence[Diagnostic]) -> None:
     """Raise SpecError with everything found, if any of it is an error (warnings do not count)."""
-    if any(each.severity == "error" for each in found):
+    if has_errors(found):
         raise SpecError(found)
 
 

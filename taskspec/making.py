@@ -9,7 +9,7 @@ import copy
 import dataclasses
 import functools
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,22 @@ SPEC_ID = "taskspec/Spec-v0"
 ENTRY_POINT = "taskspec.making:make_registered"
 
 
+class UnexpectedKeywordError(SpecError, TypeError):
+    """A keyword argument of a maker that is neither an option nor a parameter of the task.
+
+    It is a TypeError with Python's wording, too, since wrappers of others try arguments and look for that.
+    """
+
+    def __init__(self, text: str, diagnostics: Iterable[Diagnostic] = ()) -> None:
+        """`text` alone is what `gym.make` gives when it raises the error again with words of its own."""
+        super().__init__(diagnostics or [Diagnostic("E702", None, text)])
+        self.text = text
+        self.args = (text, self.diagnostics)
+
+    def __str__(self) -> str:
+        return self.text
+
+
 def make(
     source: TaskLike,
     /,
@@ -47,7 +63,7 @@ def make(
     """The scalar environment of a task: `load` and `taskspec.envs.Environment` in one call."""
     from taskspec.envs import Environment
 
-    task = load(source, variant, modifiers=modifiers, **parameters)
+    task = _loaded(source, variant, {**parameters, "modifiers": modifiers})
     return Environment(task, render_mode=render_mode, ending=ending, observe_time=observe_time)
 
 
@@ -156,7 +172,24 @@ def make_vec(
         return _of_instances(source, variant, instance_seed, num_envs, {**parameters, "modifiers": modifiers}, options)
     given = {**parameters, "modifiers": modifiers}
     given |= {} if instance_seed is None else {"instance_seed": instance_seed}
-    return VectorEnvironment(load(source, variant, **given), 1 if num_envs is None else num_envs, **options)
+    return VectorEnvironment(_loaded(source, variant, given), 1 if num_envs is None else num_envs, **options)
+
+
+def _loaded(source: TaskLike, variant: str | None, given: Mapping[str, Any]) -> Task:
+    """The task for keyword arguments of a maker.
+
+    Raises:
+        UnexpectedKeywordError: where one of them is neither an option nor a parameter.
+        SpecError: as `load`.
+    """
+    try:
+        return load(source, variant, **given)
+    except SpecError as error:
+        unknown = [name for name in given for d in error.diagnostics if f"has no parameter '{name}'" in d.message]
+        if unknown:
+            text = f"{error}\n(got an unexpected keyword argument '{unknown[0]}')"
+            raise UnexpectedKeywordError(text, error.diagnostics) from None
+        raise
 
 
 def _of_instances(

@@ -255,3 +255,51 @@ def test_new_passes_check_and_runs(tmp_path: Path) -> None:
     again = Done("new", "MyFirstTask", "-o", path)
     assert (again.status, path.read_text()) == (1, before)
     assert "already exists" in again.err
+
+
+OUTSIDE = """\
+taskspec: 1
+name: Grid
+constants: {map: {grid: ["..#", "#.."], legend: {".": 0, "#": 1}}}
+state:
+  x: {type: int, low: 0, high: 2}
+action:
+  a: {type: choice, values: {left: -1, right: 1}}
+horizon: 5
+initial: {x: 7}
+dynamics: {x': "clip(x + a, 0, 2)"}
+reward: x' == 2
+figure: {kind: grid, at: [x, 0], map: map}
+"""
+
+
+@pytest.mark.parametrize("command", ["check", "docs", "build", "list"])
+def test_a_task_that_fails_silences_no_other(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("a", RISKY), ("grid", OUTSIDE), ("typo", OUTSIDE.replace("Grid", "Typo").replace("x' == 2", "y")),
+                       ("z", RISKY.replace("RiskyPath", "Zebra"))):  # fmt: skip
+        spec(tmp_path, text, f"{name}.yaml")
+    done = Done(command, ".", columns=200)
+    said = done.out + done.err
+    assert "E712" not in said
+    assert "typo.yaml:11:9: error[E302 unknown-name]: 'y' is not defined here" in said
+    assert done.status == 1
+    if command != "list":  # which looks at no episodes
+        assert "grid.yaml:9:14: error[E404 initial-state-outside]: x starts at 7" in said
+    if command == "docs":
+        names = {path.stem for path in (tmp_path / "build" / "docs").glob("*.html")}
+        assert {"riskypath", "zebra"} <= {name.replace("-", "") for name in names}
+    else:
+        assert "RiskyPath" in done.out
+        assert "Zebra" in done.out
+
+
+@pytest.mark.parametrize("command", [["solve"], ["figure", "-o", "x.svg"]])
+def test_a_start_outside_the_map_is_no_fault_of_the_figure(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    spec(tmp_path, OUTSIDE, "grid.yaml")
+    done = Done(command[0], "grid.yaml", *command[1:])
+    assert "E712" not in done.out + done.err
+    assert ("can start outside" in done.out) if command == ["solve"] else ("grid.yaml:9:14: error[E404" in done.err)

@@ -276,3 +276,13 @@ def test_every_task_is_sound(task: Task) -> None:
     assert soundness(task) == []
     if task.name != "RandomMDP":
         assert check_ranges(task).diagnostics == ()
+
+
+def test_noise_is_drawn_even_where_nothing_uses_it() -> None:
+    weights = "(s / (s + a), a / (s + a))"
+    noise = f"\nnoise: {{pick: 'Categorical({weights})'}}"
+    found = soundness(written(EXPERT=f"1{noise}", DYNAMICS="pick if s + a > 0 else s"))
+    assert [d.code for d in found] == ["E401", "E402"]
+    assert all("give `pick` a value there, `pick: ... if CONDITION else VALUE`" in d.notes[-1] for d in found)
+    guarded = noise.replace(")'}", ") if s + a > 0 else 0'}")
+    assert not soundness(written(EXPERT=f"1{guarded}", DYNAMICS="pick"))

@@ -340,3 +340,18 @@ def test_numba_says_that_it_takes_long_and_refuses_what_takes_too_long(caplog: A
     with patch.object(loading, "LONG", 0):
         compiled()
     assert "takes about 1 seconds" in caplog.text or "takes about 2 seconds" in caplog.text
+
+
+def test_values_of_a_modifier_are_counted_before_they_are_written_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("taskspec.experiments.laid.modifier", lambda *_: pytest.fail("written out"))
+    with pytest.raises(SpecError, match="1,000,000 instances are too many"):
+        instances("Branching, modifiers: [{delay: {range: [1, 1000001]}}]")
+    with pytest.raises(SpecError, match="1,000,000 instances are too many"):
+        instances("Branching, modifiers: [{distractors: {count: {range: [0, 1000]}, scale: {range: [0, 1000]}}}]")
+
+
+def test_a_model_of_many_times_is_refused_before_it_is_built() -> None:
+    task = written(horizon="100000", reward="s * t")
+    with pytest.raises(SpecError, match=r"E712.*the exact model would take about 50 seconds; the limit is 10"):
+        extract(task)
+    assert not extract(written(horizon="100000", reward="s")).is_timed

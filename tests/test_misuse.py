@@ -215,3 +215,12 @@ def test_a_variant_is_named_by_a_text() -> None:
         taskspec.load("RiskyPath", ["seals"])  # type: ignore[arg-type]
     with pytest.raises(SpecError, match=r"E211.*\n.*`num_envs=3`"):
         taskspec.make_vec("RiskyPath", 3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("maker", [gym.make, gym.make_vec, taskspec.make, taskspec.make_vec])
+def test_an_unknown_keyword_is_a_type_error_in_the_words_of_python(maker: Any) -> None:
+    with pytest.raises(TypeError, match="unexpected keyword argument 'frameskip'") as caught:
+        maker("derail/RiskyPath-v0", frameskip=1)
+    assert isinstance(caught.value, SpecError)
+    assert [d.code for d in caught.value.diagnostics] == ["E702"]
+    assert pickle.loads(pickle.dumps(caught.value)).diagnostics == caught.value.diagnostics

@@ -9,6 +9,7 @@ import pytest
 from taskspec.diagnostics import SpecError
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
+from taskspec.printers import text as printed
 from taskspec.source import read_text
 from taskspec.task.build import build
 from tests.shared.sections import text
@@ -43,8 +44,10 @@ FORMS = [
     ("s + \u200b1", "E301", 5, "invalid non-printable character U+200B", "cannot be seen"),
     ("s ≤ 3", "E301", 3, "invalid character '≤'", "`<=`"),
     ("1 + (s", "E301", 5, "this '(' is never closed", None),
-    ("s == 1 or true", "E302", 11, "'true' is not defined", "write True"),
-    ("1 + false", "E302", 5, "'false' is not defined", "write False"),
+    ("s if true' else 0", "E302", 6, "'true'' is not defined", None),
+    ("sum([true for true in range(3)])", "E316", 15, "binds plain names", None),
+    ("s * 50%", "E301", 5, "'50%' is not a number", "write `1/2`"),
+    ("(12.5 %) * s", "E301", 2, "'12.5 %' is not a number", "write `1/8`"),
     ("a' + s", "E308", 1, "'a' has no next value", "`memory` may use that of an observation"),
     ("z' + s", "E302", 1, "'z'' is not defined", None),
     ("1 + max", "E304", 5, "'max' is a function", None),
@@ -85,6 +88,17 @@ def test_each_is_refused_where_it_stands(
     assert (found.code, found.span.column - len('reward: "')) == (code, column)
     assert message in found.message
     assert (hint in (found.hint or "")) if hint else found.hint is None
+
+
+@pytest.mark.parametrize("written", ["true", "True"])
+def test_truth_values_are_spelled_as_in_yaml_or_in_python(written: str) -> None:
+    task = build(read_text(text(reward=f'"2 if s == 0 and {written} else (0 if {written} else 1)"')))
+    same = build(read_text(text(reward='"2 if s == 0 and True else (0 if True else 1)"')))
+    assert str(task.reward) == str(same.reward)
+    assert printed(task.surface.sections["reward"]) == printed(same.surface.sections["reward"])
+    choice = f'{{a: {{type: choice, values: ["{written}", other]}}}}'
+    with pytest.raises(SpecError, match=f"`{written}` is a word of the language"):
+        build(read_text(text(action=choice)))
 
 
 PLACES = {

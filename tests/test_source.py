@@ -142,7 +142,12 @@ TRAPS = [
     (": 1\n", "E108", "1:1", ":", ""),
     ("x: [1, 2][a]\n", "E109", "1:10", "[a]", '"[1, 2][a]"'),
     ("x: 'a' b\n", "E109", "1:8", "b", "\"'a' b\""),
-    ("d:\n  x: 'f(s)\ny: s' + 1\n", "E109", "3:7", "+ 1", "in line 2"),
+    ("d:\n  x: 'f(s)\ny: s' + 1\n", "E111", "2:6", "'f(s)", "another '"),
+    ("s: 'A long walk\nd:\n  s': s + 1\n", "E111", "1:4", "'A long walk", "another '"),
+    ('s: "A long walk\nd: {a: "s + 1", b: 2}\n', "E111", "1:4", '"A long walk', 'another "'),
+    ("a: {values: [b, c]\nh: 2\nf: {kind: graph}\n", "E111", "1:4", "{", ""),
+    ("a: {values: work, fake}\n", "E106", "1:13", "work, fake", "brackets: [work, fake]"),
+    ("a: {shape: 2, 3}\n", "E106", "1:12", "2, 3", "brackets: [2, 3]"),
     ("d: {x: “clip(a, 0, 1)”}\n", "E106", "1:8", "“clip(a, 0, 1)”", '"clip(a, 0, 1)"'),
     ("x: 'Newton's method'\n", "E109", "1:11", "'", '"Newton\'s method"'),
     ("a:\n  b: 1\n   c: 2\n", "E110", "3:4", "c", "align it"),
@@ -193,6 +198,13 @@ def test_a_colon_glued_to_a_comma() -> None:
 def test_every_problem_is_reported() -> None:
     found = problems("a: 1\na: 2\nd: {x: f(1, 2)}\ne: {y}\nf: *g\n")
     assert [each.code for each in found] == ["E101", "E106", "E103", "E102"]
+
+
+def test_a_spec_copied_with_its_fences() -> None:
+    found = problems("```yaml\na: 1\n```\n")
+    assert [(each.code, each.span and each.span.line, each.hint) for each in found] == [
+        ("E102", 1, "remove it"), ("E102", 3, "remove it"),
+    ]  # fmt: skip
 
 
 def test_quoted_values_are_no_traps() -> None:

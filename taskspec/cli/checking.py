@@ -109,7 +109,13 @@ def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
     except SpecError as error:
         found = Finding(error.diagnostics, "not built")
         return Checked(_name(file, variant), variant, None, found, time.perf_counter() - start)
-    return Checked(task.name, variant, task, prove(task), time.perf_counter() - start)
+    try:
+        found = prove(task)
+    except SpecError as error:  # of one task, so that the others are still looked at
+        place = task.document.span(("name",))
+        placed = [d if d.span is not None else dataclasses.replace(d, span=place) for d in error.diagnostics]
+        found = Finding(in_order(placed), "given up")
+    return Checked(task.name, variant, task, found, time.perf_counter() - start)
 
 
 def _name(file: File, variant: str | None) -> str:

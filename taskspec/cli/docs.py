@@ -78,22 +78,26 @@ def docs(
     from taskspec.cli.console import write_json
     from taskspec.cli.progress import progress
     from taskspec.cli.targets import near, settings
-    from taskspec.exact.lint.accept import set_aside
 
-    tasks = tasks_of(targets or [], modifiers or [])
     wanted = _named("--format", format or ["html"], FORMATS)
+    columns = settings(parameters) if parameters else ()
     with progress("docs"):
-        written = appendix.write(
-            tasks, wanted, output, title=title, facts=facts_of(tasks) if results else None,
-            columns=settings(parameters) if parameters else (), brief=brief,
-        )  # fmt: skip
-    show(each for task in tasks for each in set_aside(task, appendix.undrawn(task))[0])
+        built, problems = tasks_of(targets or [], modifiers or [])
+        tasks, warnings, unsound = _printable(built)
+        problems += unsound
+        if not tasks:
+            raise SpecError(problems)
+        facts = facts_of(tasks) if results else None
+        written = appendix.write(tasks, wanted, output, title=title, facts=facts, columns=columns, brief=brief)
+    show([*problems, *warnings])
     _is_something(written)
     if json:
         write_json([str(path) for path in written])
     else:
         count = len({task.id for task in tasks})
         say(f"wrote {plural(len(written), 'file')} on {plural(count, 'task')} to {near(output)}")
+    if problems:
+        raise typer.Exit(1)
 
 
 def _is_something(written: Sequence[Path]) -> None:
@@ -124,20 +128,47 @@ def figure(
         say(f"wrote {appendix.figure(each, output if len(found) == 1 else beside(output, each), wanted)}")
 
 
-def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> list[Task]:
-    """All tasks of ids, files and folders, and the instances of experiments that are named.
+def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
+    """All tasks of ids, files and folders, and the instances of experiments that are named; and what is wrong with others.
 
     Raises:
-        SpecError: for the first spec, or experiment, that has a mistake.
+        SpecError: for an experiment that has a mistake, and a target that is nothing of the kind.
     """
-    from taskspec.cli.specs import task_in, variants_of
+    from taskspec.cli.specs import tasks_in
     from taskspec.cli.targets import files_of, kind_of
 
     named = [target for target in targets if kind_of(target) == "experiment"]
     others = [target for target in targets if target not in named]
     files = files_of(others, modifiers=modifiers) if others or not named else []
-    found = [task_in(file, variant) for file in files for variant in variants_of(file)]
-    return [*found, *(task for target in named for task in _instances(target, modifiers))]
+    tasks: list[Task] = []
+    problems: list[Diagnostic] = []
+    for found in tasks_in(files):
+        if isinstance(found, SpecError):
+            problems += found.diagnostics
+        else:
+            tasks.append(found)
+    for target in named:
+        tasks += _instances(target, modifiers)
+    return tasks, problems
+
+
+def _printable(tasks: Sequence[Task]) -> tuple[list[Task], list[Diagnostic], list[Diagnostic]]:
+    """The tasks that can be printed, warnings about their figures, and what is wrong with the others."""
+    from taskspec import appendix
+    from taskspec.exact.lint.accept import set_aside
+
+    found: list[Task] = []
+    warnings: list[Diagnostic] = []
+    problems: list[Diagnostic] = []
+    for task in tasks:
+        try:
+            undrawn = appendix.undrawn(task)
+        except SpecError as error:
+            problems += error.diagnostics
+            continue
+        found.append(task)
+        warnings += set_aside(task, undrawn)[0]
+    return found, warnings, problems
 
 
 def _instances(target: str, modifiers: Sequence[str]) -> Iterator[Task]:

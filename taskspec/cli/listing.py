@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -26,9 +25,12 @@ def list_tasks(targets: Targets = None, json: Json = False) -> None:
 
     The size is states × actions, and tasks are grouped by the capability that they isolate.
     """
+    from taskspec.cli.specs import tasks_in
+    from taskspec.cli.targets import files_of
+
     tasks: list[Task] = []
     problems: list[Diagnostic] = []
-    for found in _tasks(targets or []):
+    for found in tasks_in(files_of(targets or [])):
         if isinstance(found, SpecError):
             problems += found.diagnostics
         else:
@@ -36,19 +38,6 @@ def list_tasks(targets: Targets = None, json: Json = False) -> None:
     _print_json(tasks) if json else _print(_grouped(tasks))
     if problems:
         failures.fail(problems)
-
-
-def _tasks(targets: list[str]) -> Iterator[Task | SpecError]:
-    """The tasks, and what is wrong with specs that define none."""
-    from taskspec.cli.specs import task_in, variants_of
-    from taskspec.cli.targets import files_of
-
-    for file in files_of(targets):
-        try:
-            for variant in variants_of(file):
-                yield task_in(file, variant)
-        except SpecError as error:
-            yield error
 
 
 def _grouped(tasks: list[Task]) -> list[Task]:

@@ -79,8 +79,8 @@ def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
     from taskspec import exact
     from taskspec.appendix import undrawn
 
-    beside = undrawn(task) if sense else None
-    return exact.check(task, ranges=sense and defaults, with_sense=sense, claims=sense and defaults, beside=beside)
+    wanted = sense and defaults
+    return exact.check(task, ranges=wanted, with_sense=sense, claims=wanted, beside=undrawn if sense else None)
 
 
 def finding(report: Report, examples: int) -> Finding:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from taskspec.cli.targets import File
+from taskspec.diagnostics import SpecError
 from taskspec.source import Document, read_file
 
 if TYPE_CHECKING:
@@ -15,11 +17,13 @@ if TYPE_CHECKING:
 @lru_cache(maxsize=256)
 def _document(path: str) -> Document:
     """The document of a file whose shape is right."""
-    from taskspec.diagnostics import raise_if_errors
+    from taskspec.diagnostics import has_errors
+    from taskspec.task.build import mistakes
     from taskspec.task.schema import check_shape
 
     document = read_file(path)
-    raise_if_errors(check_shape(document))
+    if has_errors(check_shape(document)):
+        raise SpecError(mistakes(document))
     return document
 
 
@@ -58,3 +62,18 @@ def task_in(file: File, variant: str | None) -> Task:
     from taskspec.task.build import build
 
     return modify(build(_document(str(file.path)), variant, file.parameters, file.suite), *file.modifiers)
+
+
+def tasks_in(files: Iterable[File]) -> Iterator[Task | SpecError]:
+    """The tasks of files in order, with what is wrong in place of those that cannot be built."""
+    for file in files:
+        try:
+            variants = variants_of(file)
+        except SpecError as error:
+            yield error
+            continue
+        for variant in variants:
+            try:
+                yield task_in(file, variant)
+            except SpecError as error:
+                yield error

@@ -109,7 +109,7 @@ def _others(target: str) -> list[tuple[Path, scan.Kind]]:
 
 def _below(folder: Path) -> list[tuple[Path, scan.Kind]]:
     folders = [folder, *(p for depth in ("*", "*/*") for p in sorted(folder.glob(depth)))]
-    inside = [p for p in folders if p.is_dir() and p.name[0] != "."]
+    inside = [p for p in folders if p.is_dir() and not p.name.startswith(".")]
     return [found for p in inside for found in registry.files_in(p) if found[1] in OTHERS]
 
 

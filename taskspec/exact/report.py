@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -90,12 +90,13 @@ def check(
     ranges: bool = True,
     with_sense: bool = True,
     claims: bool = True,
-    beside: Sequence[Diagnostic] | None = None,
+    beside: Callable[[Task], Sequence[Diagnostic]] | None = None,
 ) -> Report:
     """Check a task: soundness always; other parameter values, sanity checks, claims and examples unless told otherwise.
 
-    `beside` are the warnings that only other parts of the package can give (`ELSEWHERE`), None where these did not look; the spec
-    may accept them like others. Never raises for a wrong task: everything found is in the report.
+    `beside` gives the warnings that only other parts of the package can give (`ELSEWHERE`), None where these do not look; it is
+    asked about sound tasks alone, and the spec may accept its warnings like others. Never raises for a wrong task: everything
+    found is in the report.
     """
     task = load(task)
     sound = examine(task)
@@ -120,7 +121,9 @@ def check(
     if claims and not any(d.severity == "error" for d in sound.diagnostics):
         said = tuple(verdicts(task, results))
         found += [v.diagnostic for v in said if v.diagnostic is not None]
-    left, accepted = set_aside(task, [*found, *(beside or ())])
+    is_sound = not any(d.severity == "error" for d in sound.diagnostics)
+    looked = beside(task) if beside is not None and is_sound else ()
+    left, accepted = set_aside(task, [*found, *looked])
     if with_sense and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
         left += idle(task, accepted, () if beside is not None else ELSEWHERE)
     return replace(report, diagnostics=in_order(left), verdicts=said, results=results, accepted=tuple(accepted))

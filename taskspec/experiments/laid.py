@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.experiments.values import listed, misplaced
+from taskspec.experiments.values import count, listed, misplaced
+from taskspec.limits import how_to_raise, limits
 from taskspec.modifiers import MODIFIERS, Modifier, modifier
 from taskspec.task.schema import SPANS
 
@@ -36,11 +38,21 @@ def options(written: str | Mapping[str, Any]) -> list[Option]:
         given = {arguments[0].name: given} if arguments and given is not None else given
     if not isinstance(given, dict):
         return [Option(modifier({name: given}))]
+    _bound(given)
     many = {key: _values(value, kinds.get(key, "")) for key, value in given.items()}
     found = [dict(zip(many, chosen, strict=True)) for chosen in itertools.product(*many.values())]
     first = arguments[0].name if arguments else ""
     titles = {key: name if key == first else f"{name} {key}" for key, values in many.items() if len(values) > 1}
     return [Option(modifier({name: each}), {titles[key]: each[key] for key in titles}) for each in found]
+
+
+def _bound(given: Mapping[str, Any]) -> None:
+    """Refuse (E314) arguments with more values than there may be instances, before they are written out."""
+    wanted = math.prod(count(value) for value in given.values() if misplaced(value) is None)
+    most = limits().instances
+    if wanted > most:
+        message = f"{wanted:,} instances are too many; the limit is {most:,}"
+        raise SpecError([Diagnostic("E314", None, message, how_to_raise("instances", wanted))])
 
 
 def _values(written: Any, kind: str) -> list[Any]:

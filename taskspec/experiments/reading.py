@@ -26,6 +26,7 @@ class ExperimentFile:
     experiment: Experiment
     document: Document
     problems: tuple[Diagnostic, ...] = ()
+    """Mistakes in its shape, which `expand` reports with all else that is wrong."""
 
     @property
     def folder(self) -> Path:

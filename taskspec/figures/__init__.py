@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.diagnostics import Diagnostic, SpecError, raise_if_errors
+from taskspec.exact.checks.soundness import soundness
+from taskspec.exact.model.failure import NoModel
 from taskspec.figures import raster
 from taskspec.figures.bars import bars
 from taskspec.figures.curve import curve
@@ -98,10 +100,19 @@ def _legend(task: Task, found: Scene, over: Overlay) -> Iterator[str]:
 
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:
-    if task.figure is None:
-        return KINDS["graph"](task, over)
-    found = KINDS[task.figure.kind](task, over)
-    return matrix(task, over) if found is None and task.figure.kind == "graph" else found
+    """The figure, or None where it cannot be drawn.
+
+    Raises:
+        SpecError: with the mistakes of a task that is not sound, where they are why it cannot be drawn.
+    """
+    kind = "graph" if task.figure is None else task.figure.kind
+    try:
+        found = KINDS[kind](task, over)
+        is_knot = found is None and task.figure is not None and kind == "graph"
+        return matrix(task, over) if is_knot else found
+    except NoModel:
+        raise_if_errors(soundness(task))
+        return None
 
 
 @dataclass(frozen=True)

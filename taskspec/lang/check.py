@@ -158,13 +158,6 @@ class Checker(BaseChecker):
             if expr.id == "t":
                 primes = "after the step, it is `t + 1`"
             self.fail("E308", expr, f"'{expr.id}' has no next value here", primes)
-        if expr.id in ("true", "false"):
-            self.fail(
-                "E302",
-                expr,
-                f"'{expr.id}' is not defined here",
-                f"write {expr.id.capitalize()} inside an expression",
-            )
         if scope.labelled(expr.id) or (want is not None and nearest(expr.id, want.labels)):
             return self.label(expr.id, expr, scope, want)
         if calls.is_function(expr.id):

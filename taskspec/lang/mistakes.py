@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from fractions import Fraction
 from typing import NoReturn
 
 _CONFUSIONS = (
@@ -21,6 +22,8 @@ _CHARACTERS = {
 """What to write for characters of mathematics and of typography, the likeliest ones."""
 _INVISIBLE = "\u00ad\u200b\u200c\u200d\u2060\ufeff"
 _PRODUCT = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)([^\W\d]\w*)")
+_PERCENT = re.compile(r"(?<![\w.])(\d{1,15}(?:\.\d{1,15})?)\s*%(?=\s*(?:$|[)\]},*/%<>=]|(?:and|or|if|else|for)\b))")
+"""A number of per cent, with nothing behind the sign that it could be divided by."""
 _WORDS = re.compile(r"\s*\w+(\s+\w+)+\s*")
 
 
@@ -37,6 +40,11 @@ def explain(value: str, error: Exception) -> NoReturn:
         found = re.search(pattern, value)
         if found:
             raise SyntaxFailure(found.start(), found.end(), f"'{found[0]}' is not an operator here", hint)
+    percent = _PERCENT.search(value)
+    if percent:
+        share = Fraction(percent[1]) / 100
+        hint = f"write `{share}`: `%` is the remainder of a division"
+        raise SyntaxFailure(percent.start(), percent.end(), f"'{percent[0]}' is not a number here", hint)
     if not isinstance(error, SyntaxError):
         raise SyntaxFailure(0, len(value), "this expression is nested too deeply", code="E314")
     if "integer string conversion" in (error.msg or ""):

@@ -32,6 +32,8 @@ _COMPARE: dict[type[ast.cmpop], str] = {
 _UNARY: dict[type[ast.unaryop], str] = {ast.USub: "-", ast.UAdd: "+", ast.Not: "not"}
 
 _NAME, _DIGITS = re.compile(r"[A-Za-z]\w*", re.ASCII), re.compile(r"0|[1-9]\d{0,14}", re.ASCII)
+TRUTHS = {"true": True, "false": False}
+"""Truth values as YAML spells them; Python's own parser knows `True` and `False`."""
 
 
 def parse(text: s.SourceText) -> s.Expr:
@@ -60,6 +62,8 @@ def parse_into(text: s.SourceText, collector: Collector) -> s.Expr | None:
 
 def _parse(text: s.SourceText) -> s.Expr:
     place = s.Place(text, 0, len(text.value))
+    if text.value in TRUTHS:
+        return s.Boolean(TRUTHS[text.value], place)
     if _NAME.fullmatch(text.value) and not iskeyword(text.value):  # most cells of tables are a word or a number
         return s.Name(text.value, False, place)
     if _DIGITS.fullmatch(text.value):
@@ -175,6 +179,8 @@ class _Reader:
         match node:
             case ast.Constant():
                 return self.constant(node, place)
+            case ast.Name(id=name) if name in TRUTHS:
+                return s.Boolean(TRUTHS[name], place)
             case ast.Name(id=name):
                 return s.Name(name.rstrip(PRIME), name.endswith(PRIME), place)
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
@@ -275,7 +281,7 @@ class _Reader:
         target = node.target
         targets = target.elts if isinstance(target, ast.Tuple) else [target]
         for item in targets:
-            if not isinstance(item, ast.Name) or item.id.endswith(PRIME):
+            if not isinstance(item, ast.Name) or item.id.endswith(PRIME) or item.id in TRUTHS:
                 self.fail(item, "a comprehension binds plain names")
         names = tuple(item.id for item in targets if isinstance(item, ast.Name))
         return s.Clause(names, self.expr(node.iter), self.exprs(node.ifs))

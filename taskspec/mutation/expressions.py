@@ -37,7 +37,8 @@ _WORDS: Mapping[str, Sequence[str]] = {
     "cos": ("sin",), "sort": ("reverse", "argsort"), "argsort": ("sort",), "sum": ("prod", "max"), "prod": ("sum",),
     "norm1": ("norm2",), "norm2": ("norm1",), "Uniform": ("UniformInt",), "UniformInt": ("Uniform",), "count": ("any",),
 }  # fmt: skip
-_RESERVED = frozenset({"if", "else", "for", "and", "or", "not", "in", "True", "False"})
+_RESERVED = frozenset({"if", "else", "for", "and", "or", "not", "in", "True", "False", "true", "false"})
+_TRUTHS = frozenset({"True", "False", "true", "false"})
 
 
 NOWHERE = Span(Origin("", ""), 1, 1, 1, 1)
@@ -107,7 +108,7 @@ def _replacements(token: str, kind: str, before: str, follows: str, names: Repla
 
 
 def _ends_operand(token: str) -> bool:
-    return bool(token) and (token[-1].isalnum() or token[-1] in "_')]}") and token not in _RESERVED - {"True", "False"}
+    return bool(token) and (token[-1].isalnum() or token[-1] in "_')]}") and token not in _RESERVED - _TRUTHS
 
 
 def _words(token: str, follows: str, names: Replacements) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from taskspec.source.document import LEFT_OUT as LEFT_OUT
 from taskspec.source.document import Document as Document
 from taskspec.source.document import Path as Path
 from taskspec.source.extended import Packed as Packed

@@ -10,6 +10,8 @@ from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, T
 from taskspec.source.scalars import resolve
 
 _BRACKETED = re.compile(r"\([^()\[\]{}]*\)|\[[^()\[\]{}]*\]|\{[^()\[\]{}]*\}")
+_LISTS = frozenset({"values", "symbols", "shape", "by"})
+"""Keys whose value may be a list of words or numbers."""
 _FOR = re.compile(r"\sfor\s.+\sin\s", re.DOTALL)
 
 
@@ -33,7 +35,7 @@ def in_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
         if _opens(text, key):
             finding = cut(text, key.start)
         elif _is_plain(value):
-            finding = _value(text, node, value)
+            finding = _value(text, node, key, value)
         elif is_absent(value):
             finding = _without_value(key)
         if finding:
@@ -41,20 +43,23 @@ def in_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
             yield finding
 
 
-def _value(text: str, node: MappingNode, value: Node) -> TextProblem | None:
-    """The finding for a value that went on behind its comma, if it did; it takes all keys that came of that."""
+def _value(text: str, node: MappingNode, owner: ScalarNode, value: Node) -> TextProblem | None:
+    """The finding for the value of a key that went on behind its comma, if it did; it takes all keys that came of that."""
     end = value_end(text, value.start, in_flow=True) if _opens(text, value) else value.end
+    is_list = owner.value in _LISTS
     is_word = isinstance(resolve(text[value.start : value.end]), str)
     lone: list[ScalarNode] = []
     for key, other in node.entries:
         if key.start < end:
             continue
-        if not is_word or not is_absent(other) or is_key(text, key):
+        if not (is_word or is_list) or not is_absent(other) or is_key(text, key):
             break
         end = value_end(text, key.start, in_flow=True) if _opens(text, key) else key.end
         lone.append(key)
     if end == value.end:
         return None
+    if is_list and lone:
+        return _pieces(text, value.start, end, f"a list goes in brackets: [{shown(text[value.start : end])}]")
     if len(lone) == 1 and lone[0].value.isidentifier() and text[value.start : lone[0].start].count("(") == 0:
         return _lone_word(text, value, lone[0])
     return _pieces(text, value.start, end)
@@ -84,9 +89,9 @@ def cut(text: str, start: int, within: Sequence[Node] = ()) -> TextProblem:
     return _pieces(text, start, end)
 
 
-def _pieces(text: str, start: int, end: int) -> TextProblem:
+def _pieces(text: str, start: int, end: int, hint: str | None = None) -> TextProblem:
     message = f"YAML splits `{shown(text[start:end])}`, because it is between braces or brackets"
-    return TextProblem("E106", start, end, message, in_quotes(text[start:end]))
+    return TextProblem("E106", start, end, message, hint or in_quotes(text[start:end]))
 
 
 def is_comprehension(written: str) -> bool:

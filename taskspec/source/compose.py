@@ -57,6 +57,9 @@ def compose(text: str) -> Composed:
             builder.take(event)
     except yaml.MarkedYAMLError as error:
         builder.result.syntax = _syntax(error, builder)
+        if "maximum nesting depth" in builder.result.syntax.problem:  # libyaml has a bound of its own
+            builder.result.stop = _too_deep(builder.result.syntax.at)
+            builder.result.syntax = None
     except yaml.YAMLError as error:
         builder.result.stop = TextProblem("E112", 0, 0, f"YAML cannot read this: {error}")
     except RefusedError as refused:
@@ -84,6 +87,10 @@ def _syntax(error: yaml.MarkedYAMLError, builder: _Builder) -> Syntax:
         open=builder.open,
         last=builder.last,
     )
+
+
+def _too_deep(at: int) -> TextProblem:
+    return TextProblem("E114", at, at + 1, f"values are nested more than {Limits.depth} deep")
 
 
 class _Builder:
@@ -129,8 +136,7 @@ class _Builder:
 
     def _begin(self, node: MappingNode | SequenceNode) -> None:
         if len(self.open) >= Limits.depth:
-            message = f"values are nested more than {Limits.depth} deep"
-            raise RefusedError(TextProblem("E114", node.start, node.start + 1, message))
+            raise RefusedError(_too_deep(node.start))
         self._place(node)
         self.open.append(node)
         self.keys.append(None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 
 from taskspec.source.nodes import TextProblem
@@ -26,6 +27,9 @@ SPECIAL = {
     "-": "an entry of a list",
     "?": "the start of a key",
 }
+
+FENCE = "```"
+"""What stands above and below code in Markdown."""
 
 TYPOGRAPHIC = frozenset("“”„‟«»‘’‚‛")
 """Quotes that quote in books, and nothing in YAML."""
@@ -61,11 +65,18 @@ def _ends_entry(text: str, at: int) -> bool:
 
 
 def is_closed(text: str, start: int) -> bool:
-    """Whether the bracket that stands at `start` is closed before a line that begins a new key."""
+    """Whether the bracket that stands at `start` is closed somewhere."""
     if text[start] not in _PAIRS:
         return True  # one pair in a list, `[a: b]`, is a mapping without braces
-    end = value_end(text, start, in_flow=True)
-    return text[end - 1] == _PAIRS[text[start]]
+    closers: list[str] = []
+    for char in itertools.islice(text, start, None):
+        if char in _PAIRS:
+            closers.append(_PAIRS[char])
+        elif char == closers[-1]:
+            closers.pop()
+            if not closers:
+                return True
+    return False
 
 
 def quoted(written: str) -> str:
@@ -93,6 +104,9 @@ def shown(written: str) -> str:
 def special_start(text: str, start: int, in_flow: bool) -> TextProblem:
     """The finding that a value starts with a character of YAML's own."""
     char = text[start]
+    if text.startswith(FENCE, start):
+        message = "this line is not part of the spec: it marks code in Markdown"
+        return TextProblem("E102", start, line_end(text, start), message, "remove it")
     end = max(start + 1, value_end(text, start, in_flow and char not in ",]}"))
     return TextProblem(
         "E102",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from taskspec.source.compose import Composed, compose
+from taskspec.source.excerpts import FENCE
 from taskspec.source.nodes import TextProblem
 from taskspec.source.syntax import explain
 
@@ -41,5 +42,5 @@ def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
 
 
 def _cover(text: str, stop: TextProblem) -> str:
-    letter = " " if stop.code in _TOO_MUCH else "x"
+    letter = " " if stop.code in _TOO_MUCH or text.startswith(FENCE, stop.start) else "x"
     return text[: stop.start] + re.sub(r"\S", letter, text[stop.start : stop.end]) + text[stop.end :]

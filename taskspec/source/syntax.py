@@ -29,6 +29,8 @@ _FOREIGN = (
 )
 """Expressions of other languages that have a colon: in quotes they would be as wrong."""
 _WORD_LINE = re.compile(r"""[\w']+$|"[^"]*"$""")
+_KEY_LINE = re.compile(r"[\r\n][ \t]*(?:- +)?[\w']+:(?=\s)")
+"""The begin of a line below the first that looks like `key: value`."""
 
 
 def explain(text: str, syntax: Syntax) -> TextProblem:
@@ -55,6 +57,18 @@ def _open_quote(text: str, syntax: Syntax) -> TextProblem | None:
     hint = "inside single quotes, a quote is written twice: ''" if quote == "'" else None
     message = f"this text begins with {quote} and is never closed"
     return TextProblem("E111", syntax.since, line_end(text, syntax.since), message, hint)
+
+
+def _closed_too_late(text: str, syntax: Syntax) -> TextProblem | None:
+    """A quote that is not closed: what closes it is a quote or a prime in a later line, with keys in between."""
+    last = syntax.last
+    if not isinstance(last, ScalarNode) or last.style not in ("'", '"') or text[last.end : syntax.at].strip():
+        return None
+    if not _KEY_LINE.search(text, last.start, last.end):
+        return None
+    ends_at = text.count("\n", 0, last.end) + 1
+    message = f"this text begins with {last.style} and is not closed before line {ends_at}"
+    return TextProblem("E111", last.start, line_end(text, last.start), message, f"close it with another {last.style}")
 
 
 def _escape(text: str, syntax: Syntax) -> TextProblem | None:
@@ -252,6 +266,7 @@ _RULES: tuple[Callable[[str, Syntax], TextProblem | None], ...] = (
     _escape,
     _colon_at_end,
     _open_quote,
+    _closed_too_late,
     _no_colon,
     _split_by_bracket,
     _not_closed,

@@ -5,28 +5,28 @@ from __future__ import annotations
 import copyreg
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import taskspec
-from taskspec.diagnostics import Collector, Diagnostic, SpecError, raise_if_errors, suggest
+from taskspec.diagnostics import Collector, Diagnostic, SpecError, has_errors, raise_if_errors, suggest
 from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Const, reads
-from taskspec.lang.scope import FunctionDef, Scope
+from taskspec.lang.scope import FunctionDef, Lazy, Scope
 from taskspec.lang.types import BOOL, REAL, Refused
 from taskspec.lang.uncalled import check_uncalled
 from taskspec.limits import Limits
 from taskspec.source import Document, Packed, Path, packed, unpacked
-from taskspec.task.context import Context
+from taskspec.task.context import Context, poison
 from taskspec.task.declare import INSTANCE_SEED
 from taskspec.task.examples import read_examples
 from taskspec.task.figure import figure
 from taskspec.task.forms import is_word
 from taskspec.task.invariants import check_on_request
 from taskspec.task.memory import remembered
-from taskspec.task.merge import Merged, merge
+from taskspec.task.merge import Merged, merge, variant_names
 from taskspec.task.names import Names, signature
-from taskspec.task.schema import Spec, check_shape, validated
+from taskspec.task.schema import Spec, check_shape, remainder, validated
 from taskspec.task.sections import SectionBuilder
 from taskspec.task.symmetries import symmetries
 from taskspec.task.taken import check_names
@@ -56,8 +56,31 @@ def build(
     Raises:
         SpecError: with every mistake found.
     """
-    raise_if_errors(check_shape(document))
+    if has_errors(check_shape(document)):
+        raise SpecError(mistakes(document, [variant], parameters or {}))
     return rebuilt(merge(document, variant), parameters or {}, suite)
+
+
+def mistakes(
+    document: Document, variants: Iterable[str | None] | None = None, parameters: Mapping[str, Any] | None = None
+) -> list[Diagnostic]:
+    """What is wrong with the shape of a document, and with its tasks (all of them unless variants are given) in other parts."""
+    found = list(check_shape(document))
+    rest = remainder(document)
+    if rest is None:
+        return found
+    if variants is None:
+        named = list(variant_names(rest.data).values())
+        variants = named[1:] if len(named) > 1 and merge(rest).missing else named
+    known = {(d.code, d.span) for d in found}
+    for variant in variants:
+        try:
+            rebuilt(merge(rest, variant), parameters or {}, "")
+        except SpecError as error:
+            others = [d for d in error.diagnostics if d.severity == "error" and d.span is not None]
+            found += [d for d in others if (d.code, d.span) not in known]
+            known |= {(d.code, d.span) for d in others}
+    return found
 
 
 class BoundParameters(NamedTuple):
@@ -142,6 +165,7 @@ class _Build:
         """
         check_names(self.merged, self.collector)
         self._bind_parameters(given)
+        self.collector.raise_if_errors()
         return BoundParameters(tuple(self.context.parameters), self._hash())
 
     def _declare(self, given: dict[str, Any]) -> float:
@@ -150,7 +174,8 @@ class _Build:
         check_names(self.merged, self.collector)
         self._bind_parameters(given)
         self._bind_constants()
-        context.state, context.action = self._components("state"), self._components("action")
+        context.state = self._components("state")
+        context.action = self._components("action")
         context.memory = self._components("memory") if self.data.get("memory") else ()
         everything = (*context.state, *context.action, *context.memory)
         context.domains = [c.domain for c in everything if c.domain is not None]
@@ -180,6 +205,8 @@ class _Build:
         claims, examples = tuple(sections.claims()), tuple(read_examples(context))
         scope("claims")
         self.collector.raise_if_errors()
+        if context.forms.is_partial:
+            raise SpecError([])
         assert reward is not None and terminal is not None and absorbing is not None
         raw_initial = tuple(sections.raw_initial[c.name] for c in context.state)
         raw_next = tuple(self.names.raw_next[c.name] for c in context.state)
@@ -209,11 +236,18 @@ class _Build:
         for name in names:
             self._check_option(name)
             found = context.declare.parameter(name, given, scope)
-            if found is not None:
-                context.parameters.append(found[0])
-                context.constants[name] = found[1]
-                context.checker.parameters[name] = found[0].value
-        self.collector.raise_if_errors()
+            if found is None:
+                context.constants[name] = Lazy(poison)
+                continue
+            context.parameters.append(found[0])
+            context.constants[name] = found[1]
+            context.checker.parameters[name] = found[0].value
+        if any(
+            d.span is None for d in self.collector.diagnostics
+        ):  # of values that were given, for which there is no task
+            self.collector.raise_if_errors()
+        if self.collector.has_errors:
+            return  # requirements are about values that parameters can have
         for i, _ in enumerate(entries.get("require") or ()):
             self._require(("parameters", "require", i), scope)
         self.collector.raise_if_errors()
@@ -284,23 +318,32 @@ class _Build:
             hint = "where there is nothing to tell apart, one value is enough: `s: {type: choice, values: [only]}`"
             self.collector.add("E210", self.merged.key_span((section,)), f"`{section}:` names no component", hint)
         scope = self.context.constant_scope("domains are fixed")
-        found = [self.context.declare.component((section, name), scope) for name in self.data[section]]
-        size, place = sum(c.type.size for c in found if c is not None), self.merged.key_span((section,))
-        least = int(section != "memory" and bool(found) and None not in found)
-        self.context.declare.fits(size, place, f"`{section}:`", least)
-        self.collector.raise_if_errors()  # without its components no section can be checked
-        return tuple(c for c in found if c is not None)
+        found: list[Component] = []
+        for name in self.data[section]:
+            component = self.context.declare.component((section, name), scope)
+            if component is None:
+                self.context.broken.add(name)
+                component = self.context.declare.unknown(name, self.data[section][name])
+            found.append(component)
+        if not found:
+            self.collector.raise_if_errors()
+        size = sum(c.type.size for c in found)
+        least = int(section != "memory" and bool(found))
+        self.context.declare.fits(size, self.merged.key_span((section,)), f"`{section}:`", least)
+        return tuple(found)
 
     def _horizon(self) -> int | None:
         value = self.data["horizon"]
-        expr = None if value in (None, "none") else self.context.forms.expr(("horizon",))
-        if expr is None:
+        if value in (None, "none"):
             return None
+        expr = self.context.forms.expr(("horizon",))
+        scope = self.context.constant_scope("the horizon is fixed")
         try:
-            steps = self.context.checker.integer(
-                expr, self.context.constant_scope("the horizon is fixed"), "the horizon"
-            )
+            steps = None if expr is None else self.context.checker.integer(expr, scope, "the horizon")
         except Poisoned:
+            steps = None
+        if expr is None or steps is None:
+            self.context.constants["T"] = Lazy(poison)
             return None
         if not 1 <= steps <= Limits.horizon:
             self.collector.add("E407", expr.place, f"a horizon of {steps:,} steps is not possible",

@@ -37,6 +37,8 @@ class Context:
         self.action: tuple[Component, ...] = ()
         self.memory: tuple[Component, ...] = ()
         self.domains: list[Domain] = []
+        self.broken: set[str] = set()
+        """Components that are declared wrongly (and reported): what reads them is given up."""
         self.horizon: int | None = None
         self.exprs: dict[str, Any] = {}  # parsed sections
         self.scopes: list[Scope] = []  # every scope made, for what was used
@@ -59,6 +61,10 @@ class Context:
     def place(self, *path: str) -> s.Place:
         """A whole section as a place."""
         return self.forms.place(path)
+
+    def bound(self, c: Component, role: Role) -> Binding:
+        """What the name of a component means."""
+        return Lazy(poison, c.domain) if c.name in self.broken else self.read(c, role)
 
     def read(self, c: Component, role: Role) -> Value:
         """The present value of a component."""
@@ -120,5 +126,13 @@ class Context:
     # -- values of components -------------------------------------------------------------------------------------
 
     def assign(self, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
-        """An expression as a value of a component; None when it is broken (and reported)."""
+        """An expression as a value of a component; None when either is broken (and reported)."""
+        if component.name in self.broken:
+            self.checker.check(expr, scope, component.domain)
+            return None
         return assign(self.checker, expr, scope, component)
+
+
+def poison(*_: object) -> Value:
+    """Stand for a name that is broken and has been reported."""
+    raise Poisoned

@@ -58,8 +58,15 @@ class Declarations:
         asked = given.get(name, default)
         own = asked.value if isinstance(asked, Varying) else asked
         value = self._given(name, own, kind, labels) if name in given else default
-        if value is None or not self._within(name, value, low, high, labels, name in given):
+        if value is None:
             return None
+        if not self._within(name, value, low, high, labels, name in given):
+            if name in given or labels is not None:
+                return None
+            nearest = low if low is not None and not value >= low else high
+            value = convert(nearest, kind)  # what reads the parameter can be checked with this one
+            if value is None or not math.isfinite(value):
+                return None
         shown = {k: entry.get(k) for k in ("symbol", "doc", "alias")}
         parameter = Parameter(name, kind, value, default, low, high, labels, **shown)
         if kind == "choice":
@@ -222,6 +229,15 @@ class Declarations:
         except Refused as refused:
             self.collector.add(refused.code, self.merged.span(path), refused.message, refused.hint)
             return None
+
+    def unknown(self, name: str, entry: Mapping[str, Any]) -> Component:
+        """What stands for a component that is broken: of its declaration, the labels are known."""
+        values = entry.get("values")
+        labels = tuple(map(str, values)) if values else ()
+        domain = Domain(labels) if labels else None
+        kind = Kind.REAL if domain is None else Kind.INT
+        high = math.inf if domain is None else float(len(labels) - 1)
+        return Component(name, Type(kind), (-math.inf if domain is None else 0.0,), (high,), domain)
 
     def _shape(self, entry: Mapping[str, Any], path: Path, scope: Scope) -> tuple[int, ...]:
         if entry.get("shape") in (None, []):

@@ -93,8 +93,9 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
         span = context.merged.span(("figure", "map"))
         context.collector.add("E302", span, f"there is no constant '{name}'", suggest(name, constants))
     elif grid is None:
-        rows = _digits(context.constant(name))
-        if rows is None:
+        value = context.constant(name)
+        rows = _digits(value)
+        if rows is None and value is not None:
             message = f"the constant '{name}' is neither a grid of letters nor a matrix of conditions or digits"
             hint = f"{name}: {{grid: [...], legend: {{...}}}}"
             context.collector.add("E204", context.merged.span(("figure", "map")), message, hint)

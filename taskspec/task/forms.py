@@ -9,7 +9,7 @@ from typing import Any
 from taskspec.diagnostics import Collector, Span, SpecError
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import literal, parse, parse_into
-from taskspec.source import Path
+from taskspec.source import LEFT_OUT, Path
 from taskspec.task.merge import Merged
 
 _FOR = re.compile(r"\sfor\s")
@@ -22,6 +22,8 @@ class Forms:
     def __init__(self, merged: Merged, collector: Collector) -> None:
         self.merged = merged
         self.collector = collector
+        self.is_partial = False
+        """Whether something was left out of the spec, so that there is no task even where no more is wrong."""
         self.labels: frozenset[str] = frozenset()
         """Labels that are no names (`very cross`, `go-left`): alone, such a text is the label and no expression."""
 
@@ -46,6 +48,9 @@ class Forms:
         match value:
             case bool() | int() | float():
                 return literal(value, s.SourceText(str(value), lambda start, end: self.merged.span(path)))
+            case str() if value == LEFT_OUT:
+                self.is_partial = True
+                return None
             case str() if value.strip() in self.labels:
                 return s.Quoted(value.strip(), self.place(path))
             case str():

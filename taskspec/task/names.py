@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import Poisoned
@@ -17,7 +16,7 @@ from taskspec.lang.ir import Draw, Node, Role, reads
 from taskspec.lang.late import named
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import Kind, Type
-from taskspec.task.context import Context
+from taskspec.task.context import Context, poison
 from taskspec.task.widths import kept
 
 PRIMED = ("dynamics", "reward", "terminal")
@@ -96,7 +95,7 @@ class Names:
             bindings[name + "'" * later] = value
         self._bind_broken(bindings, seen)
         for c in context.action if later else ():
-            bindings[c.name] = context.read(c, Role.ACTION)
+            bindings[c.name] = context.bound(c, Role.ACTION)
         self._bind_memory(bindings, section)
         if later:
             self._bind_time(bindings, section)
@@ -104,7 +103,7 @@ class Names:
         self._bind_end(bindings, section)
         return self._finished(section, bindings)
 
-    def map_scope(self, section: str, visible: Mapping[str, Value]) -> Scope:
+    def map_scope(self, section: str, visible: Mapping[str, Binding]) -> Scope:
         """The names visible in a map of a symmetry: what is mapped, and what is fixed."""
         bindings: dict[str, Binding] = dict(self.context.constants)
         for c in (*self.context.state, *self.context.action):
@@ -144,17 +143,17 @@ class Names:
     def _bind_components(self, bindings: dict[str, Binding], section: str) -> None:
         context = self.context
         for c in context.state:
-            bindings[c.name] = context.read(c, Role.STATE)
+            bindings[c.name] = context.bound(c, Role.STATE)
             if section in PRIMED:
                 bindings[c.name + "'"] = Lazy(lambda at, n=c.name: self.next_value(n, at), c.domain)  # type: ignore[misc]
         for c in context.action:
-            bindings[c.name] = context.read(c, Role.ACTION)
+            bindings[c.name] = context.bound(c, Role.ACTION)
             if section in _WITHOUT_ACTION:
                 where = "the expert" if section == "expert" else f"`{section}`"
                 message = f"the action '{c.name}' cannot be used in {where}"
                 bindings[c.name] = Unavailable("E302", message, _WITHOUT_ACTION[section])
 
-    def _bind_broken(self, bindings: dict[str, Binding], seen: Mapping[str, Value]) -> None:
+    def _bind_broken(self, bindings: dict[str, Binding], seen: Mapping[str, Binding]) -> None:
         """Give up what reads an observation that is broken (and reported)."""
         for name in self.context.exprs.get("observation", {}):
             if name not in seen:
@@ -172,7 +171,7 @@ class Names:
     def _bind_memory(self, bindings: dict[str, Binding], section: str) -> None:
         for c in self.context.memory:
             if section in ("expert", "memory"):
-                bindings[c.name] = self.context.read(c, Role.STATE)
+                bindings[c.name] = self.context.bound(c, Role.STATE)
             elif section != "first memory":
                 message = f"'{c.name}' is the expert's memory, which only `expert` and `memory` can use"
                 bindings[c.name] = Unavailable("E302", message)
@@ -181,7 +180,7 @@ class Names:
         b, horizon = self.context.builder, self.context.horizon
         if horizon is None:
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0))
-            bindings["T"] = Unavailable("E302", "there is no horizon 'T': it is `none`")
+            bindings.setdefault("T", Unavailable("E302", "there is no horizon 'T': it is `none`"))
         else:
             last = horizon if section in ("observation", "claims") else horizon - 1
             bindings["t"] = Value(b.read(Role.TIME, "t", Type(Kind.INT), 0, last))
@@ -287,6 +286,8 @@ class Names:
         context, written = self.context, name + "'"
         component = next(c for c in context.state if c.name == name)
         if written not in context.exprs["dynamics"]:
+            if name in context.broken:
+                raise Poisoned
             value = context.read(component, Role.STATE)
             self.raw_next[name] = value.node
             return Value(value.node, value.domain)
@@ -300,11 +301,6 @@ class Names:
             raise Poisoned
         self.raw_next[name] = node
         return Value(kept(context.builder, component, node), component.domain, late=True)
-
-
-def poison(*_: Any) -> Value:
-    """Stands for a name that is broken and has been reported."""
-    raise Poisoned
 
 
 def signature(written: str) -> tuple[str, tuple[str, ...] | None]:

@@ -15,8 +15,8 @@ from taskspec.lang.types import Kind, Type
 from taskspec.limits import count, how_to_raise, limits
 from taskspec.source import Path
 from taskspec.task import grids
-from taskspec.task.context import Context
-from taskspec.task.names import Names, poison
+from taskspec.task.context import Context, poison
+from taskspec.task.names import Names
 from taskspec.task.observe import Observed
 from taskspec.task.reach import reach
 from taskspec.task.task import FINITE_SPACES, Claim, Component, Observation, Soft

@@ -27,7 +27,7 @@ def symmetries(context: Context, names: Names, observation: Observation) -> tupl
         return ()
     seen = what_is_seen(context.builder, observation)
     scope_of = {SEEN: names.map_scope("seen", seen)}
-    scope_of[DONE] = names.map_scope("done", {c.name: context.read(c, Role.ACTION) for c in context.action})
+    scope_of[DONE] = names.map_scope("done", {c.name: context.bound(c, Role.ACTION) for c in context.action})
     exprs = {name: _parsed(context, name, entry) for name, entry in written.items()}
     context.exprs["symmetries"] = exprs
     found = []

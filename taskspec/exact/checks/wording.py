@@ -111,6 +111,12 @@ def _notes(violation: Violation, task: Task) -> list[str]:
     notes = []
     if task.parameters:
         notes.append(parameters(task.values))
+    if violation.check.section == "noise":
+        name = violation.check.entry
+        notes.append(
+            f"a noise is drawn in every step, even where nothing uses it: give `{name}` a value there, "
+            f"`{name}: ... if CONDITION else VALUE`, or write the draw where it is used"
+        )
     if violation.acting is None:
         notes.append("no tested episode visited this state; without an exact model, it is unknown whether any can")
     if violation.acting is False:

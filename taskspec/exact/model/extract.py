@@ -30,6 +30,8 @@ SWEEP = 1e9
 """Non-zeros that are gone through in a second, nominally: all of them in a sweep for each step of an episode."""
 OVERHEAD = 20_000
 """What a sweep costs whatever the size of the model, as non-zeros."""
+LAYER = 5e-4
+"""Seconds that a time with transitions of its own takes, nominally, however few states there are: matrices are made for it."""
 
 
 def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = None) -> Model:
@@ -105,12 +107,10 @@ class _Room:
         if size > self.most:
             message = f"the exact model would have up to {count_of(int(size))} transitions; the limit is {self.most:,}"
             refuse(message, how_to_raise("transitions", size))
-        if size > self.cost.affordable():
-            needed = self.cost.seconds(size)
-            refuse(
-                f"the exact model would take {duration(needed)}; the limit is {limits().seconds}",
-                how_to_raise("seconds", needed),
-            )
+        needed = self.cost.seconds(size) + LAYER * (self.times - 1)
+        if needed > limits().seconds:
+            message = f"the exact model would take {duration(needed)}; the limit is {limits().seconds}"
+            refuse(message, how_to_raise("seconds", needed))
         needed = self.horizon * (size / self.times + OVERHEAD) / SWEEP
         if needed > limits().seconds:
             message = f"to plan an episode of {self.horizon:,} steps takes {duration(needed)}; the limit is {limits().seconds}"

@@ -10,7 +10,7 @@ from typing import Any
 
 from taskspec import ids, registry
 from taskspec.appendix.bibliography import Reference, beside
-from taskspec.diagnostics import Collector, Diagnostic, raise_if_errors, suggest
+from taskspec.diagnostics import Collector, Diagnostic, SpecError, suggest
 from taskspec.exam.rules.check import RuleChecker
 from taskspec.exam.rules.vocabulary import RuleNames
 from taskspec.lang import syntax as s
@@ -85,8 +85,10 @@ def _of(suite: str | os.PathLike[str], name: str) -> Path | None:
 def _read(path: Path, check: Any, section: str, key: str) -> Book:
     document = read_file(path)
     described, found = check(document)
-    raise_if_errors(found)
+    if described is None:
+        raise SpecError(found)
     collector = Collector()
+    collector.extend(found)
     names = _names(document, described, path.parent, collector)
     references = beside([path])
     for at, source in _sources(described):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from taskspec.task.schema.check import check_shape as check_shape
+from taskspec.task.schema.check import remainder as remainder
 from taskspec.task.schema.check import validated as validated
 from taskspec.task.schema.exams import DiagnosisEntry as DiagnosisEntry
 from taskspec.task.schema.exams import ExamDocument as ExamDocument

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import lru_cache
 from types import UnionType
 from typing import Annotated, Any, Protocol, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -19,6 +20,7 @@ from taskspec.task.schema import fields, problems
 from taskspec.task.schema.elsewhere import advice
 from taskspec.task.schema.models import FORMAT
 from taskspec.task.schema.problems import Problem
+from taskspec.task.schema.rest import removed, without
 from taskspec.task.schema.variants import CHANGES, LIST, Extension, Spec
 
 # What belongs where pydantic found something else, by the type of its error.
@@ -54,28 +56,54 @@ class Located(Protocol):
     def key_span(self, path: Path) -> Span: ...
 
 
-@lru_cache(maxsize=64)
 def check_shape(document: Document) -> tuple[Diagnostic, ...]:
     """Problems with the sections, keys and kinds of values of a whole document.
 
     Variants are checked as far as they go; what they come to with what they are based on is for `validated`.
     """
+    return _shaped(document)[0]
+
+
+def remainder(document: Document) -> Document | None:
+    """The document without the parts in which `check_shape` finds problems; None where the rest means nothing without them."""
+    return _shaped(document)[1]
+
+
+@lru_cache(maxsize=64)
+def _shaped(document: Document) -> tuple[tuple[Diagnostic, ...], Document | None]:
     collector = Collector()
-    for other in document.others.values():
+    others: dict[str, Document | None] = {}
+    for name, other in document.others.items():
         collector.extend(check_shape(other))
+        others[name] = remainder(other)
+    data: Any = None
     if key := _other_format(document):
         what, hint = OTHER_FORMATS[key]
         message = f"this is {what}, not a spec"
         collector.add("E201", document.key_span((key,)), message, hint.format(document.origin.name))
     elif isinstance(document.data, dict):
-        validate(document, collector, Extension if EXTENDS in document.data else Spec)
+        model = Extension if EXTENDS in document.data else Spec
         found = (*_format(document.data), *_many(document.data), *_bases(document), *_roles(document.data))
         for problem in found:
             add_problem(collector, document, problem)
+        start = _without(document.data, found)
+        _, data = _fitted(document, document.data if start is None else start, collector, model, _without)
+        data = None if start is None else data
     else:
         message = f"a spec is a mapping of sections, not {problems.kind(document.data)}"
         collector.add("E201", document.span(()), message, "start it with `taskspec: 1`")
-    return collector.diagnostics
+    known = {name: other for name, other in others.items() if other is not None}
+    rest = None if data is None or len(known) < len(others) else replace(document, data=data, others=known)
+    return collector.diagnostics, rest
+
+
+def _without(data: Any, found: Iterable[Problem]) -> Any:
+    """A spec's data without the parts that are wrong; None where the rest means nothing."""
+    for problem in found:
+        if data is None or problem.code in ("E207", "E314"):
+            return None
+        data = without(data, problem, {"taskspec": FORMAT, "name": "Unnamed"})
+    return data
 
 
 def _other_format(document: Document) -> str | None:
@@ -104,14 +132,42 @@ def validated(merged: Merged) -> Spec:
 
 
 def validate(located: Located, collector: Collector, model: type[Shape]) -> Shape | None:
-    """Data as a model; what is wrong with it goes to the collector."""
-    try:
-        return model.model_validate(located.data)
-    except ValidationError as error:
-        for details in error.errors(include_url=False):
-            for problem in _problems(dict(details), model):
+    """Data as a model, its unknown keys left out; None where more is wrong. What is wrong goes to the collector."""
+    return _fitted(located, located.data, collector, model, _without_unknown_keys)[0]
+
+
+def _without_unknown_keys(data: Any, found: Iterable[Problem]) -> Any:
+    """Data without its unknown keys; None where something else is wrong."""
+    for problem in found:
+        if problem.code != "E202":
+            return None
+        data = removed(data, problem.path)
+    return data
+
+
+def _fitted(
+    located: Located,
+    data: Any,
+    collector: Collector,
+    model: type[Shape],
+    leave_out: Callable[[Any, Iterable[Problem]], Any],
+) -> tuple[Shape | None, Any]:
+    """Data as a model, and what of it was left for that; a part that is left out may have hidden further problems."""
+    known: set[Problem] = set()
+    while data is not None:
+        try:
+            return model.model_validate(data), data
+        except ValidationError as error:
+            every = [p for details in error.errors(include_url=False) for p in _problems(dict(details), model)]
+        found = [problem for problem in dict.fromkeys(every) if problem not in known]
+        for problem in found:
+            if not any(
+                before.path[: len(problem.path)] == problem.path for before in known
+            ):  # else it may follow from that
                 add_problem(collector, located, problem)
-        return None
+        known.update(found)
+        data = leave_out(data, found) if found else None
+    return None, None
 
 
 def add_problem(collector: Collector, located: Located, problem: Problem) -> None:

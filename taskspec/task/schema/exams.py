@@ -111,6 +111,7 @@ def _checked(
     if isinstance(version, int) and version != FORMAT:
         hint = f"write `{key}: {FORMAT}`"
         add_problem(collector, document, Problem("E207", (key,), f"format {version} is not known here", hint))
+        found = None
     return found, collector.diagnostics
 
 

@@ -209,6 +209,7 @@ def check_experiment(document: Document) -> tuple[Experiment | None, tuple[Diagn
             "E207", ("experiment",), f"format {version} is not known here", f"write `experiment: {FORMAT}`"
         )
         add_problem(collector, document, problem)
+        return None, collector.diagnostics
     return found or _rest(document.data), collector.diagnostics
 
 

@@ -11,8 +11,10 @@ from typing import NamedTuple
 from taskspec.diagnostics import suggest
 from taskspec.task.schema.elsewhere import advice
 
+OWN_WORDS = ("and", "or", "not", "in", "if", "else", "for", "true", "false", "True", "False")
+"""Words that expressions use."""
 WORDS = (*keyword.kwlist, "true", "false")
-"""What no name can be, being words of the language."""
+"""What no name can be: words that expressions use, and other words of Python, by whose grammar they are read."""
 
 
 class Problem(NamedTuple):
@@ -55,8 +57,10 @@ def wrong_kind(expected: str, value: object, hint: str | None = None) -> Problem
 
 def name_problem(name: str) -> str | None:
     """Why a text cannot be a name in expressions, or None."""
-    if name in WORDS:
+    if name in OWN_WORDS:
         return f"`{name}` is a word of the language"
+    if name in WORDS:
+        return f"`{name}` is a word of Python, by whose grammar expressions are read; no name can be one"
     if not name.isidentifier():
         return f"`{name}` is not a name: a letter, then letters, digits and `_`"
     if name.startswith("_"):
@@ -70,6 +74,8 @@ def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
     """A name that expressions can use."""
     if trouble := name_problem(text):
         better = re.sub(r"\W+", "_", text.strip()).strip("_")
+        if better in WORDS:
+            better += "_"
         usable = better != text and better and not name_problem(better)
         hint = f"for example `{better}`" if usable else None
         yield Problem("E205", path, trouble, hint, of_key=True)

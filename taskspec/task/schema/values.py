@@ -212,6 +212,7 @@ def labels(value: Any) -> Iterator[Problem]:
     """The labels of a choice: a list of words, or a mapping from each to its value."""
     if isinstance(value, dict) and value:
         for label, meaning in value.items():
+            yield from _truth_label(label, (label,))
             yield from (problem.below(label) for problem in expression(meaning))
     elif isinstance(value, list) and value:
         seen: set[str] = set()
@@ -222,9 +223,17 @@ def labels(value: Any) -> Iterator[Problem]:
             elif label in seen:
                 yield Problem("E214", (i,), f"the label `{label}` stands twice")
             else:
+                yield from _truth_label(label, (i,))
                 seen.add(label)
     else:
         yield wrong_kind("the labels of the choice", value, "for example [left, right]")
+
+
+def _truth_label(label: str, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """The problem of a label that is a truth value in every expression."""
+    if label in ("true", "false", "True", "False"):
+        hint = "what is either true or false has `type: bool`"
+        yield Problem("E205", path, f"`{label}` is a word of the language", hint, of_key=True)
 
 
 def horizon(value: Any) -> Iterator[Problem]:
