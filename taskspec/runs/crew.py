@@ -22,6 +22,11 @@ from taskspec.runs.work import begin, late, perform
 
 IDLE = 60.0
 """Seconds after which a process that has nothing to do ends."""
+ONE_THREAD = {"PJRT_NPROC": "1"}
+"""What a process finds in its environment unless that says otherwise: one thread for JAX.
+
+There may be a process for each processor; and of JAX's threads, where there are two, all were seen to wait for each other.
+"""
 _EXIT_CODE = re.compile(r"exit codes of the workers are \{(.*?)\}")
 _FRAME = re.compile(r'File "(.*)", line (\d+) in (.*)')
 
@@ -73,7 +78,10 @@ class _Process:
         ):  # as a Dask worker is behind its nanny: such a process may have no children; ours end by themselves
             us.daemon = False
         loky = need("loky")
-        self._executor = loky.ProcessPoolExecutor(1, timeout=IDLE, initializer=begin, initargs=(os.getpid(),))
+        environment = {name: os.environ.get(name, value) for name, value in ONE_THREAD.items()}
+        self._executor = loky.ProcessPoolExecutor(
+            1, timeout=IDLE, initializer=begin, initargs=(os.getpid(),), env=environment
+        )
         handle, name = tempfile.mkstemp(prefix="taskspec-")
         os.close(handle)
         self._trace = Path(name)
