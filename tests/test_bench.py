@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import statistics
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -340,3 +342,25 @@ def test_a_chart_is_written_beside_the_table(tmp_path: Path) -> None:
     done = Done("vector", "Branching", "-b", "numpy", "-l", 2, "--no-start", *QUICK, "--chart", path)
     assert f"wrote {path}" in done.out
     assert "<svg" in path.read_text(encoding="utf-8")
+
+
+# -- an earlier commit --------------------------------------------------------------------------------------------
+
+
+def compared(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "tests.benchmarks.compare", *words, "--rounds", "2", "--seconds", "0.001"]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="this is no checkout")
+def test_a_commit_is_compared_in_turns() -> None:
+    done = compared("HEAD", "--tasks", "RiskyPath,Nothing", "--kinds", "scalar")
+    assert done.returncode == 0, done.stderr
+    first, measured, missing = done.stdout.splitlines()
+    assert re.fullmatch(r"this tree beside [0-9a-f]+: .* 2 rounds .*", first)
+    assert re.fullmatch(r"RiskyPath scalar +[\d.]+×  [\d.]+–[\d.]+(  faster|  slower)?", measured)
+    assert missing.split() == ["Nothing", "scalar", "not", "measured"]
+    wrong = compared("no-such-commit")
+    assert wrong.returncode == 1
+    assert "there is no commit 'no-such-commit'" in wrong.stderr
+    assert "Traceback" not in wrong.stderr

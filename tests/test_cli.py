@@ -76,6 +76,32 @@ def test_list_takes_folders_suites_files_and_ids_alike() -> None:
     assert len(Done("list", "--json").data) == len(shipped())
 
 
+FOLDERS = {
+    ("list", "--json"): '"id": "tiny/G-v0"',
+    ("check",): "1 task in 1 spec and 1 experiment",
+    ("docs", "--no-results", "-o", "OUT"): "on 1 task",
+    ("build", "-o", "OUT"): "OUT/tasks.json  1 tasks",
+    ("mutate", "--jobs", "1", "--json"): '"class"',
+}
+
+
+@pytest.mark.parametrize("command", FOLDERS, ids=lambda command: command[0])
+@pytest.mark.parametrize("written", [".", "./", "..", "../tiny", "/"])
+def test_folders_are_found_however_they_are_written(
+    command: tuple[str, ...], written: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "tiny"
+    (folder / "experiments").mkdir(parents=True)
+    spec(folder, GRID.replace("GRID", '["S#"]').replace("high: 1", "high: 0"), "g.yaml")
+    spec(folder / "experiments", "experiment: 1\nname: e\ntasks: [{task: ../g.yaml}]\n", "x.yaml")
+    monkeypatch.chdir(folder / "experiments" if written == ".." else folder)
+    out = tmp_path / "out"
+    target = str(folder) + "/" if written == "/" else written
+    done = Done(*(str(out) if word == "OUT" else word for word in command), target, columns=400)
+    assert done.status == 0, done.err
+    assert FOLDERS[command].replace("OUT", str(out)) in done.out
+
+
 def test_list_json_says_what_a_program_needs() -> None:
     (task,) = Done("list", "derail/Branching-v0", "--json").data
     assert (task["states"], task["actions"], task["horizon"]) == (21, 2, 10)

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import taskspec
+from taskspec import appendix
 from taskspec.cli import rollouts
+from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.limits import limits
 from tests.shared import commands
 from tests.shared.sparse import sparse
 
@@ -206,3 +211,56 @@ def test_docs_in_the_formats_asked_for(tmp_path: Path) -> None:
     assert Done("docs", "Branching", "-f", "word", "-o", tmp_path).status == 2
     assert Done("figure", "RiskyPath", "-o", tmp_path / "deep" / "r.svg").status == 0
     assert "<svg" in (tmp_path / "deep" / "r.svg").read_text()
+
+
+def test_pages_need_no_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("scipy", "scipy.sparse"):
+        monkeypatch.setitem(sys.modules, module, None)
+    done = Done("docs", "RiskyPath", "-f", "markdown", "-o", tmp_path / "docs")
+    assert done.status == 0, done.err
+    assert 'pip install -e ".[exact]"' in done.err
+    assert "Exact scores" not in (tmp_path / "docs" / "risky-path.md").read_text()
+    done = Done("build", "RiskyPath", "-o", tmp_path / "build")
+    assert done.status == 0, done.err
+    assert 'pip install -e ".[exact]"' in done.err
+    assert (tmp_path / "build" / "markdown" / "risky-path.md").is_file()
+    assert not (tmp_path / "build" / "scores.json").exists()
+
+
+def test_docs_go_on_after_a_broken_spec(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text("taskspec: 1\nname: A\n")
+    (tmp_path / "b.yaml").write_text((DERAIL / "risky_path.yaml").read_text())
+    done = Done("docs", tmp_path, "-f", "markdown", "-o", tmp_path / "docs")
+    assert done.status == 1
+    assert "a.yaml:2:7: error[E210" in done.err
+    assert (tmp_path / "docs" / "risky-path.md").is_file()
+
+
+@pytest.mark.parametrize(("command", "place"), [(["docs", "-f", "markdown"], ""), (["build"], "markdown")])
+def test_a_task_whose_scores_fail_keeps_nobody_waiting(
+    command: list[str], place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gather = appendix.gather
+
+    def failing(given: Any) -> Any:
+        task = given.task if hasattr(given, "task") else given
+        if task.name == "RiskyPath":
+            raise SpecError([Diagnostic("E712", None, "no more")])
+        return gather(given)
+
+    monkeypatch.setattr(appendix, "gather", failing)
+    done = Done(*command, "derail/RiskyPath", "derail/Sort", "-o", tmp_path)
+    assert done.status == 1
+    assert "E712" in done.err
+    assert "no more" in done.err
+    assert "Exact scores" in (tmp_path / place / "sort.md").read_text()
+    assert "Exact scores" not in (tmp_path / place / "risky-path.md").read_text()
+
+
+@pytest.mark.parametrize("command", [["docs", "-f", "markdown"], ["build"]])
+def test_analyses_of_pages_take_limits(command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    kept: list[int] = []
+    gather = appendix.gather
+    monkeypatch.setattr(appendix, "gather", lambda given: (kept.append(limits().seconds), gather(given))[1])
+    assert Done(*command, "derail/RiskyPath", "-o", tmp_path, "--limit", "seconds=3").status == 0
+    assert kept == [3]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,16 @@ def test_policies_earn_what_the_exact_model_says(policy: str) -> None:
     error = returns.std() / len(returns) ** 0.5
     assert abs(returns.mean() - data.metadata["return"]["value"]) <= 4 * error
     assert data.metadata["return"]["status"] == "exact"
+
+
+@pytest.mark.parametrize("policy", ["expert", "epsilon(0.1)", "random"])
+def test_experts_in_words_need_no_scipy(policy: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("scipy", "scipy.sparse"):
+        monkeypatch.setitem(sys.modules, module, None)
+    done = Done("demos", "RiskyPath", "--policy", policy, "-n", 2, "-o", tmp_path / "x.npz", "--json")
+    assert done.status == 0, done.err
+    assert done.data["return"] is None
+    assert Done("demos", "RiskyPath", "--policy", "optimal", "-o", tmp_path / "x.npz").status == 1
 
 
 def test_modified_tasks_are_what_is_recorded(tmp_path: Path) -> None:
@@ -330,6 +341,77 @@ def test_files_that_hold_no_data_are_refused(tmp_path: Path) -> None:
         with pytest.raises(taskspec.SpecError) as caught:
             read(tmp_path / name)
         assert caught.value.diagnostics[0].code == code
+
+
+DAMAGE: dict[str, tuple[dict[str, Any], str]] = {
+    "unequal lengths": ({"acts": np.zeros(4, np.int64)}, "`acts` has the shape (4,), not (10,)"),
+    "a reward of nan": ({"rews": np.array([0, 1, np.nan, *[1] * 7])}, "`rews` is nan in row 2"),
+    "an endless reward": ({"rews": np.array([np.inf, *[1.0] * 9])}, "`rews` is inf in row 0"),
+    "rewards in single precision": ({"rews": np.ones(10, np.float32)}, "`rews` is float32, not float64"),
+    "actions in double precision": ({"acts": np.ones(10)}, "`acts` is float64, not int64 or float32"),
+    "ends as numbers": ({"truncated": np.zeros(10, np.int64)}, "`truncated` is int64, not bool"),
+    "observations of another kind": ({"next_obs": np.zeros(10, np.float32)}, "`next_obs` is float32, not int64"),
+    "observations of another shape": ({"next_obs": np.zeros((10, 2), np.int64)}, "`next_obs` has the shape (10, 2)"),
+    "a dict after a step": (
+        {"next_obs": None, "next_obs.x": np.zeros(10, np.int64)},
+        "before a step and next_obs.x after",
+    ),
+    "no observations": ({"obs": None}, "it has no `obs`"),
+    "episodes out of order": ({"episode": np.array([1] * 5 + [0] * 5)}, "`episode` is negative somewhere, or falls"),
+    "a step left out": ({"time": np.array([0, 1, 2, 4, 5] * 2)}, "`time` does not count"),
+    "a late start": ({"time": np.array([0, 1, 2, 3, 4, 1, 2, 3, 4, 5])}, "episode 1 does not begin at time 0"),
+    "an early end": ({"terminated": np.arange(10) == 7}, "episode 1 ends in row 7, and has more steps after it"),
+    "no end": ({"truncated": np.arange(10) == 4}, "episode 1 is neither terminated nor truncated in its last row"),
+    "no transitions": (
+        {
+            name: np.zeros(0)
+            for name in ("obs", "acts", "rews", "next_obs", "terminated", "truncated", "episode", "time")
+        },
+        "it has no transitions",
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_arrays_that_are_no_episodes_are_refused(damage: str, tmp_path: Path) -> None:
+    changes, words = DAMAGE[damage]
+    write(demonstrations("RiskyPath", episodes=2), tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz") as held:
+        arrays = {**held, **changes}
+    np.savez(tmp_path / "x.npz", **{name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(taskspec.SpecError, match=re.escape(words)) as caught:
+        read(tmp_path / "x.npz")
+    assert caught.value.diagnostics[0].code == "E711"
+
+
+PAIR_DAMAGE = {
+    "labels": ({"preferences": np.array([1.0, 2.0])}, "`preferences` are not all between 0 and 1"),
+    "returns": ({"returns": np.ones((2, 3))}, "`returns` has the shape (2, 3), not (2, 2)"),
+    "nan": ({"returns": np.full((2, 2), np.nan)}, "`returns` are not all finite"),
+    "numbers": ({"queries": np.array([0.0, 1.0])}, "`queries` is float64, not int64"),
+    "pairs": ({"preferences": np.ones(3)}, "does not number the segments of 3 pairs from 0 to 5"),
+}
+
+
+@pytest.mark.parametrize("damage", PAIR_DAMAGE)
+def test_pairs_that_are_none_are_refused(damage: str, tmp_path: Path) -> None:
+    changes, words = PAIR_DAMAGE[damage]
+    write(preferences("RiskyPath", 2), tmp_path / "x.npz")
+    with np.load(tmp_path / "x.npz") as held:
+        arrays = {**held, **changes}
+    np.savez(tmp_path / "x.npz", **arrays)
+    with pytest.raises(taskspec.SpecError, match=re.escape(words)):
+        read(tmp_path / "x.npz")
+
+
+@pytest.mark.parametrize("kept", [0, 20, 800])
+def test_files_that_are_cut_short_are_refused(kept: int, tmp_path: Path) -> None:
+    write(demonstrations("RiskyPath", episodes=2), tmp_path / "x.npz")
+    whole = (tmp_path / "x.npz").read_bytes()
+    assert len(whole) > 800
+    (tmp_path / "x.npz").write_bytes(whole[:kept])
+    with pytest.raises(taskspec.SpecError, match="E711"):
+        read(tmp_path / "x.npz")
 
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:

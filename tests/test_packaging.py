@@ -15,6 +15,7 @@ from email.parser import Parser
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from tests.conftest import ROOT
 
@@ -84,6 +85,14 @@ def test_every_extra_that_code_asks_for_is_declared() -> None:
     }
     names = {node.value for node in asked if isinstance(node, ast.Constant)}
     assert {"exact", "figures", "docs", "bench"} <= names <= set(EXTRAS)
+
+
+def test_extras_may_be_installed_together_with_the_newest_versions() -> None:
+    """imitation 1.0.1 needs a Stable-Baselines3 of 2.2; gymnax 1.0 needs JAX 0.10."""
+    versions = {"sb3": "2.2.1", "jax": "0.10.2"}
+    for extra, version in versions.items():
+        (requirement,) = EXTRAS[extra]
+        assert Requirement(requirement).specifier.contains(version)
 
 
 def test_one_module_writes_commands_that_install() -> None:

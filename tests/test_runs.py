@@ -131,6 +131,18 @@ def test_what_fails_hangs_or_dies_is_named_while_the_rest_is_done(tmp_path: Path
         assert again.ran == 1 and again.rows["key of wrong"].attempts == 2
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
+@pytest.mark.skipif(os.cpu_count() == 1, reason="there is one thread anyway")
+def test_jax_computes_with_one_thread_in_each_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("jax")
+    for given, count in ((None, 1), ("2", 2)):
+        if given is not None:
+            monkeypatch.setenv("PJRT_NPROC", given)
+        with Store(tmp_path / f"{count}.sqlite") as store:
+            found = run([Job("threads", "threads", "tests.jobs:threads")], store, workers=1)
+        assert found.rows["threads"].value == count
+
+
 @pytest.mark.slow
 def test_a_job_costs_less_than_five_milliseconds_beyond_its_work(tmp_path: Path) -> None:
     with Store(tmp_path / "store") as store:

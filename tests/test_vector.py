@@ -139,6 +139,15 @@ def test_make_vec_uses_it() -> None:
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
 
 
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_the_way_of_autoreset_is_an_attribute_as_in_gymnasium(mode: AutoresetMode) -> None:
+    """TorchRL reads it."""
+    fast = gym.make_vec("derail/RiskyPath-v0", num_envs=2, backend="numpy", autoreset_mode=mode.value)
+    slow = gym.vector.SyncVectorEnv([lambda: taskspec.make("derail/RiskyPath")] * 2, autoreset_mode=mode)
+    for env in (fast, slow):
+        assert env.unwrapped.autoreset_mode is mode
+
+
 def test_a_sync_vector_env_walks_the_same_trajectory() -> None:
     fast = gym.make_vec("derail/ProcGoal-v0", num_envs=4, backend="numpy")
     slow = gym.make_vec("derail/ProcGoal-v0", num_envs=4, vectorization_mode="sync")

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.cli.console import say
-from taskspec.cli.options import Targets
+from taskspec.cli.failures import fail
+from taskspec.cli.options import LimitsGiven, Targets
+from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.files import safe_name, write_text
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ WIDE = 90
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where to write.", file_okay=False)]
 
 
-def build(targets: Targets = None, output: Output = Path("build")) -> None:
+def build(targets: Targets = None, output: Output = Path("build"), limits: LimitsGiven = None) -> None:
     """Check specs and write everything that comes from them.
 
     An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
@@ -60,6 +62,8 @@ def build(targets: Targets = None, output: Output = Path("build")) -> None:
         written = write(_tasks(reports), known, output)
     for path, what in written:
         out.print(line("wrote ", (str(path), "name"), (f"  {what}", "quiet")))
+    if known.problems:
+        fail(known.problems)
 
 
 @dataclass
@@ -68,6 +72,8 @@ class _Gathered:
 
     facts: dict[str, Facts] = field(default_factory=dict)
     scores: dict[str, Any] = field(default_factory=dict)
+    problems: list[Diagnostic] = field(default_factory=list)
+    """Why tasks have no scores."""
 
     def examine(self, task: Task) -> Finding:
         from taskspec.appendix import gather
@@ -79,7 +85,11 @@ class _Gathered:
         report = reported(task)
         tell(f"scores of {task.id}")
         if is_installed("scipy") and not report.errors:
-            self.facts[task.id], self.scores[task.id] = gather(report), scores(report.unlimited).record()
+            try:
+                self.facts[task.id] = gather(report)
+                self.scores[task.id] = scores(report.unlimited).record()
+            except SpecError as error:
+                self.problems += error.diagnostics
         return finding(report, len(task.examples))
 
 
@@ -122,24 +132,22 @@ def _table(reports: Sequence[FileReport], width: int) -> Any:
 
 def write(tasks: Sequence[Task], known: _Gathered, folder: Path) -> list[tuple[Path, str]]:
     """Write everything that comes from tasks; gives the paths, each with a word on what it is."""
-    return [_schema(folder), _index(tasks, folder), _sources(tasks, folder), *_results(tasks, known, folder)]
+    from taskspec.cli.docs import has_scores
 
-
-def _results(tasks: Sequence[Task], known: _Gathered, folder: Path) -> list[tuple[Path, str]]:
-    """What rests on exact models: scores and documentation; left out, with a word, where scipy is missing."""
-    from taskspec.extras import install, is_installed
-
-    if not is_installed("scipy"):
-        say(f"scores and documentation need scipy: {install('exact')}", err=True)
-        return []
-    scores = _json(folder / "scores.json", known.scores), "optimal, expert, random and worst returns"
-    return [scores, *_docs(tasks, known.facts, folder)]
+    written = [_schema(folder), _index(tasks, folder), _sources(tasks, folder)]
+    if has_scores():
+        written.append((_json(folder / "scores.json", known.scores), "optimal, expert, random and worst returns"))
+    return [*written, *_docs(tasks, known.facts, folder)]
 
 
 def _docs(tasks: Sequence[Task], facts: Mapping[str, Facts], folder: Path) -> list[tuple[Path, str]]:
-    """The documentation, a folder for each format."""
+    """The documentation, a folder for each format; left out, with a word, where the packages that write it are missing."""
     from taskspec.appendix import gather_pages, write_pages
+    from taskspec.extras import install, is_installed
 
+    if not is_installed("markdown_it"):
+        say(f"documentation needs markdown-it-py, and is left out: {install('docs')}", err=True)
+        return []
     suite = gather_pages(tasks, facts=facts)
     for name in DOCS:
         write_pages(suite, [name], folder / name)

@@ -15,6 +15,7 @@ from taskspec.cli.proofs import Finding, examine
 from taskspec.cli.specs import name_of, task_in, variants_of
 from taskspec.cli.targets import File
 from taskspec.diagnostics import Diagnostic, SpecError, in_order
+from taskspec.progress import tell
 
 if TYPE_CHECKING:
     from taskspec.exact import Accepted
@@ -109,6 +110,7 @@ def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
     except SpecError as error:
         found = Finding(error.diagnostics, "not built")
         return Checked(_name(file, variant), variant, None, found, time.perf_counter() - start)
+    tell(task.id)
     try:
         found = prove(task)
     except SpecError as error:  # of one task, so that the others are still looked at

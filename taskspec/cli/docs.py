@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +10,7 @@ import typer
 
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, show
-from taskspec.cli.options import Json, Modifiers, Parameters, Targets, TaskArgument, Variant
+from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, Targets, TaskArgument, Variant
 from taskspec.diagnostics import Diagnostic, SpecError, raise_if_errors
 
 if TYPE_CHECKING:
@@ -64,6 +64,7 @@ def docs(
     brief: Brief = False,
     title: Title = "",
     json: Json = False,
+    limits: LimitsGiven = None,
 ) -> None:
     """Write the appendix of a paper: every task with its figure.
 
@@ -71,7 +72,9 @@ def docs(
     figures at these values.
 
     As a static site (html), files to include in a paper and a standalone document (latex, pdf), or for a repository
-    (markdown). Returns and verdicts on claims are computed for this.
+    (markdown). Returns and verdicts on claims are computed for this, where SciPy is installed.
+
+    A spec with an error is reported and left out; exit status 1 then.
     """
     from taskspec import appendix
     from taskspec.cli.check import plural
@@ -87,7 +90,7 @@ def docs(
         problems += unsound
         if not tasks:
             raise SpecError(problems)
-        facts = facts_of(tasks) if results else None
+        facts = _facts_of(tasks, problems) if results and has_scores() else {}
         written = appendix.write(tasks, wanted, output, title=title, facts=facts, columns=columns, brief=brief)
     show([*problems, *warnings])
     _is_something(written)
@@ -132,7 +135,7 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
     """All tasks of ids, files and folders, and the instances of experiments that are named; and what is wrong with others.
 
     Raises:
-        SpecError: for an experiment that has a mistake, and a target that is nothing of the kind.
+        SpecError: for a target that does not exist.
     """
     from taskspec.cli.specs import tasks_in
     from taskspec.cli.targets import files_of, kind_of
@@ -148,7 +151,10 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
         else:
             tasks.append(found)
     for target in named:
-        tasks += _instances(target, modifiers)
+        try:
+            tasks += _instances(target, modifiers)
+        except SpecError as error:
+            problems += error.diagnostics
     return tasks, problems
 
 
@@ -171,26 +177,49 @@ def _printable(tasks: Sequence[Task]) -> tuple[list[Task], list[Diagnostic], lis
     return found, warnings, problems
 
 
-def _instances(target: str, modifiers: Sequence[str]) -> Iterator[Task]:
-    """The tasks of an experiment."""
+def _instances(target: str, modifiers: Sequence[str]) -> list[Task]:
+    """The tasks of an experiment.
+
+    Raises:
+        SpecError: when it has a mistake.
+    """
     from taskspec.experiments import expand, read
     from taskspec.registry import load
 
     found = expand(read(target))
     raise_if_errors([*found.diagnostics, *found.refused])
-    for instance in found.instances:
-        yield load(
-            instance.source, instance.variant, modifiers=(*instance.modifiers, *modifiers), **instance.parameters
-        )
+    return [
+        load(each.source, each.variant, modifiers=(*each.modifiers, *modifiers), **each.parameters)
+        for each in found.instances
+    ]
 
 
-def facts_of(tasks: Sequence[Task]) -> dict[str, Facts]:
-    """Scores and verdicts at the defaults, by id of the task; those of other settings are gathered with its page."""
+def has_scores() -> bool:
+    """Whether scores can be worked out, for which SciPy is needed; where it is missing, standard error says so."""
+    from taskspec.extras import install, is_installed
+
+    if is_installed("scipy"):
+        return True
+    say(f"scores and verdicts need scipy, and are left out: {install('exact')}", err=True)
+    return False
+
+
+def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Facts]:
+    """Scores and verdicts at the defaults, by id of the task; those of other settings are gathered with its page.
+
+    Why a task has none is added to the problems.
+    """
     from taskspec.appendix import gather, together
     from taskspec.progress import telling
 
-    found = [task for task, _ in together(tasks)]
-    return {task.id: gather(task) for task in telling(found, lambda task: f"scores of {task.id}")}
+    tasks = [task for task, _ in together(tasks)]
+    found = {}
+    for task in telling(tasks, lambda task: f"scores of {task.id}"):
+        try:
+            found[task.id] = gather(task)
+        except SpecError as error:
+            problems += error.diagnostics
+    return found
 
 
 def _named(option: str, texts: Sequence[str], allowed: Sequence[str]) -> list[str]:

@@ -1,12 +1,13 @@
-"""What is at the foot of the terminal while something takes long: a line that says what it is, or a bar; gone when it is done.
+"""What is told while something takes long.
 
-Where standard error is no terminal, a run says how far it is in a line now and then.
+At the foot of a terminal, this is a line or a bar that is gone when it is done; elsewhere, lines that stay.
 """
 
 from __future__ import annotations
 
 import shutil
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,6 +25,10 @@ PATIENCE, EVERY = 1.0, 0.1
 """Seconds before the line is shown, and between its changes."""
 BETWEEN_LINES = 10.0
 """Seconds between the lines of a run where there is no terminal."""
+SLOW = 10.0
+"""Seconds after which a line names a part that takes long, where there is no terminal."""
+LOOK = 0.5
+"""Seconds between looks at the clock."""
 WIDTH = 20
 """Of a bar in the line, in letters."""
 
@@ -35,14 +40,12 @@ def is_terminal() -> bool:
 
 @contextmanager
 def progress(name: str) -> Iterator[None]:
-    """Within the block, a line on standard error tells what is done now; a bar and the time left where shares are told.
+    """Within the block, standard error tells what is done now.
 
-    Only terminals see it.
+    On a terminal this is a line that changes, with a bar and the time left where shares are told; elsewhere a line for each part
+    that takes long.
     """
-    if not is_terminal():
-        yield
-        return
-    line = _Line(name)
+    line = _Line(name) if is_terminal() else _Watch(name)
     try:
         with told_to(line.show):
             yield
@@ -121,3 +124,38 @@ class _Line:
         if self.is_shown:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
+
+
+class _Watch:
+    """Tells, in a line each, which parts take long. A thread looks at the clock, for a long part may tell nothing for minutes."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.part = ""
+        self.step = ""
+        self.since = time.monotonic()
+        self.is_told = False
+        self.over = threading.Event()
+        self.thread = threading.Thread(target=self._look, daemon=True)
+        self.thread.start()
+
+    def show(self, what: str, share: float | None = None) -> None:
+        if share is None:
+            self.step = what
+            return
+        self.part = what
+        self.step = ""
+        self.since = time.monotonic()
+        self.is_told = False
+
+    def _look(self) -> None:
+        while not self.over.wait(LOOK):
+            if not self.is_told and time.monotonic() - self.since >= SLOW:
+                self.is_told = True
+                words = ": ".join(filter(None, (self.name, self.part, self.step)))
+                sys.stderr.write(visible(f"{words} takes more than {SLOW:g} s") + "\n")
+                sys.stderr.flush()
+
+    def clear(self) -> None:
+        self.over.set()
+        self.thread.join()

@@ -108,9 +108,16 @@ def _others(target: str) -> list[tuple[Path, scan.Kind]]:
 
 
 def _below(folder: Path) -> list[tuple[Path, scan.Kind]]:
-    folders = [folder, *(p for depth in ("*", "*/*") for p in sorted(folder.glob(depth)))]
-    inside = [p for p in folders if p.is_dir() and not p.name.startswith(".")]
-    return [found for p in inside for found in registry.files_in(p) if found[1] in OTHERS]
+    """The experiments, exams and findings of a folder and of two levels of sub-folders."""
+    folders = [folder]
+    for inside in _inside(folder):
+        folders += [inside, *_inside(inside)]
+    return [found for each in folders for found in registry.files_in(each) if found[1] in OTHERS]
+
+
+def _inside(folder: Path) -> list[Path]:
+    """The folders in a folder but the hidden ones, sorted by name."""
+    return sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))
 
 
 def _files(target: str) -> list[File]:
@@ -139,7 +146,7 @@ def _of_folder(folder: Path) -> list[File]:
     """The specs of a folder and of its sub-folders."""
     found = [
         File(path, registry.suite_of(path))
-        for each in (folder, *sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")))
+        for each in (folder, *_inside(folder))
         for path, kind in registry.files_in(each)
         if kind == "taskspec"
     ]

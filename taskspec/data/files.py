@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any, NoReturn
+from zipfile import BadZipFile
 
 import numpy as np
 
+from taskspec.data.checks import check_pairs, check_transitions, check_whole
 from taskspec.data.demonstrations import Demonstrations
 from taskspec.data.minari import write_minari
 from taskspec.data.parquet import read_table, write_table
@@ -45,7 +48,7 @@ def _write_npz(path: Path, data: Data) -> None:
 
 
 def _read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    with np.load(path, allow_pickle=False) as held:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
         found = {name: held[name] for name in held.files}
     return found, json.loads(str(found.pop("metadata")))
 
@@ -135,14 +138,15 @@ def read(path: str | PathLike[str]) -> Data:
     try:
         found, metadata = reader(place)
         return _data(found, metadata)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        _unreadable(place, error)
+    except KeyError as error:
+        _unreadable(place, f"it has no `{error.args[0]}`")
+    except (OSError, EOFError, ValueError, TypeError, BadZipFile, zlib.error) as error:
+        _unreadable(place, str(error))
 
 
-def _unreadable(place: Path, error: Exception) -> NoReturn:
-    raise SpecError(
-        [Diagnostic("E711", None, f"'{place}' contains neither demonstrations nor preferences: {error}")]
-    ) from None
+def _unreadable(place: Path, reason: str) -> NoReturn:
+    message = f"'{place}' contains neither demonstrations nor preferences: {reason}"
+    raise SpecError([Diagnostic("E711", None, message)]) from None
 
 
 # -- as flat arrays -----------------------------------------------------------------------------------------------
@@ -174,7 +178,9 @@ def _table(data: Data) -> dict[str, Array]:
 def _data(found: Mapping[str, Any], metadata: dict[str, Any]) -> Data:
     """What was kept as flat arrays, or as columns of a table."""
     transitions = Transitions(**{name: _nested(found, name) for name in COLUMNS})
+    check_transitions(transitions)
     if metadata["kind"] == "demonstrations":
+        check_whole(transitions)
         return Demonstrations(**columns(transitions), metadata=metadata)
     if "preference" in found:
         first = transitions.starts
@@ -182,6 +188,7 @@ def _data(found: Mapping[str, Any], metadata: dict[str, Any]) -> Data:
                     "returns": found["return"][first].reshape(-1, 2)}  # fmt: skip
     else:
         per_pair = {name: found[name] for name in PAIRS}
+    check_pairs(transitions, **per_pair)
     return Preferences(transitions, **per_pair, metadata=metadata)
 
 

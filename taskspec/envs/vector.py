@@ -103,17 +103,21 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         one_of("ending", ending, ENDINGS)
         if not isinstance(autoreset_mode, AutoresetMode):
             one_of("autoreset_mode", autoreset_mode, _MODES)
-        mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.task: Task = with_options(load(task), ending, observe_time)
         self.num_envs: int = lanes_of(self.task, num_envs)
         self.backend: str = select.choose(self.task, backend)
-        self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4, "autoreset_mode": mode}
+        self.metadata: dict[str, Any] = {
+            "render_modes": list(RENDER_MODES),
+            "render_fps": 4,
+            "autoreset_mode": self.autoreset_mode,
+        }
         self.render_mode: str | None = rendered(render_mode)
         self._spec: EnvSpec | None = None
-        options = Options(_MODES[mode.value], num_threads)
+        options = Options(_MODES[self.autoreset_mode.value], num_threads)
         self._engine = select.engine(self.task, num_envs, self.backend, options)
         self._set_spaces()
-        self._same_step, self._reuse = mode == AutoresetMode.SAME_STEP, reuse
+        self._same_step, self._reuse = self.autoreset_mode == AutoresetMode.SAME_STEP, reuse
         self._seeded = False
         self._drawings: defaultdict[int, Frames] = defaultdict(Frames)
 

@@ -22,6 +22,11 @@ from taskspec.runs.work import GRACE, IDLE, late
 
 LOOK = 0.5
 """Seconds between looks at whether a process is still there that does not answer."""
+ONE_THREAD = {"PJRT_NPROC": "1"}
+"""The environment of a process, unless it says otherwise: one thread for JAX.
+
+There may be a process for each processor, and with two threads JAX was seen to wait for ever.
+"""
 START = """
 import os, pickle, signal, sys
 signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -97,7 +102,12 @@ class _Process:
         os.close(handle)
         self._trace = Path(name)
         self._answers: Queue[Ending | None] = Queue()
-        self._process = subprocess.Popen([sys.executable, "-c", START], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", START],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**ONE_THREAD, **os.environ},
+        )
         self._send(sys.path)
         self.rested = time.monotonic()
         Thread(target=self._listen, daemon=True).start()

@@ -23,6 +23,7 @@ from taskspec.exact.planning import solve
 from taskspec.exact.planning.plans import Plan, rule_of, tables, uniform_plan
 from taskspec.exact.scoring.returns import Given, Results, Return
 from taskspec.exact.simulation.rollout import State, reads_of
+from taskspec.extras import is_installed
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.types import Kind
@@ -257,9 +258,10 @@ class _Epsilon:
     @cached_property
     def value(self) -> Return | None:
         results = Results(self.task, expert="optimal" if self.task.expert is None else None)
-        model = results.model  # of the task with the expert's memory, where it has one
-        if model is None or _computed(results, "expert") is None:
+        if _computed(results, "expert") is None:
             return None
+        model = results.model  # of the task with the expert's memory, where it has one
+        assert model is not None
         return Return(solve.policy_return(model, self.plan(model)), tested=results.tested("expert"))
 
 
@@ -307,7 +309,7 @@ def _needs_model(name: str, results: Results) -> NoReturn:
 
 
 def _computed(results: Results, which: str) -> Return | None:
-    """A return from the exact model; None where it would have to be simulated."""
-    if results.model is None or results.enclosure(which) is None:
+    """A return from the exact model; None where it would have to be simulated, or SciPy is missing, which exact models need."""
+    if not is_installed("scipy") or results.model is None or results.enclosure(which) is None:
         return None
     return results.expert if which == "expert" else results.random
