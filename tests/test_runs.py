@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -20,6 +21,7 @@ from taskspec.cli.failures import reported
 from taskspec.diagnostics import SpecError
 from taskspec.extras import is_installed
 from taskspec.runs import Interrupted, Job, JobResult, Standing, Store, run
+from taskspec.runs.code import code_hash
 from tests import jobs
 from tests.conftest import ROOT
 
@@ -313,3 +315,34 @@ def test_without_loky_there_is_a_command_that_installs_it(tmp_path: Path, monkey
     with Store(tmp_path / "store") as store, pytest.raises(SpecError) as error:
         run(jobs.squares(1), store)
     assert code(error) == "E705" and "[sweep]" in str(error.value)
+
+
+# -- functions in files -------------------------------------------------------------------------------------------
+
+
+def test_the_hash_of_a_function_covers_what_its_file_imports_from_its_folder(tmp_path: Path) -> None:
+    files = {
+        "model.py": "import json\nfrom parts import inner\n\ndef act(seen):\n    import later\n    return 0\n",
+        "later.py": "x = 1\n",
+        "other.py": "x = 1\n",
+        "parts/__init__.py": "",
+        "parts/inner.py": "from . import deep\nfrom ..outside import x\n",
+        "parts/deep.py": "import parts.inner\n",
+    }
+    for name, text in files.items():
+        place = tmp_path / "one" / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text)
+    shutil.copytree(tmp_path / "one", tmp_path / "two")
+    before = code_hash(tmp_path / "one" / "model.py", "act")
+    assert code_hash(tmp_path / "two" / "model.py", "act") == before
+    assert code_hash(tmp_path / "one" / "model.py", "other") != before
+    for name in files:
+        place = tmp_path / "two" / name
+        text = place.read_text()
+        place.write_text(text + "y = 2\n")
+        now = code_hash(tmp_path / "two" / "model.py", "act")
+        assert (now == before) == (name == "other.py"), name
+        place.write_text(text)
+    (tmp_path / "two" / "model.py").write_text("def act(:")
+    assert code_hash(tmp_path / "two" / "model.py", "act") != before
