@@ -93,6 +93,12 @@ def also(text: str) -> Iterator[None]:
         _set(before)
 
 
+def written() -> str:
+    """Return the limits that hold, as `also` takes them: results that rest on limits are kept with these."""
+    now = limits()
+    return ",".join(f"{row.name}={getattr(now, row.name)}" for row in table() if not row.fixed)
+
+
 def _set(text: str) -> None:
     os.environ[VARIABLE] = text
     limits.cache_clear()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -348,3 +349,12 @@ def test_the_benchmark_agrees_with_plain_loops() -> None:
     assert other is None or other.value == pytest.approx(found[0].value, abs=1e-9)
     assert benchmark.memory(exact.extract(benchmark.grid(45))) < 2**20
     assert benchmark.record(found)[0]["total"] == found[0].total
+
+
+def test_the_benchmark_reads_memory_as_each_system_tells_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    here = benchmark.ours(3, 1).peak_mb
+    monkeypatch.setattr("sys.platform", "darwin")
+    assert benchmark.ours(3, 1).peak_mb == pytest.approx(here / 1024, rel=0.1)
+    monkeypatch.setitem(sys.modules, "resource", None)  # as on Windows
+    assert math.isnan(benchmark.ours(3, 1).peak_mb)

@@ -22,6 +22,7 @@ from taskspec.diagnostics import SpecError
 from taskspec.extras import is_installed
 from taskspec.runs import Interrupted, Job, JobResult, Standing, Store, run
 from taskspec.runs.code import code_hash
+from taskspec.runs.crew import START
 from tests import jobs
 from tests.conftest import ROOT
 
@@ -310,11 +311,20 @@ def test_an_address_without_a_cluster_is_a_message(tmp_path: Path, monkeypatch: 
     assert code(error) == "E723"
 
 
-def test_without_loky_there_is_a_command_that_installs_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "loky", None)
-    with Store(tmp_path / "store") as store, pytest.raises(SpecError) as error:
-        run(jobs.squares(1), store)
-    assert code(error) == "E705" and "[sweep]" in str(error.value)
+def test_a_run_needs_no_package_beside_the_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("loky", "distributed", "cloudpickle"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with Store(tmp_path / "store") as store:
+        assert run(jobs.squares(3), store, workers=1).not_done == ()
+
+
+def test_time_limits_hold_where_there_are_no_signals(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Windows: the process is ended, and the next job has a new one."""
+    monkeypatch.setattr("taskspec.runs.crew.START", f"import signal\ndel signal.setitimer, signal.SIGALRM\n{START}")
+    with Store(tmp_path / "store") as store:
+        outcome = run([Job("turn", "turn", jobs.turn), *jobs.squares(2)], store, workers=1, seconds=0.5)
+    (late,) = outcome.not_done
+    assert late.status == "timed_out" and "could not be interrupted" in str(late.message)
 
 
 # -- functions in files -------------------------------------------------------------------------------------------

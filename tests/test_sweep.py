@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import taskspec
-from taskspec import experiments
+from taskspec import experiments, limits
 from taskspec.exact.difficulty import MEASURES
 from taskspec.experiments import picture, sweep
 from taskspec.runs import Store
@@ -157,3 +157,47 @@ def test_the_picture_has_curves_over_one_parameter_and_maps_over_two(file: Path,
     for i, b in enumerate((2, 3)):
         for j, n in enumerate((2, 4)):
             assert math.isclose(cells[i][j], b**-n)
+
+
+POLICY = """
+experiment: 1
+name: e
+tasks: [{task: derail/Branching, parameters: {L: 2, B: 2}, modifiers: []}]
+policies: ["MODEL:act"]
+episodes: 10
+measures: []
+"""
+
+
+def test_all_that_a_result_depends_on_decides_whether_it_still_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The function of a policy, what it imports, modifiers and limits: each that changes is worked out anew, and nothing else."""
+    file = tmp_path / "e.yaml"
+    model = tmp_path / "model.py"
+    helper = tmp_path / "helper.py"
+    text = POLICY.replace("MODEL", str(model))
+    file.write_text(text)
+    model.write_text("from helper import choice\n\ndef act(seen):\n    return choice\n")
+    helper.write_text("choice = 0\n")
+
+    def results() -> int:
+        rows = swept(file)
+        assert [row["error"] for row in rows] == [None]
+        with Store(tmp_path / "results" / "e.sqlite") as store:
+            return len(store.results())
+
+    assert results() == 1
+    helper.write_text("choice = 1\n")
+    assert results() == 2
+    model.write_text(model.read_text() + "\n")
+    assert results() == 3
+    file.write_text(text.replace("modifiers: []", "modifiers: [{sticky: 0.25}]"))
+    assert results() == 4
+    monkeypatch.setenv("TASKSPEC_LIMITS", "transitions=1000")
+    limits.limits.cache_clear()
+    assert results() == 5
+    assert results() == 5
+    monkeypatch.undo()
+    limits.limits.cache_clear()
+    assert results() == 5

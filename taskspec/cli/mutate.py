@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.cli.console import say
 from taskspec.cli.options import Json, Targets
 
 if TYPE_CHECKING:
@@ -43,11 +44,13 @@ def mutate(
     """
     from taskspec.cli.bench_print import Progress
     from taskspec.cli.targets import checked_choice
-    from taskspec.mutation import CLASSES, judgements, mutants
+    from taskspec.mutation import CLASSES, has_timers, judgements, mutants
     from taskspec.source import read_file
 
     classes = [*ALWAYS, *(checked_choice("--list", name, tuple(CLASSES)) for name in shown or ())]
     paths = _specs(targets or [])
+    if not has_timers():
+        say("note: this system has no timers: changes that take long are waited for, and none is called slow", err=True)
     with Progress(sum(1 for path in paths for _ in mutants(read_file(path))), quiet=json) as progress:
         found = {
             path: list(judgements(path, jobs or os.cpu_count() or 1, lambda: progress.tick("changing")))

@@ -259,8 +259,8 @@ or give this one another file. A run that was killed does not block the file.
         "no-cluster",
         "a Dask cluster that does not answer",
         """
-No scheduler answers at the address, it has no workers, or it was lost in the middle of a run. Workers need taskspec
-and loky installed, in the same versions. Finished results are kept, and the same command resumes from there.
+No scheduler answers at the address, it has no workers, or it was lost in the middle of a run. Workers need the same
+version of taskspec. Finished results are kept, and the same command resumes from there.
 
 ```console
 dask scheduler

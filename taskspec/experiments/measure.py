@@ -36,7 +36,7 @@ COLUMNS = (
 class Questions:
     """What is asked of every instance: measures of difficulty (None: all), roll-outs, steps per second.
 
-    `seconds` is the limit of each exact analysis (None: the usual one).
+    `code` are hashes of the policies that are functions of files, and `limits` those that hold, as `limits.also` takes them.
     """
 
     measures: tuple[str, ...] | None = None
@@ -44,7 +44,8 @@ class Questions:
     seeds: int = 1
     episodes: int = 1000
     speed: bool = False
-    seconds: float | None = None
+    code: tuple[str, ...] = ()
+    limits: str = ""
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Order:
 
 
 def key(content_hash: str, modifiers: tuple[str, ...], wanted: Questions) -> str:
-    """What a result is kept under: the hash of the task's content, of the modifiers, of what is asked, and of the version."""
+    """Return what a result is kept under: a hash of the task, of the modifiers, of what is asked, and of the version."""
     content = [content_hash, modifiers, sorted(vars(wanted).items()), __version__]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
@@ -68,7 +69,7 @@ def measure(order: Order) -> dict[str, Any]:
         SpecError: where there is no such task, or something that is asked of it cannot be told of any task.
     """
     wanted = order.wanted
-    with also("" if wanted.seconds is None else f"seconds={wanted.seconds:g}"):
+    with also(wanted.limits):
         task = order.about.task()
         tell("the exact model")
         results = Results(task, wanted.episodes)

@@ -6,14 +6,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from taskspec import registry
+from taskspec import limits, registry
+from taskspec.data.functions import is_function, place_of
 from taskspec.experiments.instances import Expanded, Instance, expand
 from taskspec.experiments.measure import Order, Questions, key, measure
 from taskspec.experiments.order import Sent
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.results import Measured
-from taskspec.limits import limits
 from taskspec.runs import Job, JobResult, Standing, Store, run
+from taskspec.runs.code import code_hash
 from taskspec.source import packed
 from taskspec.task.schema import Experiment
 
@@ -72,11 +73,13 @@ def sweep(
 
 
 def wanted_of(experiment: Experiment) -> Questions:
-    """What an experiment asks of every instance."""
+    """Return what an experiment asks of every instance."""
     measures = None if experiment.measures is None else tuple(experiment.measures)
+    functions = [place_of(name) for name in experiment.policies if is_function(name)]
+    code = tuple(code_hash(path, function) for path, function in functions)
     return Questions(
-        measures, tuple(experiment.policies), experiment.seeds or 1, experiment.episodes, experiment.speed,
-        limits().seconds,
+        measures, tuple(experiment.policies), experiment.seeds or 1, experiment.episodes, experiment.speed, code,
+        limits.written(),
     )  # fmt: skip
 
 

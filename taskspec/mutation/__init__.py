@@ -5,6 +5,7 @@ from __future__ import annotations
 from taskspec.mutation.judge import CLASSES as CLASSES
 from taskspec.mutation.judge import Judgement as Judgement
 from taskspec.mutation.judge import Original as Original
+from taskspec.mutation.judge import has_timers as has_timers
 from taskspec.mutation.judge import judge as judge
 from taskspec.mutation.mutants import Mutant as Mutant
 from taskspec.mutation.mutants import mutants as mutants

@@ -32,6 +32,12 @@ CLASSES: Mapping[Class, str] = {
     "slow": "not decided in time",
 }
 SECONDS = 60
+"""After which a change is `slow`, where the system has timers."""
+
+
+def has_timers() -> bool:
+    """Return whether changes that take too long can be given up: Windows has no signal for that."""
+    return hasattr(signal, "SIGALRM")
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +143,8 @@ def everywhere(same: Callable[[Task, Task], bool], one: Task, other: Task) -> bo
 
 @contextmanager
 def _within(seconds: int) -> Iterator[None]:
-    """Raises TimeoutError when the inside takes longer, where the system has timers."""
-    if not hasattr(signal, "SIGALRM"):
+    """Raise TimeoutError when the inside takes longer, where the system has timers."""
+    if not has_timers():
         yield
         return
 

@@ -106,7 +106,7 @@ def run(
         retry_failed: whether jobs that ended without a result in earlier runs are begun anew.
 
     Raises:
-        SpecError: E705, loky or distributed is not installed; E713, workers or seconds that cannot be; E716, E722, E723.
+        SpecError: E705, distributed is not installed; E713, workers or seconds that cannot be; E716, E722, E723.
         Interrupted: Ctrl-C.
     """
     start = time.monotonic()

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.extras import need
-from taskspec.runs.crew import Crew
+from taskspec.runs.crew import Crew, processors
 from taskspec.runs.job import Ending
 
 AHEAD = 2
@@ -61,7 +61,7 @@ def site(workers: int | None, cluster: str | None) -> Iterator[Site]:
     """The cluster with an address, or this machine. What is not done when the block ends is given up.
 
     Raises:
-        SpecError: E705, loky or distributed is not installed; E713, workers that cannot be; E723, the cluster does not answer.
+        SpecError: E705, distributed is not installed; E713, workers that cannot be; E723, the cluster does not answer.
     """
     if workers is not None and cluster is not None:
         raise _refuse("a cluster has as many workers as it has", "leave the number of workers out")
@@ -78,7 +78,7 @@ def _refuse(message: str, hint: str) -> SpecError:
 @contextmanager
 def _here(workers: int | None) -> Iterator[Site]:
     crew = Crew()
-    count = workers or need("loky").cpu_count()
+    count = workers or processors()
     executor = ThreadPoolExecutor(count)
     try:
         yield Site(executor, crew.attempt, 1, lambda: count * AHEAD, _raised)
@@ -133,7 +133,7 @@ def _quiet() -> Iterator[None]:
 
 
 def _no_cluster(message: str) -> SpecError:
-    hint = "check that its scheduler and workers run, with taskspec and loky installed; finished results are kept"
+    hint = "check that its scheduler and workers run, with taskspec installed; finished results are kept"
     return SpecError([Diagnostic("E723", None, message, hint)])
 
 

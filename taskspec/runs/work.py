@@ -5,6 +5,7 @@ from __future__ import annotations
 import faulthandler
 import json
 import os
+import pickle
 import platform
 import signal
 import threading
@@ -13,12 +14,15 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from queue import Empty, Queue
+from typing import Any, BinaryIO
 
 from taskspec import __version__
 from taskspec.diagnostics import TaskspecError
 from taskspec.runs.job import Ending, unpacked
 
+IDLE = 60.0
+"""Seconds after which a process that has nothing to do ends."""
 GRACE = 1.0
 """Seconds after its limit in which a call may still stop by itself."""
 
@@ -27,16 +31,32 @@ class _Late(BaseException):
     """The time is up. Not an `Exception`, so that a call which catches those stops as well."""
 
 
-def begin(parent: int) -> None:
-    """Prepare a process that works for another: Ctrl-C is not its business, and it ends when the other is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_outlive_not, args=(parent,), daemon=True).start()
+def serve(questions: BinaryIO) -> None:
+    """Do the calls that another process sends, and answer on standard output, until there are none for a while.
+
+    What calls print goes to standard error. This process ends when the other is gone, whatever it is at.
+    """
+    answers = os.fdopen(os.dup(1), "wb")
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.dup2(2, 1)
+    calls: Queue[tuple[bytes, float | None, Path]] = Queue()
+    threading.Thread(target=_receive, args=(questions, calls), daemon=True).start()
+    while True:
+        try:
+            call, seconds, trace = calls.get(timeout=IDLE)
+        except Empty:
+            return
+        pickle.dump(perform(call, seconds, trace), answers)
+        answers.flush()
 
 
-def _outlive_not(parent: int) -> None:
-    while hasattr(os, "fork") and os.getppid() == parent:  # elsewhere the number stays when the parent goes
-        time.sleep(0.5)
-    if hasattr(os, "fork"):
+def _receive(questions: BinaryIO, calls: Queue[tuple[bytes, float | None, Path]]) -> None:
+    try:
+        while True:
+            calls.put(pickle.load(questions))
+    except EOFError:
         os._exit(1)
 
 

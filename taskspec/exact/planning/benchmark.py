@@ -8,7 +8,8 @@ the probability of reaching it within the horizon from a cell 40 steps away on b
 from __future__ import annotations
 
 import importlib
-import resource
+import math
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -159,8 +160,17 @@ def _outcomes(s: int, a: int, n: int) -> list[tuple[float, float, int]]:
 
 def _timing(name: str, n: int, steps: int, start: float, built: float, value: float) -> Timing:
     done = time.perf_counter()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return Timing(name, n * n, steps, built - start, done - built, value, peak)
+    return Timing(name, n * n, steps, built - start, done - built, value, _peak())
+
+
+def _peak() -> float:
+    """Return the most memory that this process has taken so far, in MB; NaN where the system does not say."""
+    if not is_installed("resource"):
+        return math.nan
+    import resource
+
+    unit = 2**20 if sys.platform == "darwin" else 2**10  # bytes there, KiB elsewhere
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
 
 
 def memory(model: Model) -> int:
