@@ -22,6 +22,7 @@ from taskspec.exam.suites import exam_id, tasks_of
 from taskspec.exam.trial import LearnerFailed, Row, Trial, run_trial
 from taskspec.exam.twins import Modifiers, twins_of
 from taskspec.exam.verdicts import verdicts
+from taskspec.limits import written
 from taskspec.modifiers import modify
 from taskspec.runs import Job, JobResult, Standing, Store, run
 from taskspec.task.task import Task, TaskLike
@@ -132,7 +133,7 @@ def _plan(
 def _place(
     task: Task, twin: Modifiers | None, who: Examinee, terms: ExamTerms, seeds: tuple[int, ...], negated: bool = False
 ) -> Planned:
-    trial = Trial(modify(task, *(twin or ())), negated, who.place or "", who.content, terms, seeds, EPISODES)
+    trial = Trial(modify(task, *(twin or ())), negated, who.place or "", who.content, terms, seeds, EPISODES, written())
     return Planned(task, twin, trial)
 
 
@@ -167,10 +168,7 @@ def _failed(planned: Planned, message: str) -> list[Row]:
 
 
 def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, running: Running) -> tuple[Rows, Measures]:
-    measures = {
-        exam_id(t): Job(yardsticks.key(t.content_hash, EPISODES), t.instance_id, yardsticks.measured, (t, EPISODES))
-        for t in asked
-    }
+    measures = {exam_id(task): _measuring(task) for task in asked}
     known = run(measures.values(), store, workers=running.workers, cluster=running.cluster, retry_failed=True).rows
     for job in measures.values():
         if known[job.key].status != "done":
@@ -182,6 +180,13 @@ def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, run
     ).rows  # fmt: skip
     rows = [_rows(planned, done[job.key]) for planned, job in zip(plan, trials, strict=True)]
     return rows, {task: known[job.key].value for task, job in measures.items()}
+
+
+def _measuring(task: Task) -> Job:
+    """The job that works out the yardsticks of a task."""
+    limits = written()
+    key = yardsticks.key(task.content_hash, EPISODES, limits)
+    return Job(key, task.instance_id, yardsticks.measured_within, (task, EPISODES, limits))
 
 
 def _rows(planned: Planned, result: JobResult) -> list[Row]:

@@ -33,8 +33,8 @@ class Examinee:
         place: where another process finds it; None for a function that was handed over.
         train: `train(case)` gives a policy; where it learns `together`, a list of them, one for each seed of the block.
         learns_from: what it is entitled to.
-        content: a hash of what it does: of its file and of what that imports from its folder, or of its settings; empty for a function that
-            was handed over.
+        content: a hash of its file and of what that imports from its folder, or of its settings; empty for a function that was
+            handed over.
     """
 
     name: str

@@ -22,6 +22,7 @@ from taskspec.exam.policies import values
 from taskspec.exam.rewards import told
 from taskspec.exam.twins import NEGATED
 from taskspec.learners import CannotLearn
+from taskspec.limits import also
 from taskspec.modifiers import modify
 from taskspec.task.task import Task
 
@@ -43,6 +44,7 @@ class Trial:
         negated: whether the reward that is withheld is negated (scores are by the true one all the same).
         place, content: of the learner, for another process.
         episodes: for scores that have to be simulated.
+        limits: that hold, as `taskspec.limits.also` takes them.
     """
 
     about: Task
@@ -52,18 +54,25 @@ class Trial:
     terms: ExamTerms
     seeds: tuple[int, ...]
     episodes: int
+    limits: str
 
     @property
     def key(self) -> str:
-        """A hash of all that the result depends on; the block is part of it, as its width may change results."""
+        """Return a hash of all that the result depends on; the block is part of it, as its width may change results."""
         told = [
-            self.about.content_hash, self.negated, self.content, vars(self.terms), self.seeds, self.episodes,
+            self.about.content_hash, self.negated, self.content, vars(self.terms), self.seeds, self.episodes, self.limits,
             taskspec.__version__,
         ]  # fmt: skip
         return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
 def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[Row]:
+    """Do `_run` within the limits of a trial."""
+    with also(trial.limits):
+        return _run(trial, train)
+
+
+def _run(trial: Trial, train: Callable[[Any], Any] | None) -> list[Row]:
     """Train, and score what was learned: a row for each seed of the block, with `cannot` alone where it is not for this task.
 
     Args:

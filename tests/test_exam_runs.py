@@ -1,0 +1,192 @@
+"""Training runs of an exam, in other processes: each begins anew, is kept as long as it counts, and fails alone."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskspec import limits
+from taskspec.exam import Running, examine
+from taskspec.runs import Standing
+from tests.learners import counting
+from tests.shared.commands import Done
+
+LEARNERS = Path(counting.__file__)
+
+
+def held(tmp_path: Path, learner: str, *options: str) -> tuple[int, Any]:
+    done = Done("exam", learner, "--out", tmp_path, "--json", *options)
+    assert done.status in (0, 1), done.err
+    return done.status, json.loads(done.out)
+
+
+# -- each begins anew ---------------------------------------------------------------------------------------------
+
+FORGETFUL = """
+import numpy as np
+
+from notes import seen
+
+STARTED = []
+
+
+def train(case):
+    '''Masters the task in the second of the runs that share its module, or what it imports.'''
+    STARTED.append(case.seed)
+    seen.SEEDS.append(case.seed)
+    case.count(len(STARTED) + len(seen.SEEDS))
+    table = np.zeros((case.observation_space.n, case.action_space.n))
+    table[:, 0] = len(STARTED) > 1 or len(seen.SEEDS) > 1
+    return table
+"""
+
+
+@pytest.mark.parametrize(
+    ("form", "jobs"), [("{folder}/keeping.py:train", 1), ("{folder}/keeping.py:train", 2), ("keeping:train", 1)]
+)
+def test_what_a_run_leaves_in_modules_does_not_reach_the_next_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str, jobs: int
+) -> None:
+    (tmp_path / "keeping.py").write_text(FORGETFUL, encoding="utf-8")
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "seen.py").write_text("SEEDS = []\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", sys.path[:])
+    options = ("-t", "EarlyTermPos", "--seeds", "4", "--twins", "0", "--no-probes", "-j", str(jobs))
+    _, found = held(tmp_path / "out", form.format(folder=tmp_path), *options)
+    for module in ("keeping", "notes", "notes.seen"):
+        sys.modules.pop(module, None)
+    assert [score["error"] for score in found["scores"]] == [None] * 4
+    assert [score["steps"] for score in found["scores"]] == [2] * 4
+    assert {round(score["deterministic"], 9) for score in found["scores"]} == {0.0}
+
+
+def test_settings_of_a_learner_in_a_file_mean_the_same_from_the_folder_that_it_is_in(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.yaml").write_text("learner: mce\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    options = ("-t", "EarlyTermPos", "--seeds", "1", "--twins", "0", "--no-probes", "-j", "1")
+    _, found = held(tmp_path / "out", "mine.yaml", *options)
+    assert [(score["error"], score["deterministic"]) for score in found["scores"]] == [(None, pytest.approx(1))]
+
+
+# -- what is kept -------------------------------------------------------------------------------------------------
+
+TASK = """
+taskspec: 1
+name: Tiny
+parameters: {n: {type: int, default: 2, low: 1, high: 5}}
+state: {s: {type: int, low: 0, high: 5}}
+action: {a: {type: choice, values: [stay, go]}}
+horizon: 3
+terminal: false
+initial: {s: 0}
+dynamics: {"s'": "min(n, s + 1) if a == go else s"}
+reward: "1 if s == n else 0"
+"""
+LEARNER = """
+import numpy as np
+import helper
+
+
+def train(case):
+    return np.zeros((case.observation_space.n, case.action_space.n))
+
+
+other = train
+"""
+RUNS = 2
+"""Training runs of the exam that the matrix changes."""
+
+
+class Asked(Exception):
+    """All that is wanted of a run is how many results it has already."""
+
+
+def known(folder: Path, **terms: Any) -> int:
+    """How many of an exam's training runs are not done anew."""
+    told: list[Standing] = []
+
+    def stop(standing: Standing) -> None:
+        told.append(standing)
+        raise Asked
+
+    wanted = {"learner": f"{folder}/mine.py:train", "tasks": [f"{folder}/tiny.yaml"], "seeds": (0, 1)} | terms
+    learner = wanted.pop("learner")
+    running = Running(workers=1, progress=stop)
+    with pytest.raises(Asked):
+        examine(learner, **FIXED | wanted, out=folder / "out", running=running)  # type: ignore[arg-type]
+    return told[0].before
+
+
+FIXED: dict[str, Any] = {"steps": 9, "transitions": 9, "twins": 0, "probes": False}
+
+
+@pytest.fixture(scope="module")
+def exam(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of an exam that is done."""
+    folder = tmp_path_factory.mktemp("exam")
+    for name, text in {"tiny.yaml": TASK, "mine.py": LEARNER, "helper.py": "rate = 1\n", "beside.py": ""}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    found = examine(
+        f"{folder}/mine.py:train", tasks=[f"{folder}/tiny.yaml"], seeds=(0, 1), out=folder / "out",
+        running=Running(workers=1), **FIXED,
+    )  # fmt: skip
+    assert [score["error"] for score in found["scores"]] == [None] * RUNS
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("terms", "reused"),
+    [
+        ({}, RUNS), ({"seeds": (1, 0)}, RUNS), ({"seeds": (1, 2)}, 1), ({"steps": 10}, 0), ({"transitions": 10}, 0),
+        ({"learns_from": ["reward"]}, 0), ({"tasks": ["{folder}/tiny.yaml?n=3"]}, 0),
+        ({"tasks": ["{folder}/tiny.yaml+sticky=0.5"]}, 0), ({"learner": "{folder}/mine.py:other"}, 0),
+        ({"probes": True}, RUNS), ({"twins": 1}, RUNS),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_results_of_an_exam_with_other_terms_are_not_reused(exam: Path, terms: dict[str, Any], reused: int) -> None:
+    def placed(value: Any) -> Any:
+        if isinstance(value, list):
+            return [placed(each) for each in value]
+        return value.format(folder=exam) if isinstance(value, str) else value
+
+    assert known(exam, **{name: placed(value) for name, value in terms.items()}) == reused
+
+
+@pytest.mark.parametrize(
+    ("name", "reused"), [("tiny.yaml", 0), ("mine.py", 0), ("helper.py", 0), ("beside.py", RUNS)], ids=str
+)
+def test_results_of_other_files_are_not_reused(exam: Path, name: str, reused: int) -> None:
+    file = exam / name
+    before = file.read_text(encoding="utf-8")
+    change = "discount: 0.9\n" if name == "tiny.yaml" else "changed = True\n"
+    file.write_text(before + change, encoding="utf-8")
+    try:
+        assert known(exam) == reused
+    finally:
+        file.write_text(before, encoding="utf-8")
+        sys.modules.pop("helper", None)
+    assert known(exam) == RUNS
+
+
+def test_results_of_other_versions_limits_and_episodes_are_not_reused(
+    exam: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with limits.also("transitions=1e6"):
+        assert known(exam) == 0
+    with monkeypatch.context() as changed:
+        changed.setattr("taskspec.__version__", "0.0.0")
+        assert known(exam) == 0
+    with monkeypatch.context() as changed:
+        changed.setattr("taskspec.exam.examining.EPISODES", 7)
+        assert known(exam) == 0
