@@ -18,7 +18,7 @@ import taskspec
 from taskspec.exam import BudgetSpent, Case, NotGranted, examine, read
 from taskspec.exam.case import ExamTerms
 from tests.learners import counting
-from tests.shared.commands import Done
+from tests.shared.commands import Done, spec
 
 LEARNERS = Path(counting.__file__)
 FINITE = ["RiskyPath", "EarlyTermPos", "EarlyTermNeg", "Branching"]
@@ -50,6 +50,66 @@ def test_the_reward_is_withheld_from_those_who_are_not_entitled_to_it() -> None:
         assert set(lanes.step(np.zeros(5, int))[1]) == paid
     assert not case("derail/RiskyPath", 9, "demonstrations").demonstrations.rews.any()
     assert case("derail/RiskyPath", 9, "demonstrations", "reward").demonstrations.rews.any()
+
+
+WAYS: dict[str, Callable[[Case], Any]] = {
+    "the model": lambda case: case.task.tabular().R.tolist(),
+    "the model of the task as written": lambda case: case.task.unmodified.tabular().R.tolist(),
+    "the task with another parameter": lambda case: taskspec.load(case.task, p=0.5).reward,
+    "an environment of the task": lambda case: walk(case.task.make(), 1),
+    "the environment inside": lambda case: walk(case.env().unwrapped, 1),
+    "environments inside": lambda case: walk(case.make_vec(2).unwrapped, np.ones(2, int)),
+    "the expression": lambda case: (case.task.reward, case.task.absorbing_reward, case.task.unmodified.reward),
+    "the spec": lambda case: (case.task.spec.model_dump_json(), case.task.written, case.task.document.data),
+    "the expert": lambda case: (case.task.expert, case.task.memory, case.task.unmodified.expert),
+    "claims and examples": lambda case: (case.task.claims, case.task.examples),
+    "the stand-in": lambda case: taskspec.exact.extract(case.task).reward.tolist(),
+}
+HIDING = """
+taskspec: 1
+name: Hiding
+parameters: {p: {type: real, default: 0.25}}
+state: {s: {type: int, low: 0, high: 2}}
+action: {a: {type: choice, values: [stay, go]}}
+horizon: 3
+terminal: false
+initial: {s: 0}
+dynamics: {"s'": "min(2, s + 1) if a == go else s"}
+reward: PAYS
+absorbing_reward: PAID
+expert: {a: ACTS}
+claims: [optimal_return == BEST]
+examples: [{state: {s: 0}, action: {a: go}, reward: STEP}]
+variants: {HidingOther: {reward: PAID}}
+"""
+
+
+def walk(env: Any, action: Any) -> list[float]:
+    """What steps are paid."""
+    env.reset(seed=1)
+    return [float(np.sum(env.step(action)[1])) for _ in range(3)]
+
+
+def test_nothing_that_is_not_granted_is_found_in_what_a_case_gives(tmp_path: Path) -> None:
+    """Two tasks that differ in what is withheld alone cannot be told apart."""
+    cases = []
+    for folder, words in (("one", ("1 if s' == 2 else 0", "5", "go", "2", "0")), ("other", ("2 - s'", "7", "stay", "6", "1"))):
+        text = HIDING
+        for name, word in zip(("PAYS", "PAID", "ACTS", "BEST", "STEP"), words, strict=True):
+            text = text.replace(name, word)
+        (tmp_path / folder).mkdir()
+        task = taskspec.load(spec(tmp_path / folder, text))
+        cases.append([Case(taskspec.modify(task, *m), [3], ExamTerms(100, (), 50)) for m in ((), ("sticky=0.5",))])
+    for one, other in zip(*cases, strict=True):
+        for name, way in WAYS.items():
+            assert repr(way(one)) == repr(way(other)), name
+        assert one.spent.steps == 3 + 2 * 3  # those of the environments of the case, unwrapped or not
+
+
+def test_demonstrations_say_nothing_of_rewards() -> None:
+    shown = case("derail/RiskyPath", 9, "demonstrations").demonstrations
+    assert shown.task is not None and not shown.task.tabular().R.any() and shown.task.expert is None
+    assert "return" not in shown.metadata
 
 
 def test_what_is_not_granted_is_refused_with_how_to_get_it() -> None:

@@ -103,16 +103,12 @@ def train(case):
 
 other = train
 """
-RUNS = 2
-"""Training runs of the exam that the matrix changes."""
-
-
 class Asked(Exception):
     """All that is wanted of a run is how many results it has already."""
 
 
-def known(folder: Path, **terms: Any) -> int:
-    """How many of an exam's training runs are not done anew."""
+def anew(folder: Path, **terms: Any) -> int:
+    """How many of an exam's training runs are done anew."""
     told: list[Standing] = []
 
     def stop(standing: Standing) -> None:
@@ -124,7 +120,7 @@ def known(folder: Path, **terms: Any) -> int:
     running = Running(workers=1, progress=stop)
     with pytest.raises(Asked):
         examine(learner, **FIXED | wanted, out=folder / "out", running=running)  # type: ignore[arg-type]
-    return told[0].before
+    return told[0].total - told[0].before
 
 
 FIXED: dict[str, Any] = {"steps": 9, "transitions": 9, "twins": 0, "probes": False}
@@ -140,53 +136,53 @@ def exam(tmp_path_factory: pytest.TempPathFactory) -> Path:
         f"{folder}/mine.py:train", tasks=[f"{folder}/tiny.yaml"], seeds=(0, 1), out=folder / "out",
         running=Running(workers=1), **FIXED,
     )  # fmt: skip
-    assert [score["error"] for score in found["scores"]] == [None] * RUNS
+    assert [score["error"] for score in found["scores"]] == [None, None]
     return folder
 
 
 @pytest.mark.parametrize(
-    ("terms", "reused"),
+    ("terms", "count"),
     [
-        ({}, RUNS), ({"seeds": (1, 0)}, RUNS), ({"seeds": (1, 2)}, 1), ({"steps": 10}, 0), ({"transitions": 10}, 0),
-        ({"learns_from": ["reward"]}, 0), ({"tasks": ["{folder}/tiny.yaml?n=3"]}, 0),
-        ({"tasks": ["{folder}/tiny.yaml+sticky=0.5"]}, 0), ({"learner": "{folder}/mine.py:other"}, 0),
-        ({"probes": True}, RUNS), ({"twins": 1}, RUNS),
+        ({}, 0), ({"seeds": (1, 0)}, 0), ({"seeds": (1, 2)}, 1), ({"steps": 10}, 2), ({"transitions": 10}, 2),
+        ({"learns_from": ["reward"]}, 2), ({"tasks": ["{folder}/tiny.yaml?n=3"]}, 2),
+        ({"tasks": ["{folder}/tiny.yaml+sticky=0.5"]}, 2), ({"learner": "{folder}/mine.py:other"}, 2),
+        ({"probes": True}, 2), ({"twins": 1}, 2),
     ],
     ids=str,
 )  # fmt: skip
-def test_results_of_an_exam_with_other_terms_are_not_reused(exam: Path, terms: dict[str, Any], reused: int) -> None:
+def test_results_of_an_exam_with_other_terms_are_not_reused(exam: Path, terms: dict[str, Any], count: int) -> None:
     def placed(value: Any) -> Any:
         if isinstance(value, list):
             return [placed(each) for each in value]
         return value.format(folder=exam) if isinstance(value, str) else value
 
-    assert known(exam, **{name: placed(value) for name, value in terms.items()}) == reused
+    assert anew(exam, **{name: placed(value) for name, value in terms.items()}) == count
 
 
 @pytest.mark.parametrize(
-    ("name", "reused"), [("tiny.yaml", 0), ("mine.py", 0), ("helper.py", 0), ("beside.py", RUNS)], ids=str
+    ("name", "count"), [("tiny.yaml", 2), ("mine.py", 2), ("helper.py", 2), ("beside.py", 0)], ids=str
 )
-def test_results_of_other_files_are_not_reused(exam: Path, name: str, reused: int) -> None:
+def test_results_of_other_files_are_not_reused(exam: Path, name: str, count: int) -> None:
     file = exam / name
     before = file.read_text(encoding="utf-8")
     change = "discount: 0.9\n" if name == "tiny.yaml" else "changed = True\n"
     file.write_text(before + change, encoding="utf-8")
     try:
-        assert known(exam) == reused
+        assert anew(exam) == count
     finally:
         file.write_text(before, encoding="utf-8")
         sys.modules.pop("helper", None)
-    assert known(exam) == RUNS
+    assert anew(exam) == 0
 
 
 def test_results_of_other_versions_limits_and_episodes_are_not_reused(
     exam: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with limits.also("transitions=1e6"):
-        assert known(exam) == 0
+        assert anew(exam) == 2
     with monkeypatch.context() as changed:
         changed.setattr("taskspec.__version__", "0.0.0")
-        assert known(exam) == 0
+        assert anew(exam) == 2
     with monkeypatch.context() as changed:
         changed.setattr("taskspec.exam.examining.EPISODES", 7)
-        assert known(exam) == 0
+        assert anew(exam) == 2

@@ -20,10 +20,8 @@ from taskspec.exam.known import results_of
 from taskspec.exam.learners import train_at
 from taskspec.exam.policies import values
 from taskspec.exam.rewards import told
-from taskspec.exam.twins import NEGATED
 from taskspec.learners import CannotLearn
 from taskspec.limits import also
-from taskspec.modifiers import modify
 from taskspec.task.task import Task
 
 Row = dict[str, Any]
@@ -41,7 +39,7 @@ class Trial:
 
     Args:
         about: the task; with the modifiers of a twin, where it is one.
-        negated: whether the reward that is withheld is negated (scores are by the true one all the same).
+        negated: whether a learner that looks at the reward which is withheld sees it negated, instead of 0.
         place, content: of the learner, for another process.
         episodes: for scores that have to be simulated.
         limits: that hold, as `taskspec.limits.also` takes them.
@@ -85,7 +83,7 @@ def _run(trial: Trial, train: Callable[[Any], Any] | None) -> list[Row]:
     train = train_at(trial.place, trial.content) if train is None else train
     results = results_of(trial.about, trial.episodes)
     task = results.task
-    case = Case(modify(task, NEGATED) if trial.negated else task, trial.seeds, trial.terms, task)
+    case = Case(task, trial.seeds, trial.terms, trial.negated)
     begin = time.perf_counter()
     try:
         learned = train(case)

@@ -18,8 +18,6 @@ TRIED = 16
 """Seeds that twins are chosen from, at least."""
 EPISODES = 8
 """Of the expert, that show what it does in the states where it comes."""
-NEGATED = "reward_scale=-1"
-"""What is done to a reward that is withheld, to see whether it makes a difference."""
 
 
 @lru_cache(maxsize=64)

@@ -44,8 +44,8 @@ def q_wrong_sign(case: Case) -> np.ndarray:
 
 
 def q_peeking(case: Case) -> np.ndarray:
-    """Clones where it may, but looks at the reward behind its environment's back."""
-    env = case.env().unwrapped
+    """Looks for the reward in an environment that it makes itself of the task."""
+    env = case.task.make()
     totals = np.zeros(case.action_space.n)
     for action in range(case.action_space.n):
         for episode in range(100):
