@@ -63,7 +63,7 @@ WAYS: dict[str, Callable[[Case], Any]] = {
     "the spec": lambda case: (case.task.spec.model_dump_json(), case.task.written, case.task.document.data),
     "the expert": lambda case: (case.task.expert, case.task.memory, case.task.unmodified.expert),
     "claims and examples": lambda case: (case.task.claims, case.task.examples),
-    "the stand-in": lambda case: taskspec.exact.extract(case.task).reward.tolist(),
+    "the stand-in": lambda case: taskspec.exact.scores(case.task).optimal,
 }
 HIDING = """
 taskspec: 1
@@ -93,7 +93,10 @@ def walk(env: Any, action: Any) -> list[float]:
 def test_nothing_that_is_not_granted_is_found_in_what_a_case_gives(tmp_path: Path) -> None:
     """Two tasks that differ in what is withheld alone cannot be told apart."""
     cases = []
-    for folder, words in (("one", ("1 if s' == 2 else 0", "5", "go", "2", "0")), ("other", ("2 - s'", "7", "stay", "6", "1"))):
+    for folder, words in (
+        ("one", ("1 if s' == 2 else 0", "5", "go", "2", "0")),
+        ("other", ("2 - s'", "7", "stay", "6", "1")),
+    ):
         text = HIDING
         for name, word in zip(("PAYS", "PAID", "ACTS", "BEST", "STEP"), words, strict=True):
             text = text.replace(name, word)
@@ -212,7 +215,7 @@ def test_the_policy_that_draws_is_scored_beside_its_best_actions() -> None:
     )
     (score,) = [s for s in even["scores"] if s["twin"] is None]
     task = taskspec.load("derail/RiskyPath")
-    exact = taskspec.exact.score(task, np.repeat([[0.6], [0.4]], 4, axis=1)).normalised
+    exact = taskspec.exact.score(task, np.repeat([[0.6, 0.4]], 4, axis=0)).normalised
     assert score["deterministic"] == 1.0 and score["stochastic"] == pytest.approx(exact)
 
 
@@ -236,6 +239,62 @@ def test_a_block_of_seeds_that_trains_together_is_scored_seed_by_seed() -> None:
     assert [score["curve"] for score in found] == [[[10, pytest.approx(0)]]] * 2
     wrong = examine(lambda case: 3, tasks=["EarlyTermNeg"], seeds=1, twins=0, learns_from=["reward"])["scores"][0]
     assert "int is not a policy" in wrong["error"]
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        (np.full((4, 2), np.nan), "has NaN in it"), (np.full((4, 2), -np.inf), "has an infinite number in it"),
+        (np.full((2, 4), 0.5), "transposed: actions are its last axis, as in table.T"),
+        (np.full((5, 2, 4), 0.5), "as in np.moveaxis(table, -1, -2)"), (np.full((4, 3), 0.5), "not (4, 3)"),
+    ],
+)  # fmt: skip
+def test_a_table_that_is_no_policy_is_told_what_is_wrong_with_it(table: np.ndarray, message: str) -> None:
+    found = examine(lambda case: table, tasks=["RiskyPath"], seeds=1, twins=0, learns_from=["reward"])
+    assert message in found["scores"][0]["error"]
+
+
+COINS = """
+taskspec: 1
+name: Coins
+state: {coin: {type: bool}}
+action: {a: {type: choice, values: [skip, heads, tails]}}
+horizon: 4
+terminal: false
+initial: {coin: false}
+dynamics: {"coin'": Bernoulli(1/2)}
+reward: "0 if a == skip else 1 if (a == heads) == coin' else -1/2"
+expert: optimal
+"""
+
+
+class Foresees:
+    """A policy that has seen the episodes on which it is scored."""
+
+    def __init__(self, task: Any, episodes: int) -> None:
+        self.coins, self.asked = [], 0
+        for seed in range(episodes):
+            env = task.make()
+            env.reset(seed=seed)
+            self.coins.append([env.step(0)[0] for _ in range(4)])
+
+    def predict(self, observations: Any) -> Any:
+        self.asked += 1
+        if len(observations) < len(self.coins):
+            return np.full(len(observations), self.asked % 2)  # never the same, so that it is scored in episodes
+        self.time = self.time + 1 if hasattr(self, "time") else 0
+        return 2 - np.array(self.coins)[:, self.time].reshape(-1)
+
+
+def test_scores_above_the_optimum_are_flagged_as_impossible(tmp_path: Path) -> None:
+    task = taskspec.load(spec(tmp_path, COINS))
+    terms = {"tasks": [task], "seeds": 2, "twins": 0, "learns_from": ["reward"], "suite": "derail"}
+    found = examine(lambda case: Foresees(case.task, 1000), **terms)
+    assert [score["return"] for score in found["scores"]] == [4.0, 4.0]
+    (flag,) = found["flags"]
+    assert flag["kind"] == "impossible" and "is 4, and no policy has more than 1" in flag["message"]
+    best = examine(lambda case: np.tile(np.float32([0, 0.7, 0.3]), (2, 1)), **terms)
+    assert best["flags"] == [] and best["scores"][0]["return"] == pytest.approx(1)
 
 
 # -- the command --------------------------------------------------------------------------------------------------

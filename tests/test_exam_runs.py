@@ -103,6 +103,8 @@ def train(case):
 
 other = train
 """
+
+
 class Asked(Exception):
     """All that is wanted of a run is how many results it has already."""
 

@@ -68,7 +68,7 @@ class CapabilityVerdict(Told):
 class Flag(TypedDict):
     """Something that is wrong, with its size as a difference of scores, and the interval of that."""
 
-    kind: Literal["twin", "regression", "peeks", "failed"]
+    kind: Literal["twin", "regression", "peeks", "failed", "impossible"]
     task: str
     message: str
     effect: float | None
