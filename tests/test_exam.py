@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -423,39 +420,3 @@ def test_diagnoses_come_with_the_scores() -> None:
         counting.q_wrong_sign, seeds=2, twins=0, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], steps=2000
     )
     assert "reversed" in {diagnosis["name"] for diagnosis in found["diagnoses"]}
-
-
-# -- runs that do not end well ------------------------------------------------------------------------------------
-
-
-def test_a_process_that_dies_and_one_that_hangs_cost_one_seed_each(tmp_path: Path) -> None:
-    options = ("-t", "RiskyPath", "--seeds", "3", "--twins", "0", "--time-limit", "6")
-    status, found = held(tmp_path, "dies_or_hangs", *options, "--learns-from", "reward")
-    errors = [score["error"] for score in found["scores"]]
-    assert status == 1 and errors[0] is None and found["scores"][0]["deterministic"] is not None
-    assert "died: EXIT(3)" in errors[1] and "longer than 6 s" in errors[2]
-
-
-@pytest.mark.slow
-def test_an_exam_that_was_killed_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    notes = tmp_path / "notes"
-    monkeypatch.setenv("NOTES", str(notes))
-    options = ("-t", "RiskyPath", "--seeds", "6", "--twins", "0", "--learns-from", "reward")
-    command = ["exam", f"{LEARNERS}:takes_notes", "--out", str(tmp_path), "-j", "1", *options]
-    first = subprocess.Popen([sys.executable, "-m", "taskspec", *command])
-    wait_until(lambda: notes.exists() and len(notes.read_text().split()) >= 3)
-    first.kill()
-    first.wait()
-    before = notes.read_text().split()
-    _, found = held(tmp_path, "takes_notes", *options)
-    assert [score["error"] for score in found["scores"]] == [None] * 6
-    after = notes.read_text().split()[len(before) :]
-    assert {*before, *after} == {str(seed) for seed in range(6)} and not set(before[:-2]) & set(after)
-
-
-def wait_until(holds: Callable[[], bool]) -> None:
-    for _ in range(600):
-        if holds():
-            return
-        time.sleep(0.2)
-    raise AssertionError("it never came true")

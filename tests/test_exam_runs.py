@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -188,3 +189,42 @@ def test_results_of_other_versions_limits_and_episodes_are_not_reused(
     with monkeypatch.context() as changed:
         changed.setattr("taskspec.exam.examining.EPISODES", 7)
         assert anew(exam) == 2
+
+
+# -- runs that do not end well ------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(os.name != "posix", reason="it forks")
+def test_runs_that_end_badly_cost_one_seed_each(tmp_path: Path) -> None:
+    options = ("-t", "RiskyPath", "--seeds", "7", "--twins", "0", "--time-limit", "20", "-j", "1")
+    status, found = held(tmp_path, f"{LEARNERS}:ends_badly", *options, "--learns-from", "reward")
+    errors = [score["error"] for score in found["scores"]]
+    assert status == 1 and [errors[seed] for seed in (0, 3, 6)] == [None] * 3
+    assert [score["steps"] for score in found["scores"]] == [0, 0, 0, 3, 0, 0, 6]
+    for seed, words in ((1, "died: EXIT(3)"), (2, "longer than 20 s"), (4, "MemoryError"), (5, "died: SIGKILL(-9)")):
+        assert words in errors[seed]
+
+
+@pytest.mark.slow
+def test_an_exam_that_was_killed_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes = tmp_path / "notes"
+    monkeypatch.setenv("NOTES", str(notes))
+    options = ("-t", "RiskyPath", "--seeds", "6", "--twins", "0", "--learns-from", "reward")
+    command = ["exam", f"{LEARNERS}:takes_notes", "--out", str(tmp_path), "-j", "1", *options]
+    first = subprocess.Popen([sys.executable, "-m", "taskspec", *command])
+    wait_until(lambda: notes.exists() and len(notes.read_text().split()) >= 3)
+    first.kill()
+    first.wait()
+    before = notes.read_text().split()
+    _, found = held(tmp_path, f"{LEARNERS}:takes_notes", "-j", "2", *options)
+    assert [score["error"] for score in found["scores"]] == [None] * 6
+    after = notes.read_text().split()[len(before) :]
+    assert {*before, *after} == {str(seed) for seed in range(6)} and not set(before[:-2]) & set(after)
+
+
+def wait_until(holds: Callable[[], bool]) -> None:
+    for _ in range(600):
+        if holds():
+            return
+        time.sleep(0.2)
+    raise AssertionError("it never came true")

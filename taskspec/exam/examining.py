@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 import tempfile
@@ -231,9 +232,15 @@ def _concluded(found: Exam, suite: str, baseline: Exam | None, folder: Path | No
 
 def _examined(task: Task, found: dict[str, Any]) -> Examined:
     return Examined(
-        capability=task.capability or task.name, title=task.title, content_hash=task.content_hash, random=found["random"],
-        expert=found["expert"], optimal=found["optimal"], worst=found["worst"], constant=found["constant"], cannot=None,
+        capability=task.capability or task.name, title=task.title, content_hash=task.content_hash,
+        random=_finite(found["random"]), expert=_finite(found["expert"]), optimal=_finite(found["optimal"]),
+        worst=_finite(found["worst"]), constant=found["constant"], cannot=None,
     )  # fmt: skip
+
+
+def _finite(value: float | None) -> float | None:
+    """A number as JSON has it; None for others."""
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _score(planned: Planned, row: Row, about: Examined) -> Score:
@@ -245,11 +252,12 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
 
     unit = abs((ends[1] or 0) - (ends[0] or 0)) or 1.0
     curve = row.get("curve")
+    half = _finite(row.get("deterministic_half"))
     return {
         "task": exam_id(planned.task), "twin": None if planned.twin is None else "+".join(planned.twin),
         "probe": "negated" if planned.trial.negated else None, "seed": row["seed"],
         "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
-        "half": row.get("deterministic_half", 0.0) / unit, "return": row.get("deterministic"), "error": row.get("error"),
+        "half": (half or 0.0) / unit, "return": _finite(row.get("deterministic")), "error": row.get("error"),
         "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
         "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
         "reward_regret": None if (lost := row.get("reward_regret")) is None else lost / unit,

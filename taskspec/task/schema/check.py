@@ -109,7 +109,7 @@ def validate(located: Located, collector: Collector, model: type[Shape]) -> Shap
         return model.model_validate(located.data)
     except ValidationError as error:
         for details in error.errors(include_url=False):
-            for problem in _problems(dict(details), model):
+            for problem in problems_of(dict(details), model):
                 add_problem(collector, located, problem)
         return None
 
@@ -120,7 +120,7 @@ def add_problem(collector: Collector, located: Located, problem: Problem) -> Non
     collector.add(problem.code, place(problem.path), problem.message, problem.hint)
 
 
-def _problems(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Problem]:
+def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Problem]:
     """One of pydantic's errors as problems, with paths from the root of the data."""
     loc: Path = tuple(step for step in error["loc"] if step not in (LIST, CHANGES))
     if loc and loc[-1] == "[key]":
