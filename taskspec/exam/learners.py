@@ -100,12 +100,12 @@ def _absolute(place: str) -> str:
 def _imported(place: str) -> tuple[Any, str]:
     """Return the learner at a place, and a hash of what it does."""
     if is_function(place):
-        path, name = place_of(place)
-        return function_of(place, "(case)"), code_hash(path, name)
+        file, name = place_of(place)
+        return function_of(place, "(case)"), code_hash(file, name)
     module, colon, name = place.partition(":")
     if not colon or place.endswith((".yaml", ".yml")):
-        found = learner(place)
-        return found, hashlib.sha256(repr(found).encode()).hexdigest()
+        ours = learner(place)
+        return ours, hashlib.sha256(repr(ours).encode()).hexdigest()
     path = _file_of(place)
     try:
         found = getattr(importlib.import_module(module), name, None)

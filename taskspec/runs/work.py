@@ -43,16 +43,12 @@ def serve(questions: BinaryIO) -> None:
     os.dup2(2, 1)
     calls: Queue[tuple[bytes, float | None, Path]] = Queue()
     threading.Thread(target=_receive, args=(questions, calls), daemon=True).start()
-    us = os.getpid()
     while True:
         try:
             call, seconds, trace = calls.get(timeout=IDLE)
         except Empty:
             return
-        ending = perform(call, seconds, trace)
-        if os.getpid() != us:  # a copy of this process that the call has made, and left: one of them answers
-            os._exit(0)
-        pickle.dump(ending, answers)
+        pickle.dump(perform(call, seconds, trace), answers)
         answers.flush()
 
 
@@ -74,7 +70,7 @@ def perform(call: bytes, seconds: float | None, trace: Path) -> Ending:
     """
     start = time.perf_counter()
     try:
-        with _killed(seconds, trace), _interrupted(seconds):
+        with _killed(seconds, trace), _interrupted(seconds), _alone():
             function, arguments = unpacked(call)
             ending = Ending("done", _json(function(*arguments)))
     except _Late as error:
@@ -118,6 +114,17 @@ def _interrupted(seconds: float | None) -> Iterator[None]:
 
 def _ring(*_: Any) -> None:
     raise _Late
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """A block that one process leaves: a copy of it that was made within (`os.fork`) ends there, and does not answer as well."""
+    us = os.getpid()
+    try:
+        yield
+    finally:
+        if os.getpid() != us:
+            os._exit(0)
 
 
 @contextmanager

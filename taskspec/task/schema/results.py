@@ -19,9 +19,8 @@ def shape_problem(data: Any, kind: Any) -> Problem | None:
     try:
         _adapter(kind).validate_python([data])
     except ValidationError as error:
-        details = dict(error.errors(include_url=False)[0])
-        details["loc"] = details["loc"][1:]
-        return next(problems_of(details, BaseModel))
+        details = error.errors(include_url=False)[0]
+        return next(problems_of({**details, "loc": details["loc"][1:]}, BaseModel))
     return None
 
 
