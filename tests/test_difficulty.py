@@ -134,13 +134,13 @@ def test_risky_path_by_hand() -> None:
 
 
 def soft_table() -> np.ndarray[Any, Any]:
-    """The soft-optimal policy of RiskyPath (T, A, S), by hand."""
+    """The soft-optimal policy of RiskyPath (T, S, A), by hand."""
     value, tables = np.zeros(4), []
     for _ in range(5):
         goal, trap = 1 + value[2], value[3] - 100
         q = np.array([[value[1], goal, goal, trap], [(goal + trap) / 2, value[1], goal, trap]])
         value = np.logaddexp(q[0], q[1])
-        tables.insert(0, np.exp(q - value))
+        tables.insert(0, np.exp(q - value).T)
     return np.array(tables)
 
 

@@ -121,15 +121,23 @@ def test_an_expert_no_better_than_random_has_no_score() -> None:
 def test_a_table_a_function_and_returns_are_scored() -> None:
     task = shipped("risky_path")
     assert exact.score(task, np.zeros(4, np.int64)).normalised == 1
-    assert exact.score(task, np.full((2, 4), 0.5)).normalised == pytest.approx(0)
-    assert exact.score(task, np.full((5, 2, 4), 0.5)).normalised == pytest.approx(0)
+    assert exact.score(task, np.full((4, 2), 0.5)).normalised == pytest.approx(0)
+    assert exact.score(task, np.full((5, 4, 2), 0.5)).normalised == pytest.approx(0)
     assert exact.score(task, lambda state, t: {"a": 0 * state["s"]}).value == Return(4.0)
     found = exact.score(task, returns=[4.0, 4.0, -300.0])
     assert found.value.episodes == 3
     assert found.asked == "returns"
-    assert exact.score(task, np.ma.masked_array(np.full((2, 4), 0.5, np.float32))).normalised == pytest.approx(0)
-    for wrong in (np.full((2, 4), 0.4), np.full((4, 2), 0.5), np.full(4, 7), np.full(4, -1)):
-        with pytest.raises(SpecError, match="E713"):
+    assert exact.score(task, np.ma.masked_array(np.full((4, 2), 0.5, np.float32))).normalised == pytest.approx(0)
+    for wrong, message in (
+        (np.full((4, 2), 0.4), "sum to 1"),
+        (np.full((4, 2), np.nan), "has NaN in it"),
+        (np.full(4, 7), "not in 0 to 1"),
+        (np.full(4, -1), "not in 0 to 1"),
+        (np.full((4, 3), 1 / 3), r"shape \(4, 2\) or \(T, 4, 2\), not \(4, 3\)"),
+        (np.full((2, 4), 0.5), r"transposed: .*table\.T"),
+        (np.full((5, 2, 4), 0.5), r"transposed: .*moveaxis"),
+    ):
+        with pytest.raises(SpecError, match=f"(?s)E713.*{message}"):
             exact.score(task, wrong)
     with pytest.raises(SpecError, match="E706"):
         exact.score(task, lambda state, t: {"a": state["s"]})

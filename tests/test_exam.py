@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-import time
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
@@ -18,7 +15,7 @@ import taskspec
 from taskspec.exam import BudgetSpent, Case, NotGranted, examine, read
 from taskspec.exam.case import ExamTerms
 from tests.learners import counting
-from tests.shared.commands import Done
+from tests.shared.commands import Done, spec
 
 LEARNERS = Path(counting.__file__)
 FINITE = ["RiskyPath", "EarlyTermPos", "EarlyTermNeg", "Branching"]
@@ -50,6 +47,69 @@ def test_the_reward_is_withheld_from_those_who_are_not_entitled_to_it() -> None:
         assert set(lanes.step(np.zeros(5, int))[1]) == paid
     assert not case("derail/RiskyPath", 9, "demonstrations").demonstrations.rews.any()
     assert case("derail/RiskyPath", 9, "demonstrations", "reward").demonstrations.rews.any()
+
+
+WAYS: dict[str, Callable[[Case], Any]] = {
+    "the model": lambda case: case.task.tabular().R.tolist(),
+    "the model of the task as written": lambda case: case.task.unmodified.tabular().R.tolist(),
+    "the task with another parameter": lambda case: taskspec.load(case.task, p=0.5).reward,
+    "an environment of the task": lambda case: walk(case.task.make(), 1),
+    "the environment inside": lambda case: walk(case.env().unwrapped, 1),
+    "environments inside": lambda case: walk(case.make_vec(2).unwrapped, np.ones(2, int)),
+    "the expression": lambda case: (case.task.reward, case.task.absorbing_reward, case.task.unmodified.reward),
+    "the spec": lambda case: (case.task.spec.model_dump_json(), case.task.written, case.task.document.data),
+    "the expert": lambda case: (case.task.expert, case.task.memory, case.task.unmodified.expert),
+    "claims and examples": lambda case: (case.task.claims, case.task.examples),
+    "the stand-in": lambda case: taskspec.exact.scores(case.task).optimal,
+}
+HIDING = """
+taskspec: 1
+name: Hiding
+parameters: {p: {type: real, default: 0.25}}
+state: {s: {type: int, low: 0, high: 2}}
+action: {a: {type: choice, values: [stay, go]}}
+horizon: 3
+terminal: false
+initial: {s: 0}
+dynamics: {"s'": "min(2, s + 1) if a == go else s"}
+reward: PAYS
+absorbing_reward: PAID
+expert: {a: ACTS}
+claims: [optimal_return == BEST]
+examples: [{state: {s: 0}, action: {a: go}, reward: STEP}]
+variants: {HidingOther: {reward: PAID}}
+"""
+
+
+def walk(env: Any, action: Any) -> list[float]:
+    """What steps are paid."""
+    env.reset(seed=1)
+    return [float(np.sum(env.step(action)[1])) for _ in range(3)]
+
+
+def test_nothing_that_is_not_granted_is_found_in_what_a_case_gives(tmp_path: Path) -> None:
+    """Two tasks that differ in what is withheld alone cannot be told apart."""
+    cases = []
+    for folder, words in (
+        ("one", ("1 if s' == 2 else 0", "5", "go", "2", "0")),
+        ("other", ("2 - s'", "7", "stay", "6", "1")),
+    ):
+        text = HIDING
+        for name, word in zip(("PAYS", "PAID", "ACTS", "BEST", "STEP"), words, strict=True):
+            text = text.replace(name, word)
+        (tmp_path / folder).mkdir()
+        task = taskspec.load(spec(tmp_path / folder, text))
+        cases.append([Case(taskspec.modify(task, *m), [3], ExamTerms(100, (), 50)) for m in ((), ("sticky=0.5",))])
+    for one, other in zip(*cases, strict=True):
+        for name, way in WAYS.items():
+            assert repr(way(one)) == repr(way(other)), name
+        assert one.spent.steps == 3 + 2 * 3  # those of the environments of the case, unwrapped or not
+
+
+def test_demonstrations_say_nothing_of_rewards() -> None:
+    shown = case("derail/RiskyPath", 9, "demonstrations").demonstrations
+    assert shown.task is not None and not shown.task.tabular().R.any() and shown.task.expert is None
+    assert "return" not in shown.metadata
 
 
 def test_what_is_not_granted_is_refused_with_how_to_get_it() -> None:
@@ -152,7 +212,7 @@ def test_the_policy_that_draws_is_scored_beside_its_best_actions() -> None:
     )
     (score,) = [s for s in even["scores"] if s["twin"] is None]
     task = taskspec.load("derail/RiskyPath")
-    exact = taskspec.exact.score(task, np.repeat([[0.6], [0.4]], 4, axis=1)).normalised
+    exact = taskspec.exact.score(task, np.repeat([[0.6, 0.4]], 4, axis=0)).normalised
     assert score["deterministic"] == 1.0 and score["stochastic"] == pytest.approx(exact)
 
 
@@ -188,6 +248,62 @@ def test_a_block_of_seeds_that_trains_together_is_scored_seed_by_seed() -> None:
     assert [score["curve"] for score in found] == [[[10, pytest.approx(0)]]] * 2
     wrong = examine(lambda case: 3, tasks=["EarlyTermNeg"], seeds=1, twins=0, learns_from=["reward"])["scores"][0]
     assert "int is not a policy" in wrong["error"]
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        (np.full((4, 2), np.nan), "has NaN in it"), (np.full((4, 2), -np.inf), "has an infinite number in it"),
+        (np.full((2, 4), 0.5), "transposed: actions are its last axis, as in table.T"),
+        (np.full((5, 2, 4), 0.5), "as in np.moveaxis(table, -1, -2)"), (np.full((4, 3), 0.5), "not (4, 3)"),
+    ],
+)  # fmt: skip
+def test_a_table_that_is_no_policy_is_told_what_is_wrong_with_it(table: np.ndarray, message: str) -> None:
+    found = examine(lambda case: table, tasks=["RiskyPath"], seeds=1, twins=0, learns_from=["reward"])
+    assert message in found["scores"][0]["error"]
+
+
+COINS = """
+taskspec: 1
+name: Coins
+state: {coin: {type: bool}}
+action: {a: {type: choice, values: [skip, heads, tails]}}
+horizon: 4
+terminal: false
+initial: {coin: false}
+dynamics: {"coin'": Bernoulli(1/2)}
+reward: "0 if a == skip else 1 if (a == heads) == coin' else -1/2"
+expert: optimal
+"""
+
+
+class Foresees:
+    """A policy that has seen the episodes on which it is scored."""
+
+    def __init__(self, task: Any, episodes: int) -> None:
+        self.coins, self.asked = [], 0
+        for seed in range(episodes):
+            env = task.make()
+            env.reset(seed=seed)
+            self.coins.append([env.step(0)[0] for _ in range(4)])
+
+    def predict(self, observations: Any) -> Any:
+        self.asked += 1
+        if len(observations) < len(self.coins):
+            return np.full(len(observations), self.asked % 2)  # never the same, so that it is scored in episodes
+        self.time = self.time + 1 if hasattr(self, "time") else 0
+        return 2 - np.array(self.coins)[:, self.time].reshape(-1)
+
+
+def test_scores_above_the_optimum_are_flagged_as_impossible(tmp_path: Path) -> None:
+    task = taskspec.load(spec(tmp_path, COINS))
+    terms = {"tasks": [task], "seeds": 2, "twins": 0, "learns_from": ["reward"], "suite": "derail"}
+    found = examine(lambda case: Foresees(case.task, 1000), **terms)
+    assert [score["return"] for score in found["scores"]] == [4.0, 4.0]
+    (flag,) = found["flags"]
+    assert flag["kind"] == "impossible" and "is 4, and no policy has more than 1" in flag["message"]
+    best = examine(lambda case: np.tile(np.float32([0, 0.7, 0.3]), (2, 1)), **terms)
+    assert best["flags"] == [] and best["scores"][0]["return"] == pytest.approx(1)
 
 
 # -- the command --------------------------------------------------------------------------------------------------
@@ -316,39 +432,3 @@ def test_diagnoses_come_with_the_scores() -> None:
         counting.q_wrong_sign, seeds=2, twins=0, tasks=["EarlyTermPos", "EarlyTermNeg", "RiskyPath"], steps=2000
     )
     assert "reversed" in {diagnosis["name"] for diagnosis in found["diagnoses"]}
-
-
-# -- runs that do not end well ------------------------------------------------------------------------------------
-
-
-def test_a_process_that_dies_and_one_that_hangs_cost_one_seed_each(tmp_path: Path) -> None:
-    options = ("-t", "RiskyPath", "--seeds", "3", "--twins", "0", "--time-limit", "6")
-    status, found = held(tmp_path, "dies_or_hangs", *options, "--learns-from", "reward")
-    errors = [score["error"] for score in found["scores"]]
-    assert status == 1 and errors[0] is None and found["scores"][0]["deterministic"] is not None
-    assert "died: EXIT(3)" in errors[1] and "longer than 6 s" in errors[2]
-
-
-@pytest.mark.slow
-def test_an_exam_that_was_killed_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    notes = tmp_path / "notes"
-    monkeypatch.setenv("NOTES", str(notes))
-    options = ("-t", "RiskyPath", "--seeds", "6", "--twins", "0", "--learns-from", "reward")
-    command = ["exam", f"{LEARNERS}:takes_notes", "--out", str(tmp_path), "-j", "1", *options]
-    first = subprocess.Popen([sys.executable, "-m", "taskspec", *command])
-    wait_until(lambda: notes.exists() and len(notes.read_text().split()) >= 3)
-    first.kill()
-    first.wait()
-    before = notes.read_text().split()
-    _, found = held(tmp_path, "takes_notes", *options)
-    assert [score["error"] for score in found["scores"]] == [None] * 6
-    after = notes.read_text().split()[len(before) :]
-    assert {*before, *after} == {str(seed) for seed in range(6)} and not set(before[:-2]) & set(after)
-
-
-def wait_until(holds: Callable[[], bool]) -> None:
-    for _ in range(600):
-        if holds():
-            return
-        time.sleep(0.2)
-    raise AssertionError("it never came true")

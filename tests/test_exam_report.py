@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import re
+from collections import Counter
+from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -233,7 +236,7 @@ def test_a_format_that_there_is_not_is_refused(results: dict[str, Any], tmp_path
 def stored(folder: Path, results: dict[str, Any]) -> Path:
     """A folder as an exam leaves it."""
     folder.mkdir()
-    (folder / "exam.json").write_text(json.dumps({"transitions": 10_000, **results}), encoding="utf-8")
+    (folder / "exam.json").write_text(json.dumps(results), encoding="utf-8")
     return folder
 
 
@@ -261,3 +264,98 @@ def test_the_command_refuses_what_is_no_exam_and_learners_that_are_one(tmp_path:
     one = stored(tmp_path / "one", exam({"Sort": 0.5}, seeds=2))
     again = Done("report", one, one)
     assert again.status == 2 and "the same learner" in again.err
+
+
+# -- files that something has changed ---------------------------------------------------------------------------------
+
+WRONG: dict[type, tuple[Any, ...]] = {
+    str: (None, "x", -1.5, []), int: (None, "x", -1.5, 10**400, {"x": 1}), float: (None, "x", -1.5, math.nan, 10**400),
+    type(None): ("x", -1.5, [5]), list: (None, "x", {"x": 1}, [5]), dict: (None, "x", [5]),
+}  # fmt: skip
+"""What takes the place of a value, by the kind of that."""
+
+
+def leaves(data: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """The places of all values without parts."""
+    entries = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    parts = list(entries)
+    if not parts:
+        yield path
+    for key, part in parts:
+        yield from leaves(part, (*path, key))
+
+
+def at(data: Any, path: tuple[str | int, ...]) -> Any:
+    """The value at a place."""
+    for step in path:
+        data = data[step]
+    return data
+
+
+def changed(data: Any, path: tuple[str | int, ...], value: Any) -> Any:
+    """Data with another value at a place."""
+    copy = json.loads(json.dumps(data))
+    at(copy, path[:-1])[path[-1]] = value
+    return copy
+
+
+@pytest.fixture(scope="module")
+def small() -> dict[str, Any]:
+    """An exam that has everything, each once or twice."""
+    found = exam({"RiskyPath": 1.0}, {"RiskyPath": -1.6}, seeds=1)
+    found["tasks"] = {"derail/RiskyPath-v0": found["tasks"]["derail/RiskyPath-v0"]}
+    found["scores"] = [*found["scores"][:2], entry("RiskyPath", 1, None)]
+    found["scores"][0]["curve"] = [[0, None], [500, 1.0]]
+    told_of = {"mean": 1.0, "low": None, "high": None}
+    found["verdicts"] = {
+        "stochastic transitions": {
+            "verdict": "unsure", **told_of, "tasks": ["derail/RiskyPath-v0"], "seeds": 1,
+            "twins": {"verdict": "unsure", **told_of},
+        }
+    }  # fmt: skip
+    effect = {"effect": -0.8, "low": -0.9, "high": None}
+    found["flags"] = [{"kind": "twin", "task": "derail/RiskyPath-v0", "message": "it differs", **effect}]
+    found["diagnoses"] = [
+        {
+            "name": "x", "message": "a", "cause": "b", "try": "c", "source": "d", "tasks": ["derail/RiskyPath-v0"],
+            "evidence": ["e"],
+        }
+    ]  # fmt: skip
+    return found
+
+
+def test_no_value_of_a_wrong_kind_ends_in_a_traceback(small: dict[str, Any], tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert Done("report", stored(tmp_path / "exam", small), "-f", "html", "-o", out).status == 0
+    file = tmp_path / "exam" / "exam.json"
+    outcomes = Counter[int]()
+    for path in leaves(small):
+        for value in WRONG[type(at(small, path))]:
+            file.write_text(json.dumps(changed(small, path, value), indent=1), encoding="utf-8")
+            done = Done("report", file, "-f", "html", "-o", out)
+            assert done.status in (0, 1), (path, value, done.err)
+            assert done.status == 0 or "error[E7" in done.err, (path, value, done.err)
+            outcomes[done.status] += 1
+    assert outcomes[1] > 2 * outcomes[0]
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "told"),
+    [
+        (("scores", 1, "half"), "x", "scores[1].half: expected a number, found the text `x`"),
+        (("seeds", 0), None, "seeds[0]: there is no value here; expected a whole number"),
+        (("scores", 0, "task"), "Sort", "scores[0].task: the exam has no task 'Sort'"),
+        (("flags", 0, "kind"), "odd", "flags[0].kind: the text `odd` is not one of twin"),
+        (("scores", 0, "curve", 1), [5.0], "scores[0].curve[1]: a point of a learning curve"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_file_is_told_with_its_place(
+    small: dict[str, Any], tmp_path: Path, path: tuple[Any, ...], value: Any, told: str
+) -> None:
+    folder = stored(tmp_path / "exam", small)
+    text = json.dumps(changed(small, path, "HERE"), indent=1)
+    line = text[: text.index("HERE")].count("\n") + 1
+    (folder / "exam.json").write_text(text.replace('"HERE"', json.dumps(value)), encoding="utf-8")
+    done = Done("report", folder)
+    assert done.status == 1 and f"exam.json:{line}:" in done.err and "E721" in done.err
+    assert told in " ".join(done.err.split())

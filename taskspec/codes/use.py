@@ -244,6 +244,8 @@ taskspec.load("Parabola", modifiers=["relabelled"])    # wrong: the observation 
 Results are stored in a database that taskspec creates, in a format of one version. This file belongs to another
 program, or to another version of taskspec, or entries of it are damaged. It is left unchanged: move it away, and the
 results are computed again.
+
+The results of an exam are text, `exam.json`. If a value in it was changed, or is missing, the message gives its place.
 """,
     ),
     Code(

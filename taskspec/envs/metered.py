@@ -23,30 +23,37 @@ class Meter(Protocol):
         """The rewards (N,) that are paid for N steps, from those of the task; observations and actions are batches."""
 
 
-class Metered(gymnasium.Wrapper[Any, Any, Any, Any]):
-    """One environment of a task, whose steps a meter is told of.
+class Metered(gymnasium.Env[Any, Any]):
+    """One environment of a task, whose steps a meter is told of; there is no way around it to the environment inside.
 
     Args:
         seed: of the stream of draws, until a reset gives another.
     """
 
     def __init__(self, task: Task, meter: Meter, seed: int) -> None:
-        super().__init__(Environment(task))
-        self._meter, self._before = meter, None
+        self._inside = Environment(task)
+        self.observation_space = self._inside.observation_space
+        self.action_space = self._inside.action_space
+        self.metadata = self._inside.metadata
+        self._meter = meter
+        self._before: Any = None
         self._seed: int | None = seed
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         if seed is None:
             seed, self._seed = self._seed, None
-        self._before, told = self.env.reset(seed=seed, options=options)
+        self._before, told = self._inside.reset(seed=seed, options=options)
         return self._before, told
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         self._meter.spend(1)
-        after, reward, terminated, truncated, told = self.env.step(action)
+        after, reward, terminated, truncated, told = self._inside.step(action)
         rewards = self._meter.paid(_one(self._before), [action], _one(after), np.array([reward]))
         self._before = after
         return after, float(rewards[0]), terminated, truncated, told
+
+    def close(self) -> None:
+        self._inside.close()
 
 
 def _one(seen: Any) -> Any:

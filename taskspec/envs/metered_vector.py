@@ -16,16 +16,24 @@ from taskspec.task.task import Task
 Array = np.ndarray[Any, Any]
 
 
-class MeteredVector(gymnasium.vector.VectorWrapper[Any, Any, Any]):
-    """Environments of one task that are stepped together; a meter is told of their steps.
+class MeteredVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
+    """Environments of one task that are stepped together; a meter is told of their steps, and there is no way around it.
 
     Args:
         options: of `taskspec.envs.vector.VectorEnvironment`.
     """
 
     def __init__(self, task: Task, lanes: int, meter: Meter, seed: int, **options: Any) -> None:
-        super().__init__(VectorEnvironment(task, positive("lanes", lanes), **options))
-        self._meter, self._before = meter, None
+        inside = VectorEnvironment(task, positive("lanes", lanes), **options)
+        self._inside = inside
+        self.num_envs = inside.num_envs
+        self.observation_space = inside.observation_space
+        self.action_space = inside.action_space
+        self.single_observation_space = inside.single_observation_space
+        self.single_action_space = inside.single_action_space
+        self.metadata = inside.metadata
+        self._meter = meter
+        self._before: Any = None
         self._seed: int | None = seed
 
     def reset(
@@ -33,16 +41,19 @@ class MeteredVector(gymnasium.vector.VectorWrapper[Any, Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         if seed is None:
             seed, self._seed = self._seed, None
-        self._before, told = self.env.reset(seed=seed, options=options)  # type: ignore[arg-type]  # ours takes a list as well
+        self._before, told = self._inside.reset(seed=seed, options=options)
         return self._before, told
 
     def step(self, actions: Any) -> tuple[Any, Array, Array, Array, dict[str, Any]]:
         self._meter.spend(self.num_envs)
         before = copy.deepcopy(self._before)  # with `reuse` the step writes over it
-        after, rewards, terminated, truncated, told = self.env.step(actions)
+        after, rewards, terminated, truncated, told = self._inside.step(actions)
         paid = self._meter.paid(before, actions, _led_to(after, told, terminated | truncated), rewards)
         self._before = after
         return after, paid, terminated, truncated, told
+
+    def close_extras(self, **kwargs: Any) -> None:
+        self._inside.close()
 
 
 def _led_to(after: Any, told: dict[str, Any], ended: Array) -> Any:

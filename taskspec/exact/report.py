@@ -276,7 +276,7 @@ def score(
     """The score of a policy, or of the returns of its episodes.
 
     Args:
-        policy: a table of probabilities (A, S) or (T, A, S), or of actions (S,) or (T, S), in the order of the exact model; a
+        policy: a table of probabilities (S, A) or (T, S, A), or of actions (S,) or (T, S), in the order of the exact model; a
             function from the state by component (arrays, batch axis last) and the time to actions by component; or an object
             with `predict(observations, ...)`, as models of Stable-Baselines3 are. Where such an object tells probabilities, as
             `action_probabilities(observations)` of shape (N, A) or as Stable-Baselines3 does, the stochastic policy is scored.

@@ -13,6 +13,7 @@ from taskspec.data import Demonstrations, demonstrations
 from taskspec.diagnostics import TaskspecError
 from taskspec.envs.metered import Metered
 from taskspec.exam.oracle import Oracle
+from taskspec.exam.withheld import withheld
 from taskspec.task.task import Task
 
 if TYPE_CHECKING:
@@ -73,16 +74,22 @@ class Case:
     """One task for one learner, or for a block of seeds of it.
 
     Attributes:
-        task: the task, for learners that compile its steps themselves; they tell how many they take by `count`.
+        task: the task, for learners that compile its steps themselves; they tell how many they take by `count`. It has no
+            expert, and its rewards are 0 where they are not granted.
         steps: the budget.
         seeds: of the block; `seed` is the first one.
         spent: what has been used of the budget, and how much else.
     """
 
-    def __init__(self, task: Task, seeds: Iterable[int], terms: ExamTerms, judge: Task | None = None) -> None:
-        """`judge`: the task that demonstrations and preferences are about, where `task` is that with its reward negated."""
-        self.task, self.seeds, self.terms = task, tuple(seeds), terms
-        self._judge, self.spent, self._made = judge or task, Spent(), 0
+    def __init__(self, task: Task, seeds: Iterable[int], terms: ExamTerms, negated: bool = False) -> None:
+        """`negated`: rewards that are not granted are negated in `task`, and not 0, to see whether that makes a difference."""
+        self.task = withheld(task, terms.learns_from, -1.0 if negated else 0.0)
+        self.seeds = tuple(seeds)
+        self.terms = terms
+        self.spent = Spent()
+        self._judge = task
+        self._negated = negated
+        self._made = 0
         self.curve: list[tuple[int, list[Any]]] = []
         """Policies, one for each seed, that the learner showed on its way, with the steps that it had taken."""
 
@@ -114,7 +121,7 @@ class Case:
     @cached_property
     def each(self) -> tuple[Case, ...]:
         """The case of each seed alone; each has the whole budget."""
-        return tuple(Case(self.task, (seed,), self.terms, self._judge) for seed in self.seeds)
+        return tuple(Case(self._judge, (seed,), self.terms, self._negated) for seed in self.seeds)
 
     def spent_by(self, i: int) -> Spent:
         """What one seed of the block has used: what all of them did together, and what it did alone."""
@@ -125,13 +132,13 @@ class Case:
 
     def env(self) -> Metered:
         """An environment. Its steps are counted; where the reward is not granted, it pays 0."""
-        return Metered(self.task, self._meter, self._next_seed())
+        return Metered(self._judge, self._meter, self._next_seed())
 
     def make_vec(self, lanes: int, **options: Any) -> MeteredVector:
         """Environments that are stepped together, as `taskspec.make_vec` makes them; a step of all counts once for each."""
         from taskspec.envs.metered_vector import MeteredVector
 
-        return MeteredVector(self.task, lanes, self._meter, self._next_seed(), **options)
+        return MeteredVector(self._judge, lanes, self._meter, self._next_seed(), **options)
 
     def count(self, steps: int = 0, comparisons: int = 0) -> None:
         """Tell of steps, and of comparisons, that were made elsewhere than in `env`, `make_vec` and `prefer`: of each seed.
@@ -172,7 +179,12 @@ class Case:
         self.spent.demonstrations = len(found)
         if "preferences" in self.learns_from:
             self._oracle.keep(found.obs, found.acts, found.next_obs, found.rews)
-        return found if "reward" in self.learns_from else replace(found, rews=np.zeros_like(found.rews))
+        assert found.task is not None
+        task = withheld(found.task, self.learns_from)
+        if "reward" in self.learns_from:
+            return replace(found, task=task)
+        metadata = {name: value for name, value in found.metadata.items() if name != "return"}
+        return replace(found, rews=np.zeros_like(found.rews), task=task, metadata=metadata)
 
     def prefer(self, first: Any, second: Any, temperature: float = 0.0) -> float:
         """Which of two trajectories, or segments, is better by true return: 1.0 the first, 0.0 the second, 0.5 neither.
@@ -197,7 +209,7 @@ class Case:
             NotGranted: when the learner is not entitled to preferences.
         """
         self._need("preferences")
-        return self._judge
+        return withheld(self._judge, SOURCES)
 
     @cached_property
     def _oracle(self) -> Oracle:
@@ -237,6 +249,5 @@ class _Meter:
 
     def paid(self, before: Any, actions: Any, after: Any, rewards: Array) -> Array:
         if self.keeps:
-            is_negated = self.case._judge is not self.case.task  # preferences go by the true reward all the same
-            self.case._oracle.keep(before, actions, after, -rewards if is_negated else rewards)
+            self.case._oracle.keep(before, actions, after, rewards)
         return rewards if self.pays else np.zeros_like(rewards)

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.appendix.bibliography import Reference
+from taskspec.exam.results import Diagnosis
 from taskspec.exam.rules import Book, Judge, SeedScores, read_exam
 from taskspec.exam.rules.reading import exam_of
 from taskspec.exam.rules.samples import ONE
 from taskspec.task.schema import DiagnosisEntry
 
 
-def evaluate(exam: Mapping[str, Any], suite: str | Path) -> list[dict[str, Any]]:
+def evaluate(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
     """The diagnoses whose conditions hold of an exam's results, in the order of the suite's file.
 
     Args:
@@ -31,13 +32,13 @@ def evaluate(exam: Mapping[str, Any], suite: str | Path) -> list[dict[str, Any]]
     return [] if path is None else judged(read_exam(path), exam)
 
 
-def judged(book: Book, exam: Mapping[str, Any]) -> list[dict[str, Any]]:
+def judged(book: Book, exam: Mapping[str, Any]) -> list[Diagnosis]:
     """The diagnoses of a file that hold of an exam's results (see `evaluate`)."""
     samples = SeedScores({ONE: exam})
     judge = Judge(samples, book.names)
     outcomes = {rule.name: judge.condition(rule.condition) for rule in book.rules}
     holding = {name for name, outcome in outcomes.items() if outcome.holds}
-    found = []
+    found: list[Diagnosis] = []
     for rule in book.rules:
         entry, outcome = rule.entry, outcomes[rule.name]
         if rule.name in holding and isinstance(entry, DiagnosisEntry) and not holding & set(entry.unless):

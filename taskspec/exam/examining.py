@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 import sys
 import tempfile
@@ -22,6 +23,7 @@ from taskspec.exam.suites import exam_id, tasks_of
 from taskspec.exam.trial import LearnerFailed, Row, Trial, run_trial
 from taskspec.exam.twins import Modifiers, twins_of
 from taskspec.exam.verdicts import verdicts
+from taskspec.limits import written
 from taskspec.modifiers import modify
 from taskspec.runs import Job, JobResult, Standing, Store, run
 from taskspec.task.task import Task, TaskLike
@@ -132,7 +134,7 @@ def _plan(
 def _place(
     task: Task, twin: Modifiers | None, who: Examinee, terms: ExamTerms, seeds: tuple[int, ...], negated: bool = False
 ) -> Planned:
-    trial = Trial(modify(task, *(twin or ())), negated, who.place or "", who.content, terms, seeds, EPISODES)
+    trial = Trial(modify(task, *(twin or ())), negated, who.place or "", who.content, terms, seeds, EPISODES, written())
     return Planned(task, twin, trial)
 
 
@@ -167,10 +169,7 @@ def _failed(planned: Planned, message: str) -> list[Row]:
 
 
 def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, running: Running) -> tuple[Rows, Measures]:
-    measures = {
-        exam_id(t): Job(yardsticks.key(t.content_hash, EPISODES), t.instance_id, yardsticks.measured, (t, EPISODES))
-        for t in asked
-    }
+    measures = {exam_id(task): _measuring(task) for task in asked}
     known = run(measures.values(), store, workers=running.workers, cluster=running.cluster, retry_failed=True).rows
     for job in measures.values():
         if known[job.key].status != "done":
@@ -182,6 +181,13 @@ def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, run
     ).rows  # fmt: skip
     rows = [_rows(planned, done[job.key]) for planned, job in zip(plan, trials, strict=True)]
     return rows, {task: known[job.key].value for task, job in measures.items()}
+
+
+def _measuring(task: Task) -> Job:
+    """The job that works out the yardsticks of a task."""
+    limits = written()
+    key = yardsticks.key(task.content_hash, EPISODES, limits)
+    return Job(key, task.instance_id, yardsticks.measured_within, (task, EPISODES, limits))
 
 
 def _rows(planned: Planned, result: JobResult) -> list[Row]:
@@ -226,9 +232,15 @@ def _concluded(found: Exam, suite: str, baseline: Exam | None, folder: Path | No
 
 def _examined(task: Task, found: dict[str, Any]) -> Examined:
     return Examined(
-        capability=task.capability or task.name, title=task.title, content_hash=task.content_hash, random=found["random"],
-        expert=found["expert"], optimal=found["optimal"], worst=found["worst"], constant=found["constant"], cannot=None,
+        capability=task.capability or task.name, title=task.title, content_hash=task.content_hash,
+        random=_finite(found["random"]), expert=_finite(found["expert"]), optimal=_finite(found["optimal"]),
+        worst=_finite(found["worst"]), constant=found["constant"], cannot=None,
     )  # fmt: skip
+
+
+def _finite(value: float | None) -> float | None:
+    """A number as JSON has it; None for others."""
+    return value if value is not None and math.isfinite(value) else None
 
 
 def _score(planned: Planned, row: Row, about: Examined) -> Score:
@@ -240,11 +252,12 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
 
     unit = abs((ends[1] or 0) - (ends[0] or 0)) or 1.0
     curve = row.get("curve")
+    half = _finite(row.get("deterministic_half"))
     return {
         "task": exam_id(planned.task), "twin": None if planned.twin is None else "+".join(planned.twin),
         "probe": "negated" if planned.trial.negated else None, "seed": row["seed"],
         "deterministic": scaled(row.get("deterministic")), "stochastic": scaled(row.get("stochastic")),
-        "half": row.get("deterministic_half", 0.0) / unit, "return": row.get("deterministic"), "error": row.get("error"),
+        "half": (half or 0.0) / unit, "return": _finite(row.get("deterministic")), "error": row.get("error"),
         "steps": row.get("steps", 0), "demonstrations": row.get("demonstrations", 0),
         "comparisons": row.get("comparisons", 0), "seconds": row.get("seconds"), "starc": row.get("starc"),
         "reward_regret": None if (lost := row.get("reward_regret")) is None else lost / unit,

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from statistics import NormalDist
 from typing import Literal
 
 from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.exam.bootstrap import CONFIDENCE
 from taskspec.exam.results import Exam, Examined, Flag, Score
-from taskspec.exam.significance import Difference, paired, unpaired
+from taskspec.exam.significance import ALARM, Difference, paired, unpaired
 from taskspec.exam.verdicts import by_seed
 
+ROUNDING = 1e-4
+"""What a return may be above the optimum, as a share of it, because probabilities that a policy gives are rounded."""
 Found = tuple[str, Difference]
 """A task and a difference of scores on it."""
 
 
 def flags(tasks: Mapping[str, Examined], scores: Sequence[Score], against: Exam | None) -> list[Flag]:
-    """Everything that is flagged: failures, twins that differ from their task, peeking, and regressions.
+    """Everything that is flagged: failures, impossible scores, twins that differ from their task, peeking, and regressions.
 
     Twins that differed in the baseline are not news: where demonstrations say nothing of some states, the names of actions decide
     what even a learner without mistakes does there.
     """
-    found = [*_failed(tasks, scores)]
+    found = [*_failed(tasks, scores), *_impossible(tasks, scores)]
     twins = list(_compared(tasks, scores, "twin"))
     found += _real("twin", twins, _of_twins)
     found += _real("peeks", list(_compared(tasks, scores, "negated")), _of_peeking)
@@ -38,6 +42,35 @@ def _failed(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> Iterable[
         if errors:
             message = f"{len(errors)} of {len(of_task)} runs failed: {errors[0]}"
             yield Flag(kind="failed", task=task, message=message, effect=None, low=None, high=None)
+
+
+def _impossible(tasks: Mapping[str, Examined], scores: Sequence[Score]) -> Iterable[Flag]:
+    """Flag returns above the exact optimum, by more than rounding, and than chance where they were simulated.
+
+    Chance alone raises such a flag in less than `ALARM` of all exams.
+    """
+    deviations = NormalDist().inv_cdf(1 - ALARM / max(1, len(scores)))
+    for task, about in tasks.items():
+        best = about["optimal"]
+        if best is None:
+            continue
+        unit = abs((about["expert"] or 0.0) - (about["random"] or 0.0)) or 1.0
+        rounding = ROUNDING * max(abs(best), unit)
+        excess: dict[float, int] = {}
+        for score in scores:
+            if score["task"] != task or score["return"] is None:
+                continue
+            error = score["half"] * unit / NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
+            above = score["return"] - best
+            if above > rounding + deviations * error:
+                excess[above] = score["seed"]
+        if excess:
+            most = max(excess)
+            message = (
+                f"the return of seed {excess[most]} is {best + most:g}, and no policy has more than {best:g}: what is scored "
+                "knows or changes what a policy cannot, such as the draws of the episodes that it is scored on"
+            )
+            yield Flag(kind="impossible", task=task, message=message, effect=most / unit, low=None, high=None)
 
 
 def _compared(tasks: Mapping[str, Examined], scores: Sequence[Score], which: str) -> Iterable[Found]:

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import inspect
+import importlib.util
 import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn
 
-from taskspec.data.functions import function_of, is_function
+import taskspec
+from taskspec.data.functions import function_of, is_function, place_of
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exam.case import SOURCES, Source
 from taskspec.files import safe_name
 from taskspec.learners import BUILT_IN, FAMILIES, learner
+from taskspec.runs.code import code_files, code_hash
 
+_OURS = Path(taskspec.__file__).resolve().parent
 DEFAULT: tuple[Source, ...] = ("demonstrations", "preferences")
 """What a learner that does not say is granted: everything but the reward."""
 
@@ -32,7 +34,8 @@ class Examinee:
         place: where another process finds it; None for a function that was handed over.
         train: `train(case)` gives a policy; where it learns `together`, a list of them, one for each seed of the block.
         learns_from: what it is entitled to.
-        content: a hash of what it does, as far as its own file tells.
+        content: a hash of its file and of what that imports from its folder, or of its settings; empty for a function that was
+            handed over.
     """
 
     name: str
@@ -52,15 +55,20 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
     Raises:
         SpecError: E710, E711 for a file that is not there, or fails; E713 for what is no learner.
     """
-    place = _absolute(given) if isinstance(given, str) else None
-    train = given if place is None or not isinstance(given, str) else _train(place)
-    if isinstance(train, str) or not callable(train):
-        _none(str(given))
+    if isinstance(given, str):
+        name = given
+        place = _absolute(given)
+        train, content = _imported(place)
+    else:
+        name = getattr(given, "__name__", type(given).__name__)
+        place = None
+        train = given
+        content = ""
+    if not callable(train):
+        _none(name)
     wanted = tuple(learns_from) if learns_from is not None else getattr(train, "learns_from", DEFAULT)
-    name = str(given) if isinstance(given, str) else getattr(given, "__name__", type(given).__name__)
-    return Examinee(
-        name, place, train, _sources(wanted), bool(getattr(train, "together", False)), _content(train, name)
-    )
+    together = bool(getattr(train, "together", False))
+    return Examinee(name, place, train, _sources(wanted), together, content)
 
 
 def folder_name(learner: str) -> str:
@@ -90,42 +98,79 @@ def _absolute(place: str) -> str:
     return f"{Path(path).resolve()}:{name}"
 
 
-@lru_cache(maxsize=8)
-def _train(place: str) -> Any:
-    """The function at a place; a file is run once in a process."""
+def _imported(place: str) -> tuple[Any, str]:
+    """Return the learner at a place, and a hash of what it does."""
     if is_function(place):
-        return function_of(place, "(case)")
+        file, name = place_of(place)
+        return function_of(place, "(case)"), code_hash(file, name)
     module, colon, name = place.partition(":")
     if not colon or place.endswith((".yaml", ".yml")):
-        return learner(place)
+        ours = learner(place)
+        return ours, hashlib.sha256(repr(ours).encode()).hexdigest()
+    path = _file_of(place)
+    try:
+        found = getattr(importlib.import_module(module), name, None)
+    except Exception as error:
+        raise _not_importable(module, error) from error
+    return found, hashlib.sha256(place.encode()).hexdigest() if path is None else code_hash(path, name)
+
+
+def _file_of(place: str) -> Path | None:
+    """Return the file of a user's learner; None for one of this package, and for a module that has no file of Python."""
+    if is_function(place):
+        return place_of(place)[0].resolve()
+    module, colon, _ = place.partition(":")
+    if not colon or place.endswith((".yaml", ".yml")):
+        return None
     folder = str(Path.cwd())
     if folder not in sys.path:
         sys.path.insert(0, folder)
     try:
-        return getattr(importlib.import_module(module), name, None)
-    except ImportError as error:
-        raise SpecError([Diagnostic("E711", None, f"'{module}' cannot be imported: {error}")]) from error
+        found = importlib.util.find_spec(module)
+    except Exception as error:  # of the packages that it is in
+        raise _not_importable(module, error) from error
+    if found is None or found.origin is None or not found.origin.endswith(".py"):
+        return None
+    return Path(found.origin).resolve()
+
+
+def _not_importable(module: str, error: Exception) -> SpecError:
+    return SpecError([Diagnostic("E711", None, f"'{module}' cannot be imported: {type(error).__name__}: {error}")])
 
 
 def train_at(place: str, content: str) -> Callable[[Any], Any]:
-    """The function at a place, in another process; `content` is what it was when the exam began.
+    """Return the function at a place, in another process; its file, and what that imports from its folder, is run anew.
+
+    What one training run leaves in the modules of a learner would reach the next one otherwise, if that happens to be done by the
+    same process.
+
+    Args:
+        content: what it was when the exam began.
 
     Raises:
         SpecError: E711 when it has changed since.
     """
+    path = _file_of(place)
+    if path is not None:
+        _forget(path)
     found = learner_of(place)
     if found.content != content:
         raise SpecError([Diagnostic("E711", None, f"{place} has changed since the exam began", "run it again")])
     return found.train
 
 
-def _content(train: Any, name: str) -> str:
-    """A hash of the file that a learner is in; of one of ours, of its settings."""
-    try:
-        source = Path(inspect.getsourcefile(inspect.unwrap(train)) or "").read_bytes()
-    except (OSError, TypeError):
-        source = repr(train).encode()
-    return hashlib.sha256(source + name.rpartition(":")[2].encode()).hexdigest()
+def _forget(path: Path) -> None:
+    """Have a file, and what it imports from its folder, run anew when it is imported next; this package stays as it is."""
+    files = {file for file in code_files(path) if not file.is_relative_to(_OURS)}
+    names = {file.name for file in files}
+    for name, module in list(sys.modules.items()):
+        origin = getattr(module, "__file__", None)
+        if origin is None or Path(origin).name not in names or Path(origin).resolve() not in files:
+            continue
+        del sys.modules[name]
+        package, _, attribute = name.rpartition(".")
+        if package in sys.modules:  # where `from package import module` would find it
+            vars(sys.modules[package]).pop(attribute, None)
 
 
 def _none(name: str) -> NoReturn:

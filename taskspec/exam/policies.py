@@ -13,7 +13,7 @@ from taskspec.data.actors import one_of
 from taskspec.exact.model.failure import misused
 from taskspec.exact.model.model import Model
 from taskspec.exact.scoring.asking import Asked, distribution
-from taskspec.exact.scoring.policies import policy_value, states_of
+from taskspec.exact.scoring.policies import policy_value, states_of, transposed
 from taskspec.exact.scoring.returns import Results, Return
 from taskspec.exact.simulation.rollout import Rollout
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
@@ -130,11 +130,15 @@ def _of_table(table: Array, results: Results, seed: int) -> PolicyValues:
         if not ((index >= 0) & (index < actions)).all():
             misused(f"an action of the table is not in {results.task.action_space}")
         table = np.eye(actions)[index]
-    if table.ndim not in (2, 3) or table.shape[-2:] != (count, actions) or not np.isfinite(table).all():
+    if table.ndim not in (2, 3) or table.shape[-2:] != (count, actions):
         misused(
             f"a table has shape ({count},) for actions, ({count}, {actions}) for their probabilities or values; maybe with "
-            f"the time in front; not {table.shape}"
+            f"the time in front; not {table.shape}",
+            transposed(table, count, actions),
         )
+    if not np.isfinite(table).all():
+        what = "NaN" if np.isnan(table).any() else "an infinite number"
+        misused(f"the table of probabilities or values of actions has {what} in it", "every entry is a finite number")
     drawn = table if _sums_to_one(table) else greedy(table)
     if table.ndim == 3:
         return PolicyValues(_timed(greedy(table), results), _timed(drawn, results))
@@ -162,7 +166,7 @@ def _timed(table: Array, results: Results) -> Return:
     if model is None or model.task is not results.task or not asked.sees_state_alone:
         misused(f"a table over the time is a policy where observations show the state, not on {results.task.id}")
     seen = asked.observations(states_of(model), 0, np.random.default_rng(0)) - asked.seen.starts[0]
-    return policy_value(results, np.moveaxis(table[:, seen], -1, -2).astype(np.float64), None).value
+    return policy_value(results, table[:, seen].astype(np.float64), None).value
 
 
 # -- as objects with `predict` ------------------------------------------------------------------------------------

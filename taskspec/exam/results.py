@@ -6,11 +6,16 @@ import gzip
 import json
 import zlib
 from pathlib import Path
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal
+
+from typing_extensions import TypedDict
 
 from taskspec import registry
-from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.diagnostics import Diagnostic, Origin, SpecError, suggest
 from taskspec.files import write_text
+from taskspec.source.json_places import json_span
+from taskspec.task.schema import shape_problem
+from taskspec.task.schema.problems import Problem
 
 FORMAT, NAME = 1, "exam.json"
 NAMES = (NAME, f"{NAME}.gz")
@@ -68,12 +73,21 @@ class CapabilityVerdict(Told):
 class Flag(TypedDict):
     """Something that is wrong, with its size as a difference of scores, and the interval of that."""
 
-    kind: Literal["twin", "regression", "peeks", "failed"]
+    kind: Literal["twin", "regression", "peeks", "failed", "impossible"]
     task: str
     message: str
     effect: float | None
     low: float | None
     high: float | None
+
+
+Diagnosis = TypedDict(
+    "Diagnosis",
+    {
+        "name": str, "message": str, "cause": str, "try": str, "source": str, "tasks": list[str], "evidence": list[str],
+    },
+)  # fmt: skip
+"""What a pattern of scores usually means: see `taskspec.exam.diagnoses.evaluate`."""
 
 
 class Exam(TypedDict):
@@ -93,7 +107,7 @@ class Exam(TypedDict):
     scores: list[Score]
     verdicts: dict[str, CapabilityVerdict]
     flags: list[Flag]
-    diagnoses: list[dict[str, Any]]
+    diagnoses: list[Diagnosis]
     cost: dict[str, float]
 
 
@@ -118,7 +132,8 @@ def read(folder: Path | str) -> Exam:
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as file:
             content = file.read(LIMIT + 1)
-        found = json.loads(content) if len(content) <= LIMIT else None
+        text = content.decode("utf-8-sig")
+        found = json.loads(text) if len(content) <= LIMIT else None
     except FileNotFoundError:
         shipped = [f"{p.parents[1].name}/{p.stem}" for p in sorted(registry.tasks_root().glob(f"*/{BASELINES}/*.json"))]
         hint = (
@@ -132,9 +147,37 @@ def read(folder: Path | str) -> Exam:
         raise SpecError([Diagnostic("E711", None, f"cannot read '{path}': {error.strerror or error}")]) from None
     except (ValueError, EOFError, RecursionError, zlib.error):
         found = None
-    if not isinstance(found, dict) or found.get("exam") != FORMAT or not Exam.__required_keys__ <= found.keys():
+    if not isinstance(found, dict) or found.get("exam") != FORMAT:
         raise SpecError([Diagnostic("E721", None, f"'{path}' is not an exam of this version", "run it again")])
-    return found  # type: ignore[return-value]  # as it was written
+    problem = shape_problem(found, Exam) or _inconsistent(found)
+    if problem is not None:
+        place = json_span(Origin(str(path), text), problem.path)
+        message = f"{_words(problem.path)}: {problem.message}"
+        raise SpecError([Diagnostic("E721", place, message, "run the exam again, or take the file from a backup")])
+    return found  # type: ignore[return-value]  # its shape was looked at
+
+
+def _inconsistent(exam: dict[str, Any]) -> Problem | None:
+    """Return the first problem that the types of an exam's fields do not show."""
+    tasks = exam["tasks"]
+    for part in ("scores", "flags"):
+        for i, entry in enumerate(exam[part]):
+            if entry["task"] not in tasks:
+                return Problem("E721", (part, i, "task"), f"the exam has no task '{entry['task']}'")
+    for i, score in enumerate(exam["scores"]):
+        for k, point in enumerate(score["curve"] or ()):
+            if len(point) != 2 or point[0] is None:
+                message = "a point of a learning curve is two numbers: steps, and a score"
+                return Problem("E721", ("scores", i, "curve", k), message)
+    return None
+
+
+def _words(path: tuple[str | int, ...]) -> str:
+    """A path as a programmer writes it: `scores[3].half`."""
+    found = ""
+    for step in path:
+        found += f"[{step}]" if isinstance(step, int) else f".{step}" if found else step
+    return found or "the exam"
 
 
 def _place(given: Path) -> Path:

@@ -20,9 +20,8 @@ from taskspec.exam.known import results_of
 from taskspec.exam.learners import train_at
 from taskspec.exam.policies import values
 from taskspec.exam.rewards import told
-from taskspec.exam.twins import NEGATED
 from taskspec.learners import CannotLearn
-from taskspec.modifiers import modify
+from taskspec.limits import also
 from taskspec.task.task import Task
 
 Row = dict[str, Any]
@@ -40,9 +39,10 @@ class Trial:
 
     Args:
         about: the task; with the modifiers of a twin, where it is one.
-        negated: whether the reward that is withheld is negated (scores are by the true one all the same).
+        negated: whether a learner that looks at the reward which is withheld sees it negated, instead of 0.
         place, content: of the learner, for another process.
         episodes: for scores that have to be simulated.
+        limits: that hold, as `taskspec.limits.also` takes them.
     """
 
     about: Task
@@ -52,18 +52,25 @@ class Trial:
     terms: ExamTerms
     seeds: tuple[int, ...]
     episodes: int
+    limits: str
 
     @property
     def key(self) -> str:
-        """A hash of all that the result depends on; the block is part of it, as its width may change results."""
+        """Return a hash of all that the result depends on; the block is part of it, as its width may change results."""
         told = [
-            self.about.content_hash, self.negated, self.content, vars(self.terms), self.seeds, self.episodes,
+            self.about.content_hash, self.negated, self.content, vars(self.terms), self.seeds, self.episodes, self.limits,
             taskspec.__version__,
         ]  # fmt: skip
         return hashlib.sha256(json.dumps(told).encode()).hexdigest()
 
 
 def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[Row]:
+    """Do `_run` within the limits of a trial."""
+    with also(trial.limits):
+        return _run(trial, train)
+
+
+def _run(trial: Trial, train: Callable[[Any], Any] | None) -> list[Row]:
     """Train, and score what was learned: a row for each seed of the block, with `cannot` alone where it is not for this task.
 
     Args:
@@ -76,7 +83,7 @@ def run_trial(trial: Trial, train: Callable[[Any], Any] | None = None) -> list[R
     train = train_at(trial.place, trial.content) if train is None else train
     results = results_of(trial.about, trial.episodes)
     task = results.task
-    case = Case(modify(task, NEGATED) if trial.negated else task, trial.seeds, trial.terms, task)
+    case = Case(task, trial.seeds, trial.terms, trial.negated)
     begin = time.perf_counter()
     try:
         learned = train(case)

@@ -20,8 +20,6 @@ WAYS = ("permuted_actions={seed},per_state=true", "permuted_actions={seed}")
 """How actions are permuted: the first way is taken that keeps what those can earn who see observations alone."""
 EPISODES = 8
 """Of the expert, that show what it does in the states where it comes."""
-NEGATED = "reward_scale=-1"
-"""What is done to a reward that is withheld, to see whether it makes a difference."""
 
 
 @lru_cache(maxsize=64)

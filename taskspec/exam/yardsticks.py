@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from taskspec import __version__
+import taskspec
 from taskspec.exact.scoring.policies import policy_value
 from taskspec.exact.scoring.returns import Results, Return, normalised
 from taskspec.exam.known import results_of
+from taskspec.limits import also
 from taskspec.task.spaces import action_layout
 from taskspec.task.task import Task
 
@@ -21,13 +22,20 @@ MOST = 64
 """Constant actions that are tried."""
 
 
-def key(content_hash: str, episodes: int) -> str:
-    """What the yardsticks of a task are kept under."""
-    return hashlib.sha256(json.dumps(["yardsticks", content_hash, episodes, __version__]).encode()).hexdigest()
+def key(content_hash: str, episodes: int, limits: str) -> str:
+    """Return what the yardsticks of a task are kept under."""
+    told = ["yardsticks", content_hash, episodes, limits, taskspec.__version__]
+    return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+
+
+def measured_within(task: Task, episodes: int, limits: str) -> dict[str, Any]:
+    """Do `measured` within limits, as `taskspec.limits.also` takes them."""
+    with also(limits):
+        return measured(task, episodes)
 
 
 def measured(task: Task, episodes: int) -> dict[str, Any]:
-    """Returns of random actions, the expert and the optimum, and the score of the best constant action, as JSON data."""
+    """Return returns of random actions, the expert and the optimum, and the score of the best constant action, as JSON data."""
     results = results_of(task, episodes)
     found = {name: getattr(results, name) for name in ("random", "expert", "optimal", "worst")}
     top = found["expert"] or found["optimal"]

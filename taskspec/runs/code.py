@@ -24,10 +24,24 @@ def code_hash(path: Path | str, function: str) -> str:
     Raises:
         SpecError: E710 where a file cannot be read.
     """
+    contents = code_files(path)
+    digest = hashlib.sha256(function.encode())
+    home = _home(Path(path).resolve())
+    for file in sorted(contents):
+        name = file.relative_to(home).as_posix()
+        digest.update(f"\n{name} {len(contents[file])}\n".encode())
+        digest.update(contents[file])
+    return digest.hexdigest()
+
+
+def code_files(path: Path | str) -> dict[Path, bytes]:
+    """Return the contents of a file and of all that it imports from its own folder, by their places (see `code_hash`).
+
+    Raises:
+        SpecError: E710 where a file cannot be read.
+    """
     start = Path(path).resolve()
-    home = start.parent
-    while (home.parent / "__init__.py").is_file() and (home / "__init__.py").is_file():
-        home = home.parent
+    home = _home(start)
     folders = [start.parent]
     if (home / "__init__.py").is_file():
         folders.append(home.parent)
@@ -39,12 +53,15 @@ def code_hash(path: Path | str, function: str) -> str:
             continue
         contents[file] = _content(file)
         waiting += _imported(contents[file], file, folders)
-    digest = hashlib.sha256(function.encode())
-    for file in sorted(contents):
-        name = file.relative_to(home).as_posix()
-        digest.update(f"\n{name} {len(contents[file])}\n".encode())
-        digest.update(contents[file])
-    return digest.hexdigest()
+    return contents
+
+
+def _home(file: Path) -> Path:
+    """The folder of a file, or of the whole package that it is a part of."""
+    home = file.parent
+    while (home.parent / "__init__.py").is_file() and (home / "__init__.py").is_file():
+        home = home.parent
+    return home
 
 
 def _content(file: Path) -> bytes:

@@ -70,7 +70,7 @@ def perform(call: bytes, seconds: float | None, trace: Path) -> Ending:
     """
     start = time.perf_counter()
     try:
-        with _killed(seconds, trace), _interrupted(seconds):
+        with _killed(seconds, trace), _interrupted(seconds), _alone():
             function, arguments = unpacked(call)
             ending = Ending("done", _json(function(*arguments)))
     except _Late as error:
@@ -114,6 +114,17 @@ def _interrupted(seconds: float | None) -> Iterator[None]:
 
 def _ring(*_: Any) -> None:
     raise _Late
+
+
+@contextmanager
+def _alone() -> Iterator[None]:
+    """A block that one process leaves: a copy of it that was made within (`os.fork`) ends there, and does not answer as well."""
+    us = os.getpid()
+    try:
+        yield
+    finally:
+        if os.getpid() != us:
+            os._exit(0)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import time
 from pathlib import Path
 
@@ -44,8 +45,8 @@ def q_wrong_sign(case: Case) -> np.ndarray:
 
 
 def q_peeking(case: Case) -> np.ndarray:
-    """Clones where it may, but looks at the reward behind its environment's back."""
-    env = case.env().unwrapped
+    """Looks for the reward in an environment that it makes itself of the task."""
+    env = case.task.make()
     totals = np.zeros(case.action_space.n)
     for action in range(case.action_space.n):
         for episode in range(100):
@@ -80,12 +81,19 @@ def greedy_for_steps(case: Case) -> None:
             env.reset()
 
 
-def dies_or_hangs(case: Case) -> np.ndarray:
-    """Seed 1 ends its process, seed 2 never ends."""
+def ends_badly(case: Case) -> np.ndarray:
+    """Seed 1 ends its process, 2 never ends, 3 forks, 4 asks for all memory, 5 is killed as for want of memory."""
+    case.count(case.seed)
     if case.seed == 1:
         os._exit(3)
     while case.seed == 2:
         time.sleep(0.1)
+    if case.seed == 3:
+        os.fork()
+    if case.seed == 4:
+        bytearray(2**60)
+    if case.seed == 5:
+        os.kill(os.getpid(), signal.SIGKILL)
     return indifferent(case)
 
 

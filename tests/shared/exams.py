@@ -23,7 +23,7 @@ def entry(task: str, seed: int, score: float | None, **others: Any) -> dict[str,
     return {
         "task": id_of(task), "twin": None, "probe": None, "seed": seed, "deterministic": score, "stochastic": score,
         "half": 0.0, "return": score, "error": None if score is not None else "it failed", "steps": 50_000, "seconds": 2.5,
-        "starc": None, "reward_regret": None, "curve": None,
+        "demonstrations": 10_000, "comparisons": 0, "starc": None, "reward_regret": None, "curve": None,
     } | others  # fmt: skip
 
 
@@ -49,13 +49,15 @@ def exam(printed: Scores, twins: Scores | None = None, seeds: int = 15, **others
     about = {
         id_of(t): {
             "capability": TITLES[t.partition("?")[0]],
-            "title": t, "random": -10.0, "expert": 4.0, "optimal": 4.0, "constant": CONSTANT.get(t, 0.0),
+            "title": t, "random": -10.0, "expert": 4.0, "optimal": 4.0, "worst": -250.0, "cannot": None,
+            "constant": CONSTANT.get(t, 0.0),
             "content_hash": "0" * 64,
         }
         for t in {**TITLES, **printed}
     }  # fmt: skip
     found = {
-        "exam": 1, "learner": "bc", "learns_from": ["demonstrations"], "suite": "derail", "steps": 500_000, "tasks": about,
+        "exam": 1, "learner": "bc", "learns_from": ["demonstrations"], "suite": "derail", "steps": 500_000,
+        "transitions": 10_000, "tasks": about,
         "seeds": list(range(seeds)), "versions": {"taskspec": "0.1.0"}, "machine": {"cpu": "a processor"}, "scores": scores,
         "command": "taskspec exam bc --suite derail", "verdicts": _verdicts(scores), "flags": [], "diagnoses": [],
         "cost": {"steps": 7_500_000, "demonstrations": 150_000, "comparisons": 0, "seconds": 84.0},

@@ -112,23 +112,37 @@ def _as_expert(expert: Expert, results: Results) -> Valued:
 
 
 def plan_of_table(model: Model, table: Array) -> Plan:
-    """Actions (S,) or (T, S), or probabilities (A, S) or (T, A, S).
+    """Return the plan of a table: actions (S,) or (T, S), or probabilities (S, A) or (T, S, A).
 
     Raises:
         SpecError: E713 for another table.
     """
     a, n = model.n_actions, model.n_states
-    if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (a, n):
+    if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (n, a):
         if not ((table >= 0) & (table < a)).all():
             misused(f"an action of the table is not in 0 to {a - 1}")
         hot = np.moveaxis(np.eye(a)[table], -1, -2)
         return stationary(hot) if table.ndim == 1 else timed(list(hot))
-    if table.shape[-2:] != (a, n) or table.ndim > 3:
-        misused(f"a table of probabilities has shape ({a}, {n}) or (T, {a}, {n}), not {table.shape}")
+    if table.shape[-2:] != (n, a) or table.ndim > 3:
+        message = f"a table of probabilities has shape ({n}, {a}) or (T, {n}, {a}), not {table.shape}"
+        misused(message, transposed(table, n, a))
     table = table.astype(np.float64)
-    if not np.allclose(table.sum(axis=-2), 1) or (table < 0).any():
-        misused("the probabilities of the actions in a state are at least 0, and sum to 1")
-    return stationary(table) if table.ndim == 2 else timed(list(table))
+    if np.isnan(table).any():
+        misused("the table of probabilities has NaN in it", "every entry is a probability")
+    if not np.allclose(table.sum(axis=-1), 1) or (table < 0).any():
+        is_square_transposed = a == n and np.allclose(table.sum(axis=-2), 1)
+        hint = transposed(table, n, a) if is_square_transposed else None
+        misused("the probabilities of the actions in a state are at least 0, and sum to 1", hint)
+    by_action = np.moveaxis(table, -1, -2)
+    return stationary(by_action) if table.ndim == 2 else timed(list(by_action))
+
+
+def transposed(table: Array, rows: int, actions: int) -> str | None:
+    """Return the hint for a table whose actions come before its states or observations; None for any other."""
+    if table.ndim not in (2, 3) or table.shape[-2:] != (actions, rows):
+        return None
+    way = "table.T" if table.ndim == 2 else "np.moveaxis(table, -1, -2)"
+    return f"this table is transposed: actions are its last axis, as in {way}"
 
 
 class _Varies(Exception):

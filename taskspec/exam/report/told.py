@@ -110,11 +110,8 @@ def rows(exam: Mapping[str, Any]) -> list[TaskRow]:
     for task, about in exam["tasks"].items():
         own = [record for record in exam["scores"] if record["task"] == task]
         sides = {which: [r for r in own if side(r) == which] for which in ("printed", "twin")}
-        curves = tuple(
-            tuple((float(x), float(y)) for x, y in r["curve"] if y is not None)
-            for r in sides["printed"]
-            if r.get("curve")
-        )
+        shown = [[(float(x), float(y)) for x, y in r["curve"] or () if y is not None] for r in sides["printed"]]
+        curves = tuple(tuple(points) for points in shown if points)
         printed, drawn = (_cell(sides["printed"], entry) for entry in ("deterministic", "stochastic"))
         if about.get("cannot"):
             printed = SeedCell((), cannot=True)

@@ -157,7 +157,7 @@ class Contending:
 
 def imitated(config: Adversarial, case: LearnerCase) -> list[NetPolicy]:
     """Policies that learned from demonstrations; each has the reward that it learned."""
-    world = world_of(case, config.policy.experience)
+    world = world_of(case.task, config.policy.experience)
     game = Contending(config, update_of(config.policy, world))
     counted = round(game.each * config.every / config.budget_factor)
     shown = shown_looks(world, case.demonstrations)

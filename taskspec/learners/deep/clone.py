@@ -23,7 +23,7 @@ Array = Any
 
 def cloned(config: Cloning, case: LearnerCase) -> list[NetPolicy]:
     """Policies that do what was demonstrated."""
-    world, shown = world_of(case, Experience()), case.demonstrations
+    world, shown = world_of(case.task, Experience()), case.demonstrations
     first = shown.starts[max(1, round(config.share * len(shown.starts))) :]
     rows = int(first[0]) if len(first) else len(shown)
     seen = world.seen(np.asarray(shown.obs)[:rows])

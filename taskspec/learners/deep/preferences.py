@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from taskspec.data.demonstrations import role
 from taskspec.lang.ir import draws
 from taskspec.learners.case import LearnerCase
 from taskspec.learners.configurations import Comparing
@@ -167,8 +166,8 @@ class Asking:
 def preferred(config: Comparing, case: LearnerCase) -> list[NetPolicy]:
     """Policies that learned from comparisons; each has the reward that it learned."""
     experience = config.policy.experience
-    world = world_of(case, experience)
-    judge = world if case.judge is case.task else World.of(role(case.judge, experience.where), experience.absorb)
+    world = world_of(case.task, experience)
+    judge = world_of(case.judge, experience)
     asking = Asking(config, PpoUpdate(config.policy, world), judge)
     each = asking.policy.steps * experience.lanes
     counted = round(each / config.budget_factor)

@@ -18,6 +18,7 @@ from taskspec.learners.deep.trpo import TrpoUpdate
 from taskspec.learners.deep.world import Played, Walk, World
 from taskspec.learners.policies import NetPolicy
 from taskspec.modifiers import modify
+from taskspec.task.task import Task
 
 Array = Any
 Update = PpoUpdate | TrpoUpdate
@@ -30,9 +31,9 @@ class Learning(NamedTuple):
     walk: Walk
 
 
-def world_of(case: LearnerCase, experience: Experience) -> World:
-    """Where a learner acts."""
-    task = role(case.task, experience.where)
+def world_of(task: Task, experience: Experience) -> World:
+    """Return where a learner acts in a task."""
+    task = role(task, experience.where)
     if experience.horizon is not None:
         task = modify(task, {"horizon": experience.horizon})
     return World.of(task, experience.absorb)
@@ -72,7 +73,7 @@ def policies(
 
 def reinforced(config: Ppo, case: LearnerCase) -> list[NetPolicy]:
     """Policies that learned from the reward."""
-    world = world_of(case, config.experience)
+    world = world_of(case.task, config.experience)
     update = PpoUpdate(config, world)
 
     def advance(learning: Learning, key: Array, shared: Any) -> Learning:

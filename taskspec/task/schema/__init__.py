@@ -25,6 +25,7 @@ from taskspec.task.schema.models import Erratum as Erratum
 from taskspec.task.schema.models import FigureEntry as FigureEntry
 from taskspec.task.schema.models import Roles as Roles
 from taskspec.task.schema.models import Source as Source
+from taskspec.task.schema.results import shape_problem as shape_problem
 from taskspec.task.schema.typed import ComponentEntry as ComponentEntry
 from taskspec.task.schema.typed import MemoryEntry as MemoryEntry
 from taskspec.task.schema.typed import ParameterEntry as ParameterEntry

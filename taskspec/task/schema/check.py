@@ -158,7 +158,7 @@ def _fitted(
         try:
             return model.model_validate(data), data
         except ValidationError as error:
-            every = [p for details in error.errors(include_url=False) for p in _problems(dict(details), model)]
+            every = [p for details in error.errors(include_url=False) for p in problems_of(dict(details), model)]
         found = [problem for problem in dict.fromkeys(every) if problem not in known]
         for problem in found:
             if not any(
@@ -176,7 +176,7 @@ def add_problem(collector: Collector, located: Located, problem: Problem) -> Non
     collector.add(problem.code, place(problem.path), problem.message, problem.hint)
 
 
-def _problems(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Problem]:
+def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Problem]:
     """One of pydantic's errors as problems, with paths from the root of the data."""
     loc: Path = tuple(step for step in error["loc"] if step not in (LIST, CHANGES))
     if loc and loc[-1] == "[key]":
