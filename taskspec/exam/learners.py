@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import importlib
 import inspect
-import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from typing import Any, NoReturn
 from taskspec.data.functions import function_of, is_function
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exam.case import SOURCES, Source
-from taskspec.learners import BUILT_IN, FAMILIES, learner
+from taskspec.learners import learner
 
 DEFAULT: tuple[Source, ...] = ("demonstrations", "preferences")
 """What a learner that does not say is granted: everything but the reward."""
@@ -60,14 +59,6 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
     return Examinee(
         name, place, train, _sources(wanted), bool(getattr(train, "together", False)), _content(train, name)
     )
-
-
-def folder_name(learner: str) -> str:
-    """What the folder of a learner's exam is called: `bc`, `paper/gail_im`, `mine-train` for `some/mine.py:train`."""
-    family, slash, name = learner.partition("/")
-    if slash and family in FAMILIES and name in BUILT_IN:
-        return learner
-    return re.sub(r"\W+", "-", learner.rpartition("/")[2].replace(".py", "")).strip("-")
 
 
 def _sources(wanted: Any) -> tuple[Source, ...]:

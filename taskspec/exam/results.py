@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import zlib
 from pathlib import Path
 from typing import Any, Literal, TypedDict
@@ -11,6 +12,7 @@ from typing import Any, Literal, TypedDict
 from taskspec import registry
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.files import write_text
+from taskspec.learners import BUILT_IN, FAMILIES
 
 FORMAT, NAME = 1, "exam.json"
 NAMES = (NAME, f"{NAME}.gz")
@@ -95,6 +97,14 @@ class Exam(TypedDict):
     flags: list[Flag]
     diagnoses: list[dict[str, Any]]
     cost: dict[str, float]
+
+
+def folder_name(learner: str) -> str:
+    """What the folder of a learner's exam is called: `bc`, `paper/gail_im`, `mine-train` for `some/mine.py:train`."""
+    family, slash, name = learner.partition("/")
+    if slash and family in FAMILIES and name in BUILT_IN:
+        return learner
+    return re.sub(r"\W+", "-", learner.rpartition("/")[2].replace(".py", "")).strip("-")
 
 
 def write(exam: Exam, folder: Path) -> Path:

@@ -14,7 +14,7 @@ from taskspec.data.actors import actor_of
 from taskspec.data.functions import is_function, place_of
 from taskspec.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors, suggest
 from taskspec.exact.difficulty import MEASURES
-from taskspec.exam.learners import folder_name
+from taskspec.exam.results import folder_name
 from taskspec.experiments.axes import Axis, Values, combinations, sample
 from taskspec.experiments.laid import Option, options
 from taskspec.experiments.reading import ExperimentFile
