@@ -6,7 +6,6 @@ A suite is a folder of specs; a task's id is `suite/Name-vN`. The shipped suites
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -218,9 +217,17 @@ def find(task_id: str) -> Entry:
 
 
 def _load_file(path: Path, variant: str | None, parameters: dict[str, Any], suite: str | None = None) -> Task:
-    version = _version(str(path))
     suite = suite_of(path) if suite is None else suite
-    return _built(_document(str(path), version), variant, parameters, suite)
+    return _built(document(str(path)), variant, parameters, suite)
+
+
+def document(path: str) -> Document:
+    """Return the document of a file as it is now, which is read once.
+
+    Raises:
+        SpecError: when it cannot be read.
+    """
+    return _document(path, _version(path))
 
 
 _Version: TypeAlias = tuple[tuple[int, int], ...]
@@ -250,25 +257,9 @@ def _stamp(path: str) -> tuple[int, int]:
 
 
 def _built(document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str) -> Task:
-    """A task of a document is built once for the same values: tasks are immutable."""
-    given = tuple((name, _kind(value), value) for name, value in parameters.items())
-    try:
-        hash(given)
-    except TypeError:  # a list, say: no parameter takes one, and the build says so
-        return _cached.__wrapped__(document, variant, given, suite)
-    return _cached(document, variant, given, suite)
-
-
-def _kind(value: Any) -> tuple[str, float]:
-    """What tells values apart that are one key to a dictionary: 1, 1.0 and True, 0.0 and -0.0."""
-    return type(value).__name__, math.copysign(1.0, value) if isinstance(value, float) else 1.0
-
-
-@lru_cache(maxsize=128)
-def _cached(document: Document, variant: str | None, given: tuple[Any, ...], suite: str) -> Task:
     from taskspec.task.build import build
 
-    return build(document, variant, {name: value for name, _, value in given}, suite)
+    return build(document, variant, parameters, suite)
 
 
 @lru_cache(maxsize=64)

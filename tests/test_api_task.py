@@ -11,6 +11,7 @@ import yaml
 
 import taskspec
 from taskspec.exact import scores
+from taskspec.limits import also
 from taskspec.registry import task_ids
 from taskspec.source import read
 from taskspec.task.build import build
@@ -84,6 +85,18 @@ def test_infos_are_flat_and_say_what_is_asked_for() -> None:
     assert info["new_state"].tolist() == [2, 0.5, 0.25, 1]
     copied = copy.deepcopy(env)
     assert copied.step(0)[4]["new_state"].tolist() == env.step(0)[4]["new_state"].tolist() == [3, 0.5, 0.25, 0]
+
+
+def test_a_task_is_built_once_for_the_same_values() -> None:
+    """Checks try many settings, some of them more than once; what differs in a value, or under another limit, is another task."""
+    document = read(ALIASED.replace("ALIAS", "alias: length"))
+    task = build(document, None, {"L": 5})
+    assert build(document, None, {"L": 5}) is task
+    assert build(document, None, {"L": 4}) is not task
+    with also("expressions=5"), pytest.raises(taskspec.SpecError, match="E314"):
+        build(document, None, {"L": 5})
+    parsed = [build(document, None, {"L": value}).surface.sections["reward"] for value in (5, 4)]
+    assert parsed[0] is parsed[1]
 
 
 def test_values_that_are_equal_but_not_the_same_make_tasks_of_their_own(tmp_path: Path) -> None:

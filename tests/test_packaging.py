@@ -136,3 +136,27 @@ def test_the_line_is_silent_where_its_package_is_gone(wheel: Path, remains: list
     for name in remains:
         (tmp_path / name).mkdir(parents=True)
     assert start(tmp_path) == "False\n"
+
+
+CHECKED = """
+import contextlib, io, sys
+from taskspec.cli import main
+sys.argv = ["taskspec", "check", "tasks/derail/experiments/quick.yaml", "tasks/derail/exam.yaml"]
+with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+    main()
+"""
+MADE = "import sys, taskspec; taskspec.make('RiskyPath')"
+
+
+@pytest.mark.parametrize(
+    ("code", "unneeded"),
+    [
+        (CHECKED, {"gymnasium", "jinja2", "taskspec.exam.examining", "taskspec.appendix"}),
+        (MADE, {"scipy", "taskspec.exam", "taskspec.task.schema.exams", "taskspec.task.schema.experiments"}),
+    ],
+)
+def test_what_is_not_needed_is_not_imported(code: str, unneeded: set[str]) -> None:
+    """Imports are most of the time that a short command takes."""
+    found = python(f"{code}\nprint(*sys.modules)", ROOT, ROOT).split()
+    assert "taskspec.task.schema.check" in found
+    assert not unneeded & set(found)

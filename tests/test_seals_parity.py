@@ -7,6 +7,7 @@ seeds: were the seeds drawn anew, a right spec would fail a given comparison onc
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 import pytest
 
 import taskspec
+from taskspec.backends.scalar.program import compile_scalar
 from taskspec.task.task import Task
 from tests.shared.seals import State, fits, homogeneous, original, put
 
@@ -206,6 +208,15 @@ def test_infos_tell_the_state_step_by_step(case: Case) -> None:
             over = terminated or truncated
         ours.reset()
     assert all(np.array_equal(told, then) for told, then in handed)
+
+
+@each
+def test_infos_make_no_array_of_numbers_at_a_step(case: Case) -> None:
+    """An array is copied or written into a row of a block: made of Python's numbers, it would take longer than the step."""
+    source = compile_scalar(taskspec.load(f"derail/{case.ours}-v0")).source
+    step = source[source.index("def step") : source.index("def get")]
+    assert '"new_state": ' in step
+    assert not re.search(r"\b(array|singles)\(", step)
 
 
 def _flat(task: Task, state: State) -> Any:

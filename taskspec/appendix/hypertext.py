@@ -10,7 +10,6 @@ from typing import Any, assert_never
 
 from markupsafe import Markup
 
-from taskspec.appendix.bibliography import Reference
 from taskspec.appendix.prose import (
     Block,
     Bullets,
@@ -27,6 +26,7 @@ from taskspec.appendix.prose import (
     is_safe,
 )  # fmt: skip
 from taskspec.appendix.sections import Section, SectionLine
+from taskspec.bibliography import Reference
 from taskspec.printers import tree as m
 from taskspec.printers.mathml import mathml
 from taskspec.printers.plain import plain

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from taskspec.appendix import render
-from taskspec.appendix.bibliography import Reference, beside
 from taskspec.appendix.brief import briefly
 from taskspec.appendix.facts import Facts
 from taskspec.appendix.page import Page, page
 from taskspec.appendix.render.suite import Suite, setting_anchor
+from taskspec.bibliography import Reference, beside
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.figures import scene, svg
 from taskspec.files import write_text

@@ -133,7 +133,7 @@ def _examine_one(
 ) -> None:
     from taskspec.cli.progress import bar
     from taskspec.exam import examine
-    from taskspec.exam.learners import folder_name
+    from taskspec.exam.results import folder_name
 
     folder = output or Path("build/exams") / folder_name(learner)
     with bar(learner) as progress:

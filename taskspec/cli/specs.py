@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
+from taskspec import registry
 from taskspec.cli.targets import File
 from taskspec.diagnostics import SpecError
-from taskspec.source import Document, read_file
+from taskspec.source import Document
 
 if TYPE_CHECKING:
     from taskspec.task.task import Task
 
 
-@lru_cache(maxsize=256)
 def _document(path: str) -> Document:
     """The document of a file whose shape is right."""
     from taskspec.diagnostics import has_errors
     from taskspec.task.build import mistakes
     from taskspec.task.schema import check_shape
 
-    document = read_file(path)
+    document = registry.document(path)
     if has_errors(check_shape(document)):
         raise SpecError(mistakes(document))
     return document

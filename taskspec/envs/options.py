@@ -5,14 +5,15 @@ from __future__ import annotations
 import dataclasses
 import operator
 from collections.abc import Iterable
-from typing import Any, Literal, NoReturn, TypeAlias, get_args
-
-from gymnasium.envs.registration import EnvSpec
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias, get_args
 
 from taskspec.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.limits import count, how_to_raise, limits
 from taskspec.task.options import Ending
 from taskspec.task.task import Task
+
+if TYPE_CHECKING:
+    from gymnasium.envs.registration import EnvSpec
 
 ENDINGS = get_args(Ending)
 Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]

@@ -2,18 +2,38 @@
 
 from __future__ import annotations
 
-from taskspec.exam.case import BudgetSpent as BudgetSpent
-from taskspec.exam.case import Case as Case
-from taskspec.exam.case import NotGranted as NotGranted
-from taskspec.exam.case import learns_from as learns_from
-from taskspec.exam.examining import Running as Running
-from taskspec.exam.examining import examine as examine
-from taskspec.exam.policies import Learned as Learned
-from taskspec.exam.results import Exam as Exam
-from taskspec.exam.results import read as read
-from taskspec.exam.rewards import RewardDistance as RewardDistance
-from taskspec.exam.rewards import reward_distance as reward_distance
-from taskspec.learners import CannotLearn as CannotLearn
+from typing import TYPE_CHECKING
+
+from taskspec.lazily import on_demand
+
+if TYPE_CHECKING:
+    from taskspec.exam.case import BudgetSpent as BudgetSpent
+    from taskspec.exam.case import Case as Case
+    from taskspec.exam.case import NotGranted as NotGranted
+    from taskspec.exam.case import learns_from as learns_from
+    from taskspec.exam.examining import Running as Running
+    from taskspec.exam.examining import examine as examine
+    from taskspec.exam.policies import Learned as Learned
+    from taskspec.exam.results import Exam as Exam
+    from taskspec.exam.results import read as read
+    from taskspec.exam.rewards import RewardDistance as RewardDistance
+    from taskspec.exam.rewards import reward_distance as reward_distance
+    from taskspec.learners import CannotLearn as CannotLearn
+
+__getattr__ = on_demand(__name__, {
+    "BudgetSpent": "taskspec.exam.case",
+    "Case": "taskspec.exam.case",
+    "NotGranted": "taskspec.exam.case",
+    "learns_from": "taskspec.exam.case",
+    "Running": "taskspec.exam.examining",
+    "examine": "taskspec.exam.examining",
+    "Learned": "taskspec.exam.policies",
+    "Exam": "taskspec.exam.results",
+    "read": "taskspec.exam.results",
+    "RewardDistance": "taskspec.exam.rewards",
+    "reward_distance": "taskspec.exam.rewards",
+    "CannotLearn": "taskspec.learners",
+})  # fmt: skip
 
 __all__ = [
     "BudgetSpent", "CannotLearn", "Case", "Exam", "Learned", "NotGranted", "RewardDistance", "Running", "examine", "learns_from",

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from taskspec.appendix.bibliography import Reference
+from taskspec.bibliography import Reference
 from taskspec.exam.results import Diagnosis
 from taskspec.exam.rules import Book, Judge, SeedScores, read_exam
 from taskspec.exam.rules.reading import exam_of

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import importlib
 import importlib.util
-import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,8 +15,7 @@ import taskspec
 from taskspec.data.functions import function_of, is_function, place_of
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exam.case import SOURCES, Source
-from taskspec.files import safe_name
-from taskspec.learners import BUILT_IN, FAMILIES, learner
+from taskspec.learners import learner
 from taskspec.runs.code import code_files, code_hash
 
 _OURS = Path(taskspec.__file__).resolve().parent
@@ -69,14 +67,6 @@ def learner_of(given: str | Callable[[Any], Any], learns_from: Sequence[str] | N
     wanted = tuple(learns_from) if learns_from is not None else getattr(train, "learns_from", DEFAULT)
     together = bool(getattr(train, "together", False))
     return Examinee(name, place, train, _sources(wanted), together, content)
-
-
-def folder_name(learner: str) -> str:
-    """What the folder of a learner's exam is called: `bc`, `paper/gail_im`, `mine-train` for `some/mine.py:train`."""
-    family, slash, name = learner.partition("/")
-    if slash and family in FAMILIES and name in BUILT_IN:
-        return learner
-    return safe_name(re.sub(r"\W+", "-", learner.rpartition("/")[2].replace(".py", "")).strip("-"))
 
 
 def _sources(wanted: Any) -> tuple[Source, ...]:

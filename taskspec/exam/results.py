@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import zlib
 from pathlib import Path
 from typing import Any, Literal
@@ -12,7 +13,8 @@ from typing_extensions import TypedDict
 
 from taskspec import registry
 from taskspec.diagnostics import Diagnostic, Origin, SpecError, suggest
-from taskspec.files import write_text
+from taskspec.files import safe_name, write_text
+from taskspec.learners import BUILT_IN, FAMILIES
 from taskspec.source.json_places import json_span
 from taskspec.task.schema import shape_problem
 from taskspec.task.schema.problems import Problem
@@ -109,6 +111,14 @@ class Exam(TypedDict):
     flags: list[Flag]
     diagnoses: list[Diagnosis]
     cost: dict[str, float]
+
+
+def folder_name(learner: str) -> str:
+    """What the folder of a learner's exam is called: `bc`, `paper/gail_im`, `mine-train` for `some/mine.py:train`."""
+    family, slash, name = learner.partition("/")
+    if slash and family in FAMILIES and name in BUILT_IN:
+        return learner
+    return safe_name(re.sub(r"\W+", "-", learner.rpartition("/")[2].replace(".py", "")).strip("-"))
 
 
 def write(exam: Exam, folder: Path) -> Path:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from taskspec.data.functions import is_function, place_of
 from taskspec.diagnostics import Collector, SpecError, suggest
 from taskspec.exact.difficulty import MEASURES
-from taskspec.exam.learners import folder_name
+from taskspec.exam.results import folder_name
 from taskspec.experiments.measure import COLUMNS, SPEEDS
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.learners import learner

@@ -10,7 +10,7 @@ from typing import Any
 
 from taskspec.diagnostics import Diagnostic, SpecError
 from taskspec.exam import Exam, Running, examine
-from taskspec.exam.learners import folder_name
+from taskspec.exam.results import folder_name
 from taskspec.exam.suites import exam_id
 from taskspec.exam.verdicts import by_seed, told
 from taskspec.experiments.instances import Instance, expand

@@ -71,6 +71,7 @@ class Draw:
 
 
 Node = Const | Read | Apply | Draw
+_WITH_ARGUMENTS = (Apply, Draw)  # a union would be made anew for each node
 
 
 def children(node: Node) -> tuple[Node, ...]:
@@ -96,7 +97,7 @@ def walk(roots: Iterable[Node], known: Container[int] = frozenset()) -> Iterator
                 yield users.pop()
             elif id(node) not in seen and id(node) not in known:
                 seen.add(id(node))
-                if isinstance(node, Apply | Draw) and node.args:
+                if isinstance(node, _WITH_ARGUMENTS) and node.args:
                     users.append(node)
                     stack.append(None)
                     stack.extend(node.args[::-1])
@@ -107,6 +108,8 @@ def walk(roots: Iterable[Node], known: Container[int] = frozenset()) -> Iterator
 def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:
     """The draws below the roots, by site, except that those which others depend on come before them."""
     found = {n.site: n for n in walk(roots) if isinstance(n, Draw)}
+    if len(found) < 2:
+        return tuple(found.values())
     return tuple(n for n in walk(found[site] for site in sorted(found)) if isinstance(n, Draw))
 
 

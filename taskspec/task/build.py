@@ -5,7 +5,9 @@ from __future__ import annotations
 import copyreg
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import taskspec
@@ -15,7 +17,7 @@ from taskspec.lang.ir import Const, reads
 from taskspec.lang.scope import FunctionDef, Lazy, Scope
 from taskspec.lang.types import BOOL, REAL, Refused
 from taskspec.lang.uncalled import check_uncalled
-from taskspec.limits import Limits
+from taskspec.limits import Limits, limits
 from taskspec.source import Document, Packed, Path, packed, unpacked
 from taskspec.task.context import Context, poison
 from taskspec.task.declare import INSTANCE_SEED
@@ -51,14 +53,30 @@ def build(
     parameters: Mapping[str, Any] | None = None,
     suite: str = "",
 ) -> Task:
-    """The task that a document describes, for given parameter values.
+    """Return the task that a document describes, for given parameter values; it is built once, for tasks are immutable.
 
     Raises:
         SpecError: with every mistake found.
     """
+    given = tuple((name, value, _kind(value)) for name, value in (parameters or {}).items())
+    try:
+        hash(given)
+    except TypeError:  # a list, say: no parameter takes one, and the build says so
+        return _built.__wrapped__(document, variant, given, suite, limits())
+    return _built(document, variant, given, suite, limits())
+
+
+def _kind(value: Any) -> tuple[str, float]:
+    """Return what distinguishes values that are one key of a dictionary: 1, 1.0 and True, 0.0 and -0.0."""
+    return type(value).__name__, math.copysign(1.0, value) if isinstance(value, float) else 1.0
+
+
+@lru_cache(maxsize=256)
+def _built(document: Document, variant: str | None, given: tuple[Any, ...], suite: str, _within: Limits) -> Task:
+    values = {name: value for name, value, _ in given}
     if has_errors(check_shape(document)):
-        raise SpecError(mistakes(document, [variant], parameters or {}))
-    return rebuilt(merge(document, variant), parameters or {}, suite)
+        raise SpecError(mistakes(document, [variant], values))
+    return rebuilt(merge(document, variant), values, suite)
 
 
 def mistakes(

@@ -9,6 +9,7 @@ from typing import Any
 from taskspec.diagnostics import Collector, Span, SpecError
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import literal, parse, parse_into
+from taskspec.limits import limits
 from taskspec.source import LEFT_OUT, Path
 from taskspec.task.merge import Merged
 
@@ -54,7 +55,7 @@ class Forms:
             case str() if value.strip() in self.labels:
                 return s.Quoted(value.strip(), self.place(path))
             case str():
-                return parse_into(self.text(path, value), self.collector)
+                return self._parsed(self.text(path, value), path)
             case list():
                 return self._list(value, path)
             case dict():
@@ -62,6 +63,16 @@ class Forms:
             case None:
                 self.collector.add("E301", self.place(path), "an expression is missing here")
                 return None
+
+    def _parsed(self, text: s.SourceText, path: Path) -> s.Expr | None:
+        """The expression of a text; what is read without a mistake is read once for all builds of the spec."""
+        key = (path, text.value, limits().characters)
+        found = self.merged.parsed.get(key)
+        if found is None:
+            found = parse_into(text, self.collector)
+            if found is not None:
+                self.merged.parsed[key] = found
+        return found
 
     def _list(self, items: list[Any], path: Path) -> s.Expr | None:
         if items and all(isinstance(i, dict) and i.keys() & {"if", "then", "else"} for i in items):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, TypeAlias
 
@@ -55,6 +55,8 @@ class Merged:
     moved: dict[Path, Place]
     strays: tuple[Path, ...] = ()
     """Entries that the variant changes or removes, though what it is based on has nothing of the name."""
+    parsed: dict[Any, Any] = field(default_factory=dict)
+    """Expressions that were read, by their places and texts, so that builds for other values read none of them again."""
 
     def written(self, path: Path) -> Place:
         """Where what stands at a path of the merged data was written."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from taskspec.appendix.bibliography import Reference
 from taskspec.appendix.page import Page, Setting, anchor
+from taskspec.bibliography import Reference
 from taskspec.figures import Scene
 from taskspec.task.merge import lineage
 

@@ -13,7 +13,7 @@ from taskspec.backends.emit.source import without_unused
 from taskspec.backends.lowering.invariant import Invariants, frozen_components
 from taskspec.backends.lowering.phase import Phase
 from taskspec.backends.scalar.emit_action import names_of, read_action
-from taskspec.backends.scalar.emit_info import flat_state, info, told_state
+from taskspec.backends.scalar.emit_info import flat_state, has_rows, info, is_kept, old_state, told_state
 from taskspec.backends.scalar.emit_observation import observe
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type
@@ -49,6 +49,7 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
         "t = 0  # steps of this episode",
         "past = 0  # steps of the episodes before it",
         "episodes = 0",
+        *(["next_row = rows()"] if has_rows(task) else []),
         "",
     ]
     lines += [
@@ -74,7 +75,7 @@ def generate(parts: Parts) -> tuple[str, dict[str, Any]]:
 
 def _kept(parts: Parts) -> list[str]:
     """Variables that hold what stays the same for an episode."""
-    told = ["new_state"] if parts.task.spec.info else []
+    told = ["told"] if is_kept(parts.task) else []
     return [*parts.invariants.names, *(["kept"] if parts.invariants.observation else []), *told]
 
 
@@ -171,12 +172,12 @@ def _step(parts: Parts, states: Sequence[str], others: Sequence[str], constants:
     inner = without_unused([*lane.lines, *statements], [*stored.values(), observation, reward, terminal])
     kept = [(states[i], source) for i, source in stored.items()]
     body = [*_unpack(phase, "next_draws"), *_unwrapped(phase, inner, kept, [*inner, *others]), *inner]
+    body += old_state(task, states)
+    told = told_state(task, parts.observation, states, observation) if changed else []
     if changed:
         body.append(f"{', '.join(name for name, _ in kept)} = {', '.join(source for _, source in kept)}")
-    told = told_state(task, parts.observation, states, observation)
-    body += [*(["old_state = new_state"] if "old_state" in task.spec.info else []), *told]
-    body += ["t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task)}"]
-    nonlocals = [*(states[i] for i in changed), *(["new_state"] if told else []), "t", "alive"]
+    body += [*told, "t += 1", *end, f"return {observation}, {reward}, {flags}, {info(task, states)}"]
+    nonlocals = [*(states[i] for i in changed), *(["told"] if told else []), "t", "alive"]
     running = ["if not alive:", "    raise not_running()"]
     return ["def step(action):", *_indent([f"nonlocal {', '.join(nonlocals)}", *reading, *running, *body])]
 
@@ -250,7 +251,7 @@ def _access(parts: Parts, states: Sequence[str], restored: Sequence[str]) -> lis
     everything = ", ".join(states) + "," * (len(states) == 1)
     clock = "t, past, episodes, alive"
     body = [f"nonlocal {', '.join([*states, *_kept(parts)])}, {clock}", f"{everything} = values"]
-    told = [f"new_state = {flat_state(parts.task, states)}"] if parts.task.spec.info else []
+    told = [f"told = {flat_state(parts.task, states)}"] if is_kept(parts.task) else []
     body += [*restored, *told, f"{clock} = clock"]
     return [
         "def get():",

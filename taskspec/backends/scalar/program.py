@@ -19,7 +19,7 @@ from taskspec.backends.emit.source import run
 from taskspec.backends.lowering.invariant import Invariants, changing, cold_components
 from taskspec.backends.lowering.phase import Phase
 from taskspec.backends.scalar import scalars
-from taskspec.backends.scalar.emit_info import sees_state
+from taskspec.backends.scalar.emit_info import row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.variates.sample import sampler
@@ -112,7 +112,9 @@ def compile_scalar(task: Task) -> ScalarProgram:
     namespace = {
         **scalars.namespace(),
         **constants,
+        **row_names(task),
         "np": np,
+        "array": np.array,
         "index": operator.index,
         "singles": singles,
         **_ACTIONS,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from taskspec import ids, registry
-from taskspec.appendix.bibliography import Reference, beside
+from taskspec.bibliography import Reference, beside
 from taskspec.diagnostics import Collector, Diagnostic, SpecError, suggest
 from taskspec.exam.rules.check import RuleChecker
 from taskspec.exam.rules.vocabulary import RuleNames

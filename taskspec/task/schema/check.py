@@ -113,6 +113,7 @@ def _other_format(document: Document) -> str | None:
     return next((key for key in OTHER_FORMATS if key in document.data), None)
 
 
+@lru_cache(maxsize=256)
 def validated(merged: Merged) -> Spec:
     """A spec or variant, well-formed by itself, as the task that it is meant to be.
 

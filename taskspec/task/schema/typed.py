@@ -14,9 +14,9 @@ from taskspec.task.schema.values import Kind
 
 
 class Strict(BaseModel):
-    """No unknown keys, no silent conversions, no changes afterwards."""
+    """No unknown keys, no silent conversions, no changes afterwards; a validator is built when it is first needed."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, defer_build=True)
 
 
 class Typed(Strict):
@@ -153,7 +153,7 @@ class Requirement(Strict):
 class Parameters(BaseModel):
     """Parameters, and conditions across them."""
 
-    model_config = ConfigDict(strict=True, extra="allow", frozen=True)
+    model_config = ConfigDict(strict=True, extra="allow", frozen=True, defer_build=True)
     __pydantic_extra__: dict[str, ParameterEntry]
 
     require: list[Requirement] = Field(

@@ -50,7 +50,7 @@ PartialMemory = _partial(MemoryEntry, "PartialMemory")
 class PartialParameters(BaseModel):
     """Parameters that a variant adds, changes or (with `null`) removes."""
 
-    model_config = ConfigDict(strict=True, extra="allow", frozen=True)
+    model_config = ConfigDict(strict=True, extra="allow", frozen=True, defer_build=True)
     __pydantic_extra__: dict[str, PartialParameter | None]  # type: ignore[valid-type]
 
     require: list[Requirement] | None = Field(None, description="Conditions across parameters, each with its message.")
