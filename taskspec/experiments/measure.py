@@ -11,9 +11,6 @@ import numpy as np
 
 from taskspec import __version__
 from taskspec.data.episodes import recorded
-from taskspec.envs import Environment
-from taskspec.envs.measure import programs
-from taskspec.envs.measure.race import race
 from taskspec.exact import Results, Return
 from taskspec.exact.difficulty import difficulty
 from taskspec.experiments.order import Sent
@@ -99,6 +96,10 @@ SECONDS = 0.2
 
 def _speed(task: Task) -> dict[str, Any]:
     """Steps per second of one environment and of many on NumPy, in time of the processor."""
+    from taskspec.envs import Environment
+    from taskspec.envs.measure import programs
+    from taskspec.envs.measure.race import race
+
     drives = (programs.scalar(Environment(task)), programs.vector(task, "numpy", LANES))
     (one,), (many,) = race(drives, 1, SECONDS)
     return dict(zip(SPEEDS, (one, many), strict=True))
