@@ -23,7 +23,9 @@ from taskspec.progress import tell
 
 Array = np.ndarray[Any, Any]
 RATE = 1_000_000
-"""Outcomes that are gone through in a second, nominally."""
+"""Operations on short numbers that are done in a second, nominally."""
+OVERHEAD = 100
+"""Operations that a step takes beside those on its outcomes."""
 FREE = -1
 
 
@@ -37,7 +39,8 @@ class ReactiveSearch:
     def value(self) -> Enclosure:
         """What is earned by the best policy that reacts; between two bounds where time ran out."""
         order, tried = count(), 0
-        most = max(1, limits().seconds * RATE // max(1, 2 * self.numbers.work))
+        each = 2 * (self.numbers.work + OVERHEAD * self.numbers.horizon)
+        most = max(1, limits().seconds * RATE // each)
         first = np.full(int(self.seen.max()) + 1, FREE)
         value, open_at, guess = self._relaxed(first)
         waiting = [(-value, next(order), first, open_at)]
