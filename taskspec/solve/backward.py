@@ -51,6 +51,12 @@ def first_values(steps: Iterable[tuple[int, Q, V]]) -> V:
     return found
 
 
+def all_values(steps: Iterable[tuple[int, Q, V]]) -> list[V]:
+    """Return the values at all times that `backward` comes to, the first time first."""
+    found = [value for _, _, value in steps]
+    return found[::-1]
+
+
 def action_values(P: Any, R: Array, gamma: float, V: Array) -> Array:  # noqa: N803  # the field's symbols
     """Return Q, float64 (A, S, ...), of one time.
 

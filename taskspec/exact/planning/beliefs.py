@@ -13,6 +13,7 @@ beside the largest value of the task, so that the cost of an operation does not 
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from math import gcd, lcm
@@ -25,6 +26,7 @@ from taskspec.exact.planning.certified.rational import WIDE, Rational, Scaled
 from taskspec.exact.planning.looks import at
 from taskspec.limits import limits
 from taskspec.progress import tell
+from taskspec.solve.backward import all_values, backward
 
 Array = np.ndarray[Any, Any]
 Belief: TypeAlias = tuple[tuple[int, int], ...]
@@ -210,15 +212,17 @@ class BeliefSearch:
     def _vectors(self) -> tuple[list[Scaled], list[list[Scaled]]]:
         """Return values (S,) from each time on: of knowing the state, and of each action taken for ever."""
         numbers = self.numbers
-        knowing = [numbers.zero()]
-        constant = [[numbers.zero()] for _ in range(numbers.model.n_actions)]
-        for t in range(numbers.horizon - 1, -1, -1):
-            q = numbers.backup(t, knowing[-1])
-            knowing.append(self._shortened(numbers.top(q), is_high=True))
-            for action, values in enumerate(constant):
-                q = numbers.backup(t, values[-1])
-                values.append(self._shortened(Scaled(q.parts[action], q.over).reduced(), is_high=False))
-        return knowing[::-1], [values[::-1] for values in constant]
+
+        def best(t: int, q: Scaled) -> Scaled:
+            return self._shortened(numbers.top(q), is_high=True)
+
+        def taken(action: int) -> Callable[[int, Scaled], Scaled]:
+            return lambda t, q: self._shortened(Scaled(q.parts[action], q.over).reduced(), is_high=False)
+
+        def values(choose: Callable[[int, Scaled], Scaled]) -> list[Scaled]:
+            return all_values(backward(numbers.backup, choose, numbers.zero(), numbers.horizon))
+
+        return values(best), [values(taken(action)) for action in range(numbers.model.n_actions)]
 
     def _shortened(self, values: Scaled, is_high: bool) -> Scaled:
         """Return values, rounded up or down to the grid where they are long."""
