@@ -72,7 +72,7 @@ class _Trials:
 
     def __init__(self, model: Model, horizon: int) -> None:
         self.model, self.horizon, self.steps = model, horizon, RandomSteps(model)
-        if 2 * horizon * model.n_states * 8 > limits().megabytes * 1e6:
+        if 2 * (horizon + 1) * model.n_states * 8 > limits().megabytes * 1e6:
             refuse("what may still be earned at every time does not fit into memory")
         self.most = self._extremes(np.maximum)
         self.least = self._extremes(np.minimum)
