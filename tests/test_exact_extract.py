@@ -184,3 +184,12 @@ def test_a_search_that_finds_one_state_after_another_keeps_to_its_time(set_limit
     set_limits(seconds=1)
     with pytest.raises(SpecError, match=r"E712.*find no new state take more than 1 "):
         visits(Steps(build(read_text(CORRIDOR))), 10**6)
+
+
+def test_a_search_counts_the_outcomes_of_draws(set_limits: Callable[..., None]) -> None:
+    """Each of a million states leads to a thousand others: a billion outcomes take minutes."""
+    text = CORRIDOR.replace("20000}}", "9999999}}").replace("action:", "noise: {next: 'UniformInt(0, 999)'}\naction:")
+    text = text.replace('"min(k + 1, 20000)"', '"(1000 * k + next) % 10000000"')
+    set_limits(seconds=1)
+    with pytest.raises(SpecError, match=r"E712.*find no new state take more than 1 "):
+        visits(Steps(build(read_text(text))))

@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 
 from taskspec.exact.planning import plans, solve
+from taskspec.exact.planning.certified.bounded import Bounded
+from taskspec.exact.planning.certified.rational import Rational
+from taskspec.exact.planning.certified.readings import Reader
+from taskspec.solve.backward import action_values, backward, first_values
 from tests.shared.tasks import Array, Small, model_of, shipped
 
 # -- anchors --------------------------------------------------------------------------------------
@@ -35,6 +39,23 @@ def test_anchors(name: str, variant: str | None, optimal: float, random: float) 
     model = model_of(shipped(name, variant))
     assert solve.optimal_return(model) == pytest.approx(optimal, abs=1e-9)
     assert solve.random_return(model) == pytest.approx(random, abs=1e-9)
+
+
+def test_backward_induction_is_the_same_in_floats_with_bounds_and_in_rationals() -> None:
+    model = model_of(shipped("branching", None))
+    shape = (model.n_actions, model.n_states)
+
+    def backup(t: int, value: Array) -> Array:
+        step = model.step(t)
+        return action_values(step.going, step.reward.reshape(shape), model.discount, value)
+
+    assert model.horizon is not None
+    steps = list(backward(backup, lambda t, q: q.max(axis=0), np.zeros(model.n_states), model.horizon))
+    assert [t for t, _, _ in steps] == list(range(model.horizon - 1, -1, -1))
+    assert model.start @ first_values(steps) == 1
+    for numbers in (Bounded(model), Rational(model, Reader())):
+        found = backward(numbers.backup, lambda t, q, top=numbers.top: top(q), numbers.zero(), model.horizon)
+        assert str(numbers.at_start(first_values(found))) == "1"
 
 
 # -- small random tasks ---------------------------------------------------------------------------

@@ -7,6 +7,7 @@ import json
 import random
 import subprocess
 import sys
+import time
 from collections import defaultdict
 from collections.abc import Callable
 from functools import lru_cache
@@ -156,6 +157,44 @@ def test_without_time_the_bounds_are_wide_and_hold(seed: int, monkeypatch: pytes
     assert told is not None
     assert holds(told.remembering, tables.remembering()) and holds(told.memoryless, tables.memoryless())
     assert told.remembering is not None and told.remembering.low < told.remembering.high
+
+
+def bandit(odds: str, most: int, horizon: int) -> Task:
+    """Two arms with odds that depend on a hidden state."""
+    return build(
+        read_text(f"""
+taskspec: 1
+name: Bandit
+state: {{p: {{type: int, low: 0, high: {most}}}, last: {{type: int, low: 0, high: 1}}, paid: {{type: bool}}}}
+action: {{a: {{type: int, low: 0, high: 1}}}}
+noise: {{hit: "Bernoulli({odds})"}}
+observation: {{last: last, paid: paid}}
+horizon: {horizon}
+initial: {{p: "UniformInt(0, {most})", last: 0, paid: false}}
+dynamics: {{last': a, paid': hit}}
+reward: hit
+""")
+    )
+
+
+def test_a_second_is_enough_for_a_bandit_of_twelve_pulls() -> None:
+    results = Results(bandit("(1 + p) / 10 if a == 0 else (1 + 3 * p % 7) / 8", 7, 12))
+    with limits.also("seconds=1"):
+        told = yardsticks(results)
+    assert told is not None and told.remembering is not None
+    assert told.remembering.error <= 1e-10 * told.remembering.value
+
+
+def test_the_limit_holds_where_numbers_are_long() -> None:
+    """It took eight times its seconds: rationals grow with the horizon."""
+    results = Results(bandit("0.7 if a == p else 0.35", 1, 25))
+    assert results.model is not None
+    with limits.also("seconds=1"):
+        start = time.process_time()
+        told = yardsticks(results)
+        taken = time.process_time() - start
+    assert told is not None and told.remembering is not None and told.remembering.error > 0
+    assert taken < 4
 
 
 def test_claims_are_about_them() -> None:

@@ -9,6 +9,7 @@ count.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,6 +22,7 @@ from taskspec.exact.abstraction.abstraction import abstraction
 from taskspec.exact.model.failure import misused, refuse
 from taskspec.exam.policies import greedy
 from taskspec.registry import load
+from taskspec.solve.backward import action_values, backward, first_values
 from taskspec.task.spaces import action_layout
 from taskspec.task.task import Task, TaskLike
 
@@ -150,9 +152,13 @@ class _Chain:
     # -- values -------------------------------------------------------------------------------------------------------
 
     def _actions(self, reward: Array, following: Array) -> Array:
-        """The values (S, A) of actions, given those of the states (S,) that follow."""
-        later: Array = (self.model.going @ following).reshape(self.model.n_actions, -1).T
-        return np.asarray(reward + self.discount * later)
+        """Return the values (S, A) of actions, given those of the states (S,) that follow."""
+        return action_values(self.model.going, reward.T, self.discount, following).T
+
+    def _backward(self, reward: Array, choose: Callable[[int, Array], Array]) -> Iterator[tuple[int, Array, Array]]:
+        """Yield the time, the values (S, A) of actions and those (S,) of states, from the last step to the first."""
+        end = np.zeros(self.model.n_states)
+        return backward(lambda t, value: self._actions(reward, value), choose, end, self.horizon or 0)
 
     def _plan(self, reward: Array) -> list[Array]:
         """The best actions for a reward as probabilities (S, A), for each step; all that are best alike."""
@@ -160,11 +166,7 @@ class _Chain:
         reward = reward / size if size > 0 else reward
         if self.horizon is None:
             return [self._stationary(reward)]
-        following, found = np.zeros(self.model.n_states), []
-        for _ in range(self.horizon):
-            values = self._actions(reward, following)
-            found.append(greedy(values))
-            following = values.max(axis=1)
+        found = [greedy(q) for _, q, _ in self._backward(reward, lambda t, q: q.max(axis=1))]
         return found[::-1]
 
     def _stationary(self, reward: Array) -> Array:
@@ -180,10 +182,7 @@ class _Chain:
         """The values (S,) of the states at the beginning under a plan."""
         if self.horizon is None:
             return self._lasting(reward, plan[0])
-        following = np.zeros(self.model.n_states)
-        for chances in plan[::-1]:
-            following = (chances * self._actions(reward, following)).sum(axis=1)
-        return following
+        return first_values(self._backward(reward, lambda t, q: (plan[t] * q).sum(axis=1)))
 
     def _lasting(self, reward: Array, chances: Array) -> Array:
         """The values (S,) of a policy that does the same at all times, without a horizon."""
@@ -203,10 +202,7 @@ class _Chain:
         if self.horizon is None:
             values = [self._actions(reward, self._lasting(reward, chances))]
         else:
-            values, following = [], np.zeros(self.model.n_states)
-            for _ in range(self.horizon):
-                values.append(self._actions(reward, following))
-                following = values[-1].mean(axis=1)
+            values = [q for _, q, _ in self._backward(reward, lambda t, q: q.mean(axis=1))]
             values = values[::-1]
         known = [value[here] for value, here in zip(values, self.acting, strict=True)]
         found = np.concatenate([(value - value.mean(axis=1, keepdims=True)).reshape(-1) for value in known])

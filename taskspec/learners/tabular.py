@@ -15,6 +15,7 @@ from taskspec.learners.case import LearnerCase
 from taskspec.learners.configurations import Matching
 from taskspec.learners.refusals import cannot_learn
 from taskspec.progress import tell
+from taskspec.solve.backward import backward, first_values
 from taskspec.task.spaces import observation_layout
 from taskspec.task.task import Task
 
@@ -151,17 +152,20 @@ def fit(config: Matching, found: Tabular, wanted: Array, start: Array) -> tuple[
 
 
 def soft_policy(found: Tabular, reward: Array, config: Matching) -> Array:
-    """Probabilities (T, K, A, S) of soft backward induction from rewards of states (K, S)."""
-    backed = _expectation(found) if config.causal else _log_mean_exp(found, config.floor)
-    value, tables = reward, []
-    for _ in range(found.horizon or 0):
-        worth = backed(value)
-        most = worth.max(axis=1, keepdims=True)
-        powers = np.exp(worth - most)
+    """Return pi (T, K, A, S) of soft backward induction from rewards of states (K, S)."""
+    later = _expectation(found) if config.causal else _log_mean_exp(found, config.floor)
+    pi = []
+
+    def choose(t: int, q: Array) -> Array:
+        """Return V (K, S), with the reward of being in the state, from Q (K, A, S)."""
+        most = q.max(axis=1, keepdims=True)
+        powers = np.exp(q - most)
         total = powers.sum(axis=1, keepdims=True)
-        tables.append(powers / total)
-        value = reward + (most + np.log(total))[:, 0]
-    return np.stack(tables[::-1])
+        pi.append(powers / total)
+        return np.asarray(reward + (most + np.log(total))[:, 0])
+
+    first_values(backward(lambda t, value: later(value), choose, reward, found.horizon or 0))
+    return np.stack(pi[::-1])
 
 
 def expected(found: Tabular, tables: Array) -> Array:

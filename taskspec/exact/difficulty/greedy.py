@@ -25,6 +25,7 @@ from taskspec.exact.model.transitions import Steps
 from taskspec.exact.planning.certified.bounded import Bounded
 from taskspec.exact.planning.certified.following import Bound
 from taskspec.limits import how_to_raise, limits
+from taskspec.solve.backward import all_values, backward
 
 Array = np.ndarray[Any, Any]
 RATE = 1e8
@@ -49,10 +50,8 @@ class _Lookahead:
         self.worst = self._values(self.numbers.bottom)
 
     def _values(self, choose: Any) -> list[Bound]:
-        found = [self.numbers.zero()]
-        for t in range(self.horizon - 1, -1, -1):
-            found.append(choose(self.q(t, found[-1])))
-        return found[::-1]
+        end = self.numbers.zero()
+        return [*all_values(backward(self.q, lambda t, q: choose(q), end, self.horizon)), end]
 
     def q(self, t: int, later: Bound) -> Bound:
         """Action values (A, S) at a time."""

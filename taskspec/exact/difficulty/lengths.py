@@ -12,6 +12,7 @@ from taskspec.exact.planning.certified.components import leading_to
 from taskspec.exact.planning.certified.endless import Endless
 from taskspec.exact.planning.plans import Plan, optimal_plan
 from taskspec.exact.planning.solve import policy_return
+from taskspec.solve.backward import action_values, backward, first_values
 
 Array = np.ndarray[Any, Any]
 
@@ -39,25 +40,32 @@ def solution_length(model: Model) -> float:
     if model.horizon is None:
         return _endless_solution(model, plan(0) > 0)
     shape = (model.n_actions, model.n_states)
-    length, busy = np.zeros(model.n_states), np.zeros(model.n_states, np.bool_)
-    for t in range(model.horizon - 1, -1, -1):
-        going = model.step(t).going
-        busy = _pays(model.step(t), shape) | ((going @ busy.astype(np.float64)).reshape(shape) > 0).any(axis=0)
-        later = np.where(plan(t) > 0, (going @ length).reshape(shape), np.inf).min(axis=0)
-        length = np.where(busy, 1 + later, 0.0)
+
+    def backup(t: int, value: Array) -> Array:
+        """Return (A, S, 2): more than 0 where something may be paid from now on, and the steps from now on."""
+        step = model.step(t)
+        reward = np.stack([_pays(step, shape), np.ones(shape)], axis=-1)
+        return action_values(step.going, reward, 1.0, value)
+
+    def choose(t: int, q: Array) -> Array:
+        is_busy = (q[..., 0] > 0).any(axis=0)
+        length = np.where(plan(t) > 0, q[..., 1], np.inf).min(axis=0)
+        return np.stack([is_busy, np.where(is_busy, length, 0.0)], axis=-1)
+
+    length = first_values(backward(backup, choose, np.zeros((model.n_states, 2)), model.horizon))[:, 1]
     return float(model.start @ length)
 
 
 def _pays(step: Step, shape: tuple[int, int]) -> Array:
-    """States (S,) in which some action may be paid other than 0."""
+    """Return 1 for actions in states (A, S) that may be paid other than 0, else 0."""
     size = np.abs(step.reward) if step.spread is None else step.spread
-    return np.asarray((size.reshape(shape) > 0).any(axis=0))
+    return (size.reshape(shape) > 0).astype(np.float64)
 
 
 def _endless_solution(model: Model, best: Array) -> float:
     """Without a horizon: the shortest way on the same model with actions that are not best replaced by one that is."""
     step, shape = model.step(0), best.shape
-    busy = leading_to(step.going, _pays(step, shape))
+    busy = leading_to(step.going, np.asarray(_pays(step, shape).any(axis=0)))
     action = np.where(best, np.arange(model.n_actions)[:, None], best.argmax(axis=0))
     rows = (action * model.n_states + np.arange(model.n_states)).reshape(-1)
     ending = None if step.ending is None else step.ending[rows]

@@ -13,6 +13,7 @@ from taskspec.exact.planning.certified.chains import Chain
 from taskspec.exact.planning.certified.components import leading_to
 from taskspec.exact.planning.solve import best
 from taskspec.limits import how_to_raise, limits
+from taskspec.solve.backward import all_values, backward, first_values
 
 Array = np.ndarray[Any, Any]
 RATE = 2_000_000
@@ -27,9 +28,11 @@ def reward_chance(model: Model) -> float:
     steps = RandomSteps(model)
     if model.horizon is None:
         return float(model.start @ _ever_paid(model, steps.at(0)))
-    chance = np.zeros(model.n_states)
-    for t in range(model.horizon - 1, -1, -1):
-        chance = _paid(steps.at(t), model.n_states, chance)
+
+    def backup(t: int, later: Array) -> Array:
+        return _paid(steps.at(t), model.n_states, later)
+
+    chance = first_values(backward(backup, lambda t, chance: chance, np.zeros(model.n_states), model.horizon))
     return float(model.start @ chance)
 
 
@@ -63,7 +66,7 @@ class _Trials:
     """Random episodes, as states with what is still missing to the best return, alike ones together.
 
     What is missing is counted in whole grains of the largest possible return, so that sums in whatever order are equal.
-    A state is followed no further once whatever happens decides: `most` and `least` (T + 1, S) are the largest and the
+    A state is followed no further once whatever happens decides: `most` and `least`, (S,) for each time, are the largest and the
     smallest return that anything may still bring.
     """
 
@@ -71,24 +74,31 @@ class _Trials:
         self.model, self.horizon, self.steps = model, horizon, RandomSteps(model)
         if 2 * (horizon + 1) * model.n_states * 8 > limits().megabytes * 1e6:
             refuse("what may still be earned at every time does not fit into memory")
-        self.most, self.least = self._ends()
+        self.most = self._extremes(np.maximum)
+        self.least = self._extremes(np.minimum)
         self.wanted = best(model).value
-        largest = max(float(np.abs(x).max()) for x in (self.most, self.least, self.wanted))
+        largest = max(float(np.abs(x).max()) for x in (*self.most, *self.least, self.wanted))
         self.grain = GRAIN * 2.0 ** np.ceil(np.log2(max(largest, 1e-300)))
         self.slack = CLOSE * largest + horizon * self.grain
         self.spent = 0
 
-    def _ends(self) -> tuple[Array, Array]:
-        n, shape = self.model.n_states, (self.horizon + 1, self.model.n_states)
-        most, least = np.zeros(shape), np.zeros(shape)
-        for t in range(self.horizon - 1, -1, -1):
+    def _extremes(self, extreme: np.ufunc) -> list[Array]:
+        """Return the largest or smallest return (S,) that anything may still bring, at each time."""
+
+        def backup(t: int, value: Array) -> Array:
+            """Return the return (N,) of each outcome."""
             found = self.steps.at(t)
-            acting = np.flatnonzero(found.first[1:] > found.first[:-1])
-            at = found.first[:n][acting]
-            for ends, pick in ((most, np.maximum), (least, np.minimum)):
-                later = np.where(found.ends, 0.0, ends[t + 1][found.target])
-                ends[t, acting] = pick.reduceat(found.reward + self.model.discount * later, at)
-        return most, least
+            later = np.where(found.ends, 0.0, value[found.target])
+            return np.asarray(found.reward + self.model.discount * later)
+
+        def choose(t: int, outcomes: Array) -> Array:
+            first = self.steps.at(t).first
+            acting = np.flatnonzero(first[1:] > first[:-1])
+            value = np.zeros(self.model.n_states)
+            value[acting] = extreme.reduceat(outcomes, first[acting])
+            return value
+
+        return all_values(backward(backup, choose, np.zeros(self.model.n_states), self.horizon))
 
     def chance(self) -> float:
         state = np.flatnonzero(self.model.start)

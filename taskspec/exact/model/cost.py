@@ -23,13 +23,17 @@ WORD, SORTED, PASS = 5, 60, 3
 class Cost:
     """The cost of evaluating nodes at many points at once: their operations, and the numbers in one point's results.
 
-    `simulated`: draws are sampled, instead of being gone through.
+    Args:
+        roots: the nodes.
+        simulated: draws are sampled, instead of being gone through.
+        beside: operations at each point beside those of the nodes.
     """
 
-    def __init__(self, roots: Iterable[Node], simulated: bool = False) -> None:
+    def __init__(self, roots: Iterable[Node], simulated: bool = False, beside: int = 0) -> None:
         nodes = [node for node in walk(roots) if not isinstance(node, Const)]
         sizes = [node.type.size for node in nodes]
-        self.calls, self.numbers = max(1, len(sizes)), max(1, sum(sizes))
+        self.calls = max(1, len(sizes))
+        self.numbers = max(1, sum(sizes) + beside)
         if simulated:
             drawn = [node for node in nodes if isinstance(node, Draw)]
             self.numbers += sum(words_of(draw) * _operations(draw) for draw in drawn)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,12 @@ Array = np.ndarray[Any, Any]
 CHUNK = 65_536
 LEVEL = 2e-4
 """Seconds that a level of the search takes, however few states there are."""
+SORTED = 10
+"""Operations for which a state has its place among those that a step leads to."""
+CODED = 3
+"""Operations by which an element of a state is read from its code, or written into it."""
+MERGED = 300
+"""Operations by which a state is looked up among those that are known, and put among them."""
 OUTCOMES = 4_000_000
 """How many outcomes of steps are held at once."""
 
@@ -39,13 +46,16 @@ def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each
     level = distinct(steps.starts()[0])
     acting, entered = Growing(), Growing()
     entered.add(level)
-    budget, cost = Budget("the steps until episodes find no new state"), Cost(steps.roots)
+    budget = Budget("the steps until episodes find no new state")
+    elements = sum(map(len, steps.states.strides))
+    cost = Cost(steps.roots, beside=SORTED + CODED * elements)
+    merging = Cost((), beside=MERGED)
     t = 0
     _check_few(entered.size, limit, hint, each)
     while len(level) and (horizon is None or t < horizon):
-        budget.spend(cost, len(level) * steps.actions.size, LEVEL)
+        budget.spend(merging, len(level), LEVEL)
         acting.add(level)
-        going, ended = _successors(steps, level, t)
+        going, ended = _successors(steps, level, t, lambda outcomes: budget.spend(cost, outcomes))
         entered.add(union([going, ended]))
         _check_few(entered.size, limit, hint, each)
         level = going if steps.uses_time else acting.without(going)
@@ -59,8 +69,11 @@ def _check_few(entered: int, limit: int | None, hint: str | None, each: str) -> 
         refuse(told, f"choose smaller parameters, or: {hint}" if hint else None)
 
 
-def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
-    """States entered from the given ones: those where the episode goes on, and those where it ends."""
+def _successors(steps: Steps, states: Array, t: int, spend: Callable[[int], None]) -> tuple[Array, Array]:
+    """States entered from the given ones: those where the episode goes on, and those where it ends.
+
+    `spend` is told of outcomes before they are sorted.
+    """
     going, ended = [states[:0]], [states[:0]]
     per_chunk = max(1, int(min(CHUNK, OUTCOMES // max(1.0, steps.branching))) // steps.actions.size)
     for low in range(0, len(states), per_chunk):
@@ -69,6 +82,7 @@ def _successors(steps: Steps, states: Array, t: int) -> tuple[Array, Array]:
         for actions in _action_chunks(steps.actions.size):
             here, there = np.tile(some, len(actions)), np.repeat(actions, len(some))
             for found in steps.outcomes(here, there, t):
+                spend(len(found.code))
                 inside = np.ones(len(found.code), np.bool_) if found.outside is None else ~found.outside
                 terminal = np.broadcast_to(found.terminal, found.code.shape)
                 going.append(distinct(found.code[inside & ~terminal]))

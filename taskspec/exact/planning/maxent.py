@@ -17,6 +17,7 @@ and the policy that acts as such trajectories do, given the state they are in, i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -37,30 +38,42 @@ Array = np.ndarray[Any, Any]
 class MaxEnt(Rule):
     """The policy of trajectories drawn in proportion to P(tau) exp(beta R(tau)), from the last time to the first.
 
-    Between times goes log Z (S,) with a bound of its error, and the table of the time that is worked on.
+    Q is log Z (A, S), and V is log Z (S,).
     """
 
     beta: float = 1.0
     is_rational: ClassVar[bool] = False
+    is_planned: ClassVar[bool] = True
 
-    def start(self, numbers: Bounded) -> tuple[Bound, _Table | None]:
-        """Raises SpecError (E712) where such trajectories have no distribution that could be worked out."""
+    def backup(self, numbers: Bounded) -> Callable[[int, Bound], Bound]:
+        """Return the function that gives log Z (A, S) at t from log Z (S,) at t + 1.
+
+        Raises:
+            SpecError: (E712) where such trajectories have no distribution that could be worked out.
+        """
         model = numbers.model
         if model.horizon is None:
             refuse("trajectories without a horizon have no maximum-entropy distribution", "give the task a horizon")
         if Steps(model.task).reward is not model.task.reward:
             refuse("maximum entropy depends on the whole distribution of a reward, and this one is continuous")
-        return numbers.zero(), None
+        table: _Table | None = None
 
-    def back(self, numbers: Bounded, t: int, inner: Any) -> tuple[Policy, Any]:
-        log_z, table = inner
-        if table is None or table.step is not numbers.model.step(t):
-            table = _Table(numbers, t, self.beta)
-        policy, value = numbers.boltzmann(table.log_q(log_z, t), 1.0)
-        return policy, (value, table)
+        def back(t: int, log_z: Bound) -> Bound:
+            nonlocal table
+            if table is None or table.step is not model.step(t):
+                table = _Table(numbers, t, self.beta)
+            return table.log_q(log_z, t)
+
+        return back
+
+    def value(self, numbers: Bounded, q: Bound) -> Bound:
+        return numbers.soft(q, 1.0)
+
+    def policy(self, numbers: Bounded, t: int, q: Bound) -> Policy:
+        return numbers.boltzmann(q, 1.0)
 
     def settled(self, numbers: Any) -> Any:
-        return self.start(numbers)
+        return self.backup(numbers)
 
 
 class _Table:

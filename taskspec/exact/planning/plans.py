@@ -1,7 +1,7 @@
 """Ways to choose actions on a model, each worked out from the last time to the first in any arithmetic.
 
-A rule gives the policy at a time from what it knows of the next one (`back`), so that one table is held at a time;
-`tables` gives those of any time, in floats, and keeps values at a few times only.
+A rule gives the policy at a time from the action values of that time, so that one table is held at a time; `tables` gives
+those of any time, in floats, and keeps values at a few times only.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from taskspec.exact.planning.certified.following import Bound, Policy
 from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.maxent import MaxEnt
 from taskspec.lang.ir import Node, draws, reads
+from taskspec.solve.backward import backward
 from taskspec.task.task import Soft
 
 Array = np.ndarray[Any, Any]
@@ -36,8 +37,10 @@ MEMORY = 2**29
 class Uniform(Rule):
     """Uniformly random actions."""
 
-    def back(self, numbers: Any, t: int, inner: Any) -> tuple[Any, Any]:
-        return numbers.uniform(), None
+    is_timed = False
+
+    def policy(self, numbers: Any, t: int, q: Any) -> Any:
+        return numbers.uniform()
 
     def settled(self, numbers: Any) -> Any:
         return numbers.uniform()
@@ -54,12 +57,11 @@ class Expressed(Rule):
         return bool(draws(self.nodes))
 
     @cached_property
-    def is_timed(self) -> bool:
+    def is_timed(self) -> bool:  # type: ignore[override]
         return TIME in reads(self.nodes)
 
-    def back(self, numbers: Any, t: int, inner: Any) -> tuple[Any, Any]:
-        found = numbers.tabulated(self.nodes, t) if inner is None or self.is_timed else inner
-        return found, found
+    def policy(self, numbers: Any, t: int, q: Any) -> Any:
+        return numbers.tabulated(self.nodes, t)
 
     def settled(self, numbers: Any) -> Any:
         if self.is_timed:
@@ -71,14 +73,14 @@ class Expressed(Rule):
 class Given(Rule):
     """Tables of probabilities (A, S) from outside."""
 
-    plan: Plan
+    tables: Plan
     is_rational: ClassVar[bool] = False
 
-    def back(self, numbers: Any, t: int, inner: Any) -> tuple[Any, Any]:
-        return Policy(self.plan(t)), None
+    def policy(self, numbers: Any, t: int, q: Any) -> Any:
+        return Policy(self.tables(t))
 
     def settled(self, numbers: Any) -> Any:
-        return Policy(self.plan(0))
+        return Policy(self.tables(0))
 
 
 @dataclass(frozen=True)
@@ -92,17 +94,20 @@ class Greedy(Rule):
     """
 
     shift: Fraction = Fraction(0)
+    is_planned: ClassVar[bool] = True
 
     @property
     def is_best(self) -> bool:
         return not self.shift
 
-    def start(self, numbers: Any) -> Any:
-        return numbers.zero()
+    def backup(self, numbers: Any) -> Callable[[int, Any], Any]:
+        return lambda t, value: numbers.backup(t, value, self.shift)
 
-    def back(self, numbers: Any, t: int, inner: Any) -> tuple[Any, Any]:
-        q = numbers.backup(t, inner, self.shift)
-        return numbers.greedy(q), numbers.top(q)
+    def value(self, numbers: Any, q: Any) -> Any:
+        return numbers.top(q)
+
+    def policy(self, numbers: Any, t: int, q: Any) -> Any:
+        return numbers.greedy(q)
 
     def settled(self, numbers: Any) -> Any:
         return numbers.greedy(numbers.settled_best(self.shift))
@@ -114,15 +119,16 @@ class Boltzmann(Rule):
 
     beta: float
     is_rational: ClassVar[bool] = False
+    is_planned: ClassVar[bool] = True
 
-    def start(self, numbers: Bounded) -> Bound:
-        return numbers.zero()
+    def value(self, numbers: Bounded, q: Bound) -> Bound:
+        return numbers.soft(q, self.beta)
 
-    def back(self, numbers: Bounded, t: int, inner: Bound) -> tuple[Policy, Bound]:
-        return numbers.boltzmann(numbers.backup(t, inner), self.beta)
+    def policy(self, numbers: Bounded, t: int, q: Bound) -> Policy:
+        return numbers.boltzmann(q, self.beta)
 
     def settled(self, numbers: Any) -> Policy:
-        found: Policy = numbers.boltzmann(numbers.settled_soft(self.beta), self.beta)[0]
+        found: Policy = numbers.boltzmann(numbers.settled_soft(self.beta), self.beta)
         return found
 
 
@@ -156,6 +162,7 @@ class Tables:
 
     def __init__(self, model: Model, rule: Rule) -> None:
         self.rule, self.numbers = rule, Bounded(model)
+        self.backup = rule.backup(self.numbers)
         self.every = max(1, math.isqrt(model.horizon or 1))
         size = (self.every + (model.horizon or 1) // self.every) * model.n_states * 16
         if size > MEMORY:
@@ -166,20 +173,20 @@ class Tables:
     def __call__(self, t: int) -> Array:
         after = min(t, self.numbers.horizon - 1) + 1
         if not self._kept:
-            self._kept = self._walk(self.numbers.horizon, 0, self.rule.start(self.numbers), self.every)
+            self._kept = self._walk(self.numbers.horizon, 0, self.numbers.zero(), self.every)
         if after not in self._near:
             stop = min(-(-after // self.every) * self.every, self.numbers.horizon)
             self._near = self._walk(stop, max(0, stop - self.every), self._kept[stop], 1)
-        policy: Policy = self.rule.back(self.numbers, after - 1, self._near[after])[0]
+        q = self.backup(after - 1, self._near[after])
+        policy: Policy = self.rule.policy(self.numbers, after - 1, q)
         return policy.table
 
-    def _walk(self, high: int, low: int, inner: Any, every: int) -> dict[int, Any]:
-        """What the rule knows at times from `high` down to `low`, at every so many of them."""
-        found = {high: inner}
-        for t in range(high - 1, low - 1, -1):
-            inner = self.rule.back(self.numbers, t, inner)[1]
+    def _walk(self, high: int, low: int, end: Any, every: int) -> dict[int, Any]:
+        """Return values at times from `high` down to `low`, at every so many of them."""
+        found = {high: end}
+        for t, _, value in backward(self.backup, lambda t, q: self.rule.value(self.numbers, q), end, high, low):
             if t % every == 0:
-                found[t] = inner
+                found[t] = value
         return found
 
 
@@ -189,12 +196,12 @@ def tables(model: Model, rule: Rule) -> Plan:
         from taskspec.exact.planning.certified.endless import Endless
 
         return stationary(rule.settled(Endless(model)).table)
-    if not isinstance(rule, Uniform | Expressed | Given):
+    if rule.is_planned:
         return Tables(model, rule)
     numbers = Bounded(model)
-    if isinstance(rule, Uniform) or (isinstance(rule, Expressed) and not rule.is_timed):
-        return stationary(rule.back(numbers, 0, None)[0].table)
-    return lambda t: np.asarray(rule.back(numbers, t, None)[0].table)
+    if not rule.is_timed:
+        return stationary(rule.policy(numbers, 0, None).table)
+    return lambda t: np.asarray(rule.policy(numbers, t, None).table)
 
 
 def stationary(table: Array) -> Plan:

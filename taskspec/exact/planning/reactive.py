@@ -20,10 +20,13 @@ from taskspec.exact.planning.certified.rational import Rational, Scaled
 from taskspec.exact.planning.looks import at
 from taskspec.limits import limits
 from taskspec.progress import tell
+from taskspec.solve.backward import backward, first_values
 
 Array = np.ndarray[Any, Any]
 RATE = 1_000_000
-"""Outcomes that are gone through in a second, nominally."""
+"""Operations on short numbers that are done in a second, nominally."""
+OVERHEAD = 100
+"""Operations that a step takes beside those on its outcomes."""
 FREE = -1
 
 
@@ -37,7 +40,8 @@ class ReactiveSearch:
     def value(self) -> Enclosure:
         """What is earned by the best policy that reacts; between two bounds where time ran out."""
         order, tried = count(), 0
-        most = max(1, limits().seconds * RATE // max(1, 2 * self.numbers.work))
+        each = 2 * (self.numbers.work + OVERHEAD * self.numbers.horizon)
+        most = max(1, limits().seconds * RATE // each)
         first = np.full(int(self.seen.max()) + 1, FREE)
         value, open_at, guess = self._relaxed(first)
         waiting = [(-value, next(order), first, open_at)]
@@ -62,13 +66,16 @@ class ReactiveSearch:
 
     def _relaxed(self, policy: Array) -> tuple[Fraction, int | None, Array]:
         """What is earned if only some observations bind; one whose states want different actions; a policy near it."""
-        numbers, values, wanted = self.numbers, self.numbers.zero(), []
-        for t in range(numbers.horizon - 1, -1, -1):
-            q = numbers.backup(t, values)
+        numbers = self.numbers
+        wanted = []
+
+        def choose(t: int, q: Scaled) -> Scaled:
             bound = policy[at(self.seen, t)]
             parts = np.where(bound == FREE, q.parts.max(axis=0), q.parts[bound, np.arange(len(bound))])
-            values = Scaled(parts, q.over).reduced()
             wanted.append(np.where(bound == FREE, q.parts == parts, np.arange(len(q.parts))[:, None] == bound))
+            return Scaled(parts, q.over).reduced()
+
+        values = first_values(backward(numbers.backup, choose, numbers.zero(), numbers.horizon))
         start = numbers.at_start(values).low
         assert isinstance(start, Fraction)
         return start, *self._conflict(policy, wanted[::-1])

@@ -22,6 +22,7 @@ from taskspec.exact.planning.certified.endless import Endless
 from taskspec.exact.planning.certified.following import Bound
 from taskspec.exact.planning.certified.solver import Solver, Solvers, extreme
 from taskspec.exact.planning.plans import Boltzmann, Given, Greedy, Plan, Uniform, tables
+from taskspec.solve.backward import first_values
 
 Array = np.ndarray[Any, Any]
 MOST_STEPS = 1_000_000
@@ -62,11 +63,9 @@ def soft(beta: float) -> Callable[[Model], Bound]:
     def rule(model: Model) -> Bound:
         if model.horizon is None:
             numbers = Endless(model)
-            return numbers.boltzmann(numbers.settled_soft(beta), beta)[1]
-        bounded, value = Bounded(model), Bounded(model).zero()
-        for t in range(bounded.horizon - 1, -1, -1):
-            value = Boltzmann(beta).back(bounded, t, value)[1]
-        return value
+            return numbers.soft(numbers.settled_soft(beta), beta)
+        found: Bound = first_values(Boltzmann(beta).plan(Bounded(model)))
+        return found
 
     return rule
 

@@ -53,10 +53,12 @@ def best_observing(results: Results, which: str, as_written: bool = False) -> En
     if model.horizon is None:
         refuse("episodes have no horizon")
     seen = looks(model)
-    numbers = results.solvers.of(None, as_written).numbers
+    solver = results.solvers.of(None, as_written)
+    numbers = solver.numbers
     if not isinstance(numbers, Rational):
         refuse("the task is too large for rational arithmetic, or its probabilities are no rationals")
     key = (which, as_written)
     if key not in results.searched:
-        results.searched[key] = SEARCHES[which](numbers, seen).value()
+        found = SEARCHES[which](numbers, seen).value()
+        results.searched[key] = Enclosure(found.low, min(found.high, solver.best().high))
     return results.searched[key]

@@ -245,23 +245,25 @@ class Bounded:
         unsure = best & (count > 1) & (_largest_error(q, best) > 0)
         return Policy(best / count, None, unsure if unsure.any() else None)
 
-    def boltzmann(self, q: Bound, beta: float) -> tuple[Policy, Bound]:
-        """Actions in proportion to exp(beta Q), and the soft value log sum exp(beta Q) / beta."""
-        top = q.value.max(axis=0)
-        with np.errstate(over="ignore"):  # of floats near the largest
-            depth = np.minimum(beta * (top - q.value), DEEPEST)
+    # Elementary functions err by less than 4 units, and exp(-x) by 2 x units more for the rounding of its argument.
+
+    def soft(self, q: Bound, beta: float) -> Bound:
+        """Return the soft values log(sum over a of exp(beta Q)) / beta."""
+        total = np.exp(-_depth(q, beta)).sum(axis=0)
+        value = q.value.max(axis=0) + np.log(total) / beta
+        error = q.error.max(axis=0) + _units(q) * (1 / beta + np.abs(value))
+        return Bound(value, error)
+
+    def boltzmann(self, q: Bound, beta: float) -> Policy:
+        """Return the policy of actions in proportion to exp(beta Q)."""
+        depth = _depth(q, beta)
         weights = np.exp(-depth)
-        total = weights.sum(axis=0)
-        value = top + np.log(total) / beta
-        # Elementary functions err by less than 4 units, and exp(-x) by 2 x units more for the rounding of its argument.
-        worst, units = q.error.max(axis=0), (16 * len(q.value) + 32) * UNIT
-        error = worst + units * (1 / beta + np.abs(value))
+        table = weights / weights.sum(axis=0)
         with np.errstate(over="ignore"):
-            exponent = beta * (q.error + worst)
-        apart = np.expm1(np.minimum(exponent, 30.0)) + units + 4 * UNIT * depth
-        table = weights / total
+            exponent = beta * (q.error + q.error.max(axis=0))
+        apart = np.expm1(np.minimum(exponent, 30.0)) + _units(q) + 4 * UNIT * depth
         off = np.where(exponent > 30, 1.0, np.minimum(table * apart + 1e-300, 1.0))
-        return Policy(table, off), Bound(value, error)
+        return Policy(table, off)
 
     def tabulated(self, nodes: Sequence[Node], t: int) -> Policy:
         """A policy given by expressions, which may draw and read the time."""
@@ -304,6 +306,17 @@ class Bounded:
 def _ones(step: Step) -> bool:
     parts = [step.going.data] + ([] if step.ending is None else [step.ending.data])
     return all(every(data, lambda p: (p == 0) | (p == 1)) for data in parts)
+
+
+def _depth(q: Bound, beta: float) -> Array:
+    """Return by how much beta Q is below the largest in its state, (A, S)."""
+    with np.errstate(over="ignore"):  # of floats near the largest
+        return np.asarray(np.minimum(beta * (q.value.max(axis=0) - q.value), DEEPEST))
+
+
+def _units(q: Bound) -> float:
+    """Return the relative error of sums of exponentials over the actions."""
+    return (16 * len(q.value) + 32) * UNIT
 
 
 def _possible(q: Bound) -> Array:

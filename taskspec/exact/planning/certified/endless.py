@@ -240,7 +240,7 @@ class Endless(Bounded):
         """Action values (A, S) of the causal maximum-entropy policy."""
 
         def image(x: Bound) -> Bound:
-            return self.boltzmann(self.backup(0, x), beta)[1]
+            return self.soft(self.backup(0, x), beta)
 
         value = self._soft_candidate(beta)
         if self.is_discounted:
@@ -254,7 +254,7 @@ class Endless(Bounded):
         value, part = np.zeros(self.model.n_states), self.part(0)
         reward = part.reward.reshape(self.model.n_actions, -1)
         for _ in range(ROUNDS):
-            policy = self.boltzmann(self.backup(0, Bound(value, np.zeros_like(value))), beta)[0]
+            policy = self.boltzmann(self.backup(0, Bound(value, np.zeros_like(value))), beta)
             logs = np.log(np.maximum(policy.table, 1e-300))
             gain = (policy.table * (reward - logs / beta)).sum(axis=0)
             better = Chain(self.model.discount * self._matrix(policy), lambda x: x, self.acting).solved(gain)

@@ -120,6 +120,8 @@ class _Step:
 class Rational:
     """Arithmetic on values (S,), action values (A, S) and policies (A, S) as `Scaled`.
 
+    `work` is how many operations on short numbers it costs to go from the last step to the first.
+
     Raises:
         Inexact: for models that are too large, or whose probabilities are no rationals.
     """
@@ -143,7 +145,8 @@ class Rational:
         found = [self._step(steps, t) for t in range(len(model.steps))]
         work = max(len(s.columns) for s in found) * model.horizon
         bits = max(s.weights.over for s in found).bit_length() + self.discount.denominator.bit_length()
-        if work * (1 + bits * model.horizon / WIDE) > MOST_WORK:
+        self.work = work * (1 + bits * model.horizon / WIDE)
+        if self.work > MOST_WORK:
             raise Inexact
         return found
 
@@ -224,11 +227,6 @@ class Rational:
         return Enclosure.exactly(found)
 
     # -- outcomes -----------------------------------------------------------------------------------------------------
-
-    @property
-    def work(self) -> int:
-        """Outcomes that are gone through from the last step to the first."""
-        return self.horizon * max(len(step.columns) for step in self._steps)
 
     def rewards(self, t: int) -> Scaled:
         """Expected rewards (A*S,) at a time."""

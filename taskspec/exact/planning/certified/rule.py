@@ -1,13 +1,24 @@
-"""What a way to choose actions says, for whatever arithmetic."""
+"""A way to choose actions, in numbers of any kind."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
+
+from taskspec.solve.backward import backward
 
 
 class Rule(ABC):
-    """A way to choose actions, worked out from the last time to the first (`exact.planning.plans`)."""
+    """A way to choose actions (`exact.planning.plans`).
+
+    `numbers` is the arithmetic of a model, `Rational` or `Bounded`; Q (A, S) and V (S,) are in its numbers.
+    """
+
+    is_planned: ClassVar[bool] = False
+    """Whether it depends on Q, which backward induction gives; otherwise Q is None."""
+    is_timed: bool = True
+    """Whether its policy may differ from time to time."""
 
     is_rational: ClassVar[bool] = True
     """Whether rational arithmetic has its policies, as far as can be said beforehand."""
@@ -19,14 +30,23 @@ class Rule(ABC):
         """Whether its return is the optimal one."""
         return False
 
-    def start(self, numbers: Any) -> Any:
-        """What is known at the end."""
-        return None
+    def backup(self, numbers: Any) -> Callable[[int, Any], Any]:
+        """Return the function that gives Q[t] from t and V[t + 1]."""
+        found: Callable[[int, Any], Any] = numbers.backup
+        return found
+
+    def value(self, numbers: Any, q: Any) -> Any:
+        """Return V[t] from Q[t]."""
+        raise NotImplementedError
 
     @abstractmethod
-    def back(self, numbers: Any, t: int, inner: Any) -> tuple[Any, Any]:
-        """The policy (A, S) at a time, and what is needed at the time before, from what is known at the time after."""
+    def policy(self, numbers: Any, t: int, q: Any) -> Any:
+        """Return the policy (A, S) at a time."""
 
     @abstractmethod
     def settled(self, numbers: Any) -> Any:
-        """The policy (A, S) without a horizon."""
+        """Return the policy (A, S) without a horizon."""
+
+    def plan(self, numbers: Any) -> Iterator[tuple[int, Any, Any]]:
+        """Yield t, Q[t] and V[t] from the last time to the first."""
+        return backward(self.backup(numbers), lambda t, q: self.value(numbers, q), numbers.zero(), numbers.horizon)

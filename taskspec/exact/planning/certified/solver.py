@@ -19,6 +19,7 @@ from taskspec.exact.planning.certified.rule import Rule
 from taskspec.exact.planning.certified.slack import QUIET
 from taskspec.extras import is_installed
 from taskspec.progress import tell
+from taskspec.solve.backward import backward, first_values
 
 Array = np.ndarray[Any, Any]
 LONG = 100_000_000
@@ -96,10 +97,18 @@ class Finite:
 
     def policies(self, rule: Rule) -> Iterator[tuple[int, Any]]:
         """A rule's policy at each time, the last one first; one is held at a time."""
-        inner = rule.start(self._numbers)
-        for t in range(self._numbers.horizon - 1, -1, -1):
-            tell(f"following a policy, step {t + 1:,} of {self._numbers.horizon:,}")
-            policy, inner = rule.back(self._numbers, t, inner)
+        numbers = self._numbers
+        what = f"of {numbers.horizon:,}"
+        if rule.is_planned:
+            for t, q, _ in rule.plan(numbers):
+                tell(f"following a policy, step {t + 1:,} {what}")
+                yield t, rule.policy(numbers, t, q)
+            return
+        policy = None
+        for t in range(numbers.horizon - 1, -1, -1):
+            tell(f"following a policy, step {t + 1:,} {what}")
+            if policy is None or rule.is_timed:
+                policy = rule.policy(numbers, t, None)
             yield t, policy
 
 
@@ -110,12 +119,12 @@ def extreme(numbers: ValueArithmetic, largest: bool) -> Any:
         from taskspec.exact.planning.kernels_numba import extreme_values
 
         return extreme_values(numbers, largest)
-    value = numbers.zero()
-    for t in range(numbers.horizon - 1, -1, -1):
+
+    def choose(t: int, q: Any) -> Any:
         tell(f"planning, step {t + 1:,} of {numbers.horizon:,}")
-        q = numbers.backup(t, value)
-        value = numbers.top(q) if largest else numbers.bottom(q)
-    return value
+        return numbers.top(q) if largest else numbers.bottom(q)
+
+    return first_values(backward(numbers.backup, choose, numbers.zero(), numbers.horizon))
 
 
 def _is_long(numbers: Bounded) -> bool:

@@ -1,0 +1,1 @@
+"""Solvers of finite decision processes, in the field's symbols and in numbers of any kind."""
