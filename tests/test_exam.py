@@ -224,8 +224,8 @@ def test_actions_whose_values_differ_by_a_billionth_are_tied(size: float, behind
     values = np.hstack([top, top - behind * max(size, 1)])
     found = examine(lambda case: values, tasks=["RiskyPath"], seeds=1, twins=0, learns_from=["reward"])
     task = taskspec.load("derail/RiskyPath")
-    chances = np.repeat([[0.5], [0.5]] if is_tied else [[1.0], [0.0]], 4, axis=1)
-    assert found["scores"][0]["deterministic"] == pytest.approx(taskspec.exact.score(task, chances).normalised)
+    pi = np.tile([0.5, 0.5] if is_tied else [1.0, 0.0], (4, 1))
+    assert found["scores"][0]["deterministic"] == pytest.approx(taskspec.exact.score(task, pi).normalised)
 
 
 def test_tasks_without_a_model_are_scored_in_episodes() -> None:

@@ -33,10 +33,10 @@ reward: {by: ["s'"], rows: {1: 0, 2: 1, 3: 1.5, else: 0}}
 
 
 def learned(name: str, task: str, seeds: int = 2, **settings: float) -> np.ndarray:
-    """Policies (K, T, A, S) of tasks whose states are seen as they are."""
+    """Policies (K, T, S, A) of tasks whose states are seen as they are."""
     asked = learner(name)
     asked = replace(asked, configuration=replace(asked.configuration, **settings))
-    return np.moveaxis(np.array([np.asarray(p) for p in asked(Granted(task, seeds=seeds))]), -1, -2)
+    return np.array([np.asarray(p) for p in asked(Granted(task, seeds=seeds))])
 
 
 def test_on_a_bandit_actions_are_as_frequent_as_they_were_shown(tmp_path: Path) -> None:

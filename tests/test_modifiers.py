@@ -246,12 +246,12 @@ def test_each_modifier_that_keeps_returns_is_tried_on_what_observers_earn() -> N
 
 
 def best_actions(task: Task) -> Any:
-    """An optimal policy (T, A, S) of the exact model."""
+    """An optimal policy (T, S, A) of the exact model."""
     model = results(task).model
     assert model is not None
     plan = optimal_plan(model)
     best = [plan(t).argmax(axis=0) for t in range(task.horizon or 1)]
-    return np.stack([np.eye(model.n_actions)[each].T for each in best])
+    return np.stack([np.eye(model.n_actions)[each] for each in best])
 
 
 @pytest.mark.parametrize(("task_id", "name"), FINITE)
