@@ -11,11 +11,10 @@ from pathlib import Path
 import yaml
 
 from taskspec import registry
-from taskspec.appendix.brief import briefly
-from taskspec.appendix.page import Page, page
-from taskspec.appendix.render.markdown import MarkdownWriter
-from taskspec.appendix.write import gather_pages
-from taskspec.files import write_text
+from taskspec.base.files import write_text
+from taskspec.pages.page import Page, briefly, page
+from taskspec.pages.render.markdown import MarkdownWriter
+from taskspec.pages.write import gather_pages
 
 DOCS = Path(__file__).parent
 INTRODUCTION = """\

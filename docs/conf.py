@@ -15,7 +15,7 @@ from typing import Any
 from docutils import nodes
 
 from taskspec import __version__
-from taskspec.appendix.render import gallery_style
+from taskspec.pages.render.html import gallery_style
 from taskspec.printers import tex
 from taskspec.printers.mathml import mathml
 

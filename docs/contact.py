@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from taskspec import registry
-from taskspec.appendix.render import gallery_style, page_style
+from taskspec.base.files import write_text
 from taskspec.figures import Scene, scene, svg
-from taskspec.files import write_text
+from taskspec.pages.render.html import gallery_style, page_style
 from taskspec.task.task import Task
 
 SETTINGS: Mapping[str, tuple[Mapping[str, Any], ...]] = {

@@ -6,10 +6,10 @@ import re
 from functools import lru_cache
 from pathlib import Path
 
-from taskspec import appendix, registry
-from taskspec.appendix.render import gallery
-from taskspec.appendix.render.suite import Suite
-from taskspec.appendix.write import gather_pages
+from taskspec import pages, registry
+from taskspec.pages.render.html import gallery
+from taskspec.pages.render.suite import Suite
+from taskspec.pages.write import gather_pages
 
 SUITES = {"suite/index": "derail", "seals/index": "seals"}
 """Index pages, and the suites whose tasks they show."""
@@ -22,7 +22,7 @@ PAPER = re.compile(r'<rect width="[\d.]+" height="[\d.]+" fill="#ffffff"/>')
 def suite_of(page: str) -> Suite:
     """The tasks of an index page, with their scores."""
     tasks = [registry.load(entry.id) for entry in registry.shipped().values() if entry.suite == SUITES[page]]
-    return gather_pages(tasks, facts={task.id: appendix.gather(task) for task in tasks})
+    return gather_pages(tasks, facts={task.id: pages.gather(task) for task in tasks})
 
 
 def with_gallery(page: str, text: str) -> str:

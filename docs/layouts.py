@@ -19,8 +19,8 @@ import numpy as np
 from taskspec import registry
 from taskspec.figures.graph import Plan, plan_of
 from taskspec.figures.machine import explore
-from taskspec.figures.overlay import Overlay
-from taskspec.figures.place import box
+from taskspec.figures.overlays import Overlay
+from taskspec.figures.route import box
 from taskspec.figures.scene import Line, bezier
 from taskspec.source import read_text
 from taskspec.task.build import build

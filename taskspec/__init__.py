@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from taskspec import data as data
     from taskspec import envs as envs
     from taskspec import exact as exact
-    from taskspec.diagnostics import Diagnostic as Diagnostic
-    from taskspec.diagnostics import SpecError as SpecError
-    from taskspec.diagnostics import TaskspecError as TaskspecError
+    from taskspec.base.diagnostics import Diagnostic as Diagnostic
+    from taskspec.base.diagnostics import SpecError as SpecError
+    from taskspec.base.diagnostics import TaskspecError as TaskspecError
     from taskspec.envs import Environment as Environment
     from taskspec.figures import drawing as drawing
     from taskspec.making import make as make
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from taskspec.task.task import Task as Task
 
 _PUBLIC = {
-    "Diagnostic": "taskspec.diagnostics",
+    "Diagnostic": "taskspec.base.diagnostics",
     "Environment": "taskspec.envs",
-    "SpecError": "taskspec.diagnostics",
-    "TaskspecError": "taskspec.diagnostics",
+    "SpecError": "taskspec.base.diagnostics",
+    "TaskspecError": "taskspec.base.diagnostics",
     "Task": "taskspec.task.task",
     "drawing": "taskspec.figures",
     "load": "taskspec.registry",
@@ -52,7 +52,7 @@ __all__ = [
     "task_ids",
 ]
 _ROOMS = ("data", "envs", "exact")
-"""Packages whose names are public, too: `taskspec.data.demonstrations`."""
+"""Packages whose names are public, too: `taskspec.data.episodes`."""
 __version__ = "0.1.0"
 
 

@@ -13,8 +13,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec import ids, registry
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec import registry
+from taskspec.base import ids
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.registry import entries, load, shipped
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from taskspec.envs.options import Autoreset
     from taskspec.envs.vector import AutoresetMode, VectorEnvironment
     from taskspec.modifiers import Written
-    from taskspec.task.options import Ending, RenderMode
+    from taskspec.task.parameters import Ending, RenderMode
     from taskspec.task.task import Task, TaskLike
 
 SPEC_ID = "taskspec/Spec-v0"

@@ -14,8 +14,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from taskspec import ids, scan
-from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base import ids
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.source import scan
 
 if TYPE_CHECKING:
     from taskspec.modifiers import Written

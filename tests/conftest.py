@@ -37,14 +37,14 @@ def update_golden(request: pytest.FixtureRequest) -> bool:
 @pytest.fixture
 def kept_log(monkeypatch: pytest.MonkeyPatch) -> None:
     """What TeX logs stays beside the documents that compile."""
-    module = import_module("taskspec.appendix.write")
+    module = import_module("taskspec.pages.write")
     monkeypatch.setattr(module, "_SCRATCH", tuple(ending for ending in module._SCRATCH if ending != "log"))
 
 
 @pytest.fixture
 def set_limits(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Sets limits by their names, for one test."""
-    from taskspec import limits
+    from taskspec.base import limits
 
     def set_them(**values: int) -> None:
         monkeypatch.setenv(limits.VARIABLE, ",".join(f"{k}={v}" for k, v in values.items()))

@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from taskspec import limits
+from taskspec.base import limits
 from taskspec.exam import Running, examine
-from taskspec.runs import Standing
+from taskspec.jobs.engine import Standing
 from tests.learners import counting
 from tests.shared.commands import Done
 

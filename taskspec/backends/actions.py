@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.lang.types import Kind
-from taskspec.task.segments import Segment
-from taskspec.task.spaces import SpaceLayout
+from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
-
-Array = np.ndarray[Any, Any]
 
 
 class BadActionError(Exception):

@@ -15,13 +15,12 @@ import numpy as np
 from taskspec import draws
 from taskspec.backends.buffers import Buffers
 from taskspec.backends.lowering.hoist import Hoisted
+from taskspec.base.arrays import Array
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
 from taskspec.lang.ir import draws as draws_below
-from taskspec.lang.variates.layout import WordLayout
-from taskspec.lang.variates.sample import batch_sampler
+from taskspec.lang.variates.sample import WordLayout, batch_sampler
 
-Array = np.ndarray[Any, Any]
 WORDS = 65_536
 """Random words worked out in one go, at most, unless a single step takes more."""
 STEPS = 64

@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.lang.types import Kind
-from taskspec.task.segments import Part
-from taskspec.task.spaces import SpaceLayout
+from taskspec.task.spaces import Part, SpaceLayout
 from taskspec.task.task import Task
 
-Array = np.ndarray[Any, Any]
 DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 
 

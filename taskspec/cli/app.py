@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from taskspec.base.limits import limits
 from taskspec.cli import failures, listing
 from taskspec.cli.bench import bench
 from taskspec.cli.build import build
@@ -29,7 +30,6 @@ from taskspec.cli.schema import schema
 from taskspec.cli.scoring import score, solve
 from taskspec.cli.show import show
 from taskspec.cli.sweep import sweep
-from taskspec.limits import limits
 
 READ, WRITE, USE, PRINT = "Read tasks", "Write tasks", "Run and score tasks", "Print tasks"
 COMMANDS = (

@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from taskspec.backends.table import BACKENDS, PROGRAMS
+from taskspec.base.limits import Limits
 from taskspec.cli.options import CHARTS, Json, Parameters, complete_targets, flowed
-from taskspec.limits import Limits
 
 VECTOR = ("auto", *BACKENDS)
 

@@ -9,8 +9,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec.extras import need
-from taskspec.files import write_bytes
+from taskspec.base.extras import need
+from taskspec.base.files import write_bytes
 
 if TYPE_CHECKING:
     from taskspec.envs.measure import Rate

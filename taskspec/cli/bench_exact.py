@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from taskspec.cli.console import say
 
 if TYPE_CHECKING:
-    from taskspec.exact.planning.benchmark import Timing
+    from taskspec.solve.benchmark import Timing
 
 TARGETS = {"storm": 3.0, "loops": 100.0}
 """How many times as long others should take, by a part of their name."""
@@ -18,7 +18,7 @@ def bench(rounds: int, json: bool) -> bool:
     """Measure, print, and say whether every target is met."""
 
     from taskspec.cli.console import write_json
-    from taskspec.exact.planning import benchmark
+    from taskspec.solve import benchmark
 
     timings = benchmark.run(repeat=rounds)
     if json:

@@ -41,8 +41,7 @@ class Progress:
 
 def matrix(rates: Sequence[Rate]) -> Any:
     """Million steps per second: a row for each task, a column for each program and number of lanes."""
-    from taskspec.cli.console import columns
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText, columns
 
     places = list(dict.fromkeys((r.contestant.program, r.contestant.lanes) for r in rates))
     headers = [f"{short(program)}\n{lanes}" for program, lanes in places]
@@ -57,8 +56,7 @@ def matrix(rates: Sequence[Rate]) -> Any:
 
 def sections(rates: Sequence[Rate]) -> Any:
     """Million steps per second: a heading for each task, a row for each program, a column for each number of lanes."""
-    from taskspec.cli.console import columns
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText, columns
 
     lanes = sorted({r.contestant.lanes for r in rates})
     beside = any(r.contestant.rival for r in rates)
@@ -81,7 +79,7 @@ def short(program: str) -> str:
 
 
 def cell(rate: Rate | None) -> Any:
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText
 
     if rate is None:
         return ""
@@ -123,8 +121,7 @@ def _ratios(rates: Iterable[Rate], group: Sequence[Rate]) -> str:
 
 def starts(found: Sequence[Start], memories: Sequence[MemoryUse]) -> Any:
     """Seconds to the first step, and bytes for each lane."""
-    from taskspec.cli.console import columns
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText, columns
 
     sizes = {(m.task, m.program): m for m in memories}
     table = columns("first step after", "cold s", "warm s", "bytes/lane", right=(1, 2, 3))

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from taskspec.base.diagnostics import suggest
+from taskspec.base.extras import need
 from taskspec.cli.bench_print import Progress, footer, percent
 from taskspec.cli.failures import refuse
-from taskspec.diagnostics import suggest
 from taskspec.envs import measure
-from taskspec.extras import need
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +68,7 @@ def _raced(
 
 
 def _print(results: Sequence[Result], lanes: int | None) -> None:
-    from taskspec.cli.console import columns, console
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText, columns, console
 
     target = ["target"] if lanes is None else []
     table = columns("", "task", "taskspec", "±", "seals", "±", "ratio", "spread", *target, right=range(2, 9))

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec.backends.table import BACKENDS, PROGRAMS, QUICKEST
+from taskspec.base.diagnostics import TaskspecError
+from taskspec.base.extras import is_installed
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, refuse
 from taskspec.cli.options import CHARTS
 from taskspec.cli.targets import checked_choice
-from taskspec.diagnostics import TaskspecError
 from taskspec.envs import measure
-from taskspec.extras import is_installed
 
 if TYPE_CHECKING:
     from taskspec.cli.bench_print import Progress
@@ -116,7 +116,7 @@ def _check(wanted: Wanted) -> None:
             "-p, --backend, --lanes and --num-threads need a TASK: the project's own benchmarks set them", hint
         )
     if wanted.chart is not None:
-        from taskspec.extras import need
+        from taskspec.base.extras import need
 
         if wanted.chart.suffix.lower() not in CHARTS:
             raise misuse(f"--chart is a file that ends in {', '.join(CHARTS)}, not '{wanted.chart.name}'")
@@ -125,7 +125,7 @@ def _check(wanted: Wanted) -> None:
 
 def _own() -> BenchPlan:
     """The project's own table."""
-    from taskspec.backends import select
+    from taskspec.backends import table as select
     from taskspec.registry import load
 
     programs = ("scalar", *filter(select.installed, BACKENDS))
@@ -144,8 +144,7 @@ def _chosen(wanted: Wanted) -> BenchPlan:
 
 
 def _tasks(wanted: Wanted) -> Iterator[Task]:
-    from taskspec.cli.specs import task_in, variants_of
-    from taskspec.cli.targets import files_of
+    from taskspec.cli.targets import files_of, task_in, variants_of
 
     for file in files_of(wanted.targets, wanted.parameters):
         for variant in variants_of(file):
@@ -158,7 +157,7 @@ def _programs(task: Task, asked: Sequence[str]) -> list[str]:
     Raises:
         SpecError: E705 for one that is not installed.
     """
-    from taskspec.backends import select
+    from taskspec.backends import table as select
 
     for program in asked:
         if program != "scalar":
@@ -246,8 +245,8 @@ def _report(errors: Sequence[TaskspecError]) -> None:
     """What went wrong, once for each; the command fails."""
     import typer
 
+    from taskspec.base.diagnostics import SpecError
     from taskspec.cli.failures import show
-    from taskspec.diagnostics import SpecError
 
     show(dict.fromkeys(d for error in errors if isinstance(error, SpecError) for d in error.diagnostics))
     for error in errors:

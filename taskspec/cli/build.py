@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.files import safe_name, write_text
 from taskspec.cli.console import say
 from taskspec.cli.failures import fail
 from taskspec.cli.options import LimitsGiven, Targets
-from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.files import safe_name, write_text
 
 if TYPE_CHECKING:
-    from taskspec.appendix import Facts
-    from taskspec.cli.checking import FileReport
-    from taskspec.cli.proofs import Finding
+    from taskspec.cli.checking import FileReport, Finding
+    from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
 
 DOCS = {
@@ -38,12 +37,12 @@ def build(targets: Targets = None, output: Output = Path("build"), limits: Limit
     An index of the tasks, their scores, the generated code, the schema for editors, and the documentation as a site
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
+    from taskspec.base.progress import telling
     from taskspec.cli.check import verdict
     from taskspec.cli.checking import check_file, counts
     from taskspec.cli.console import console, line
     from taskspec.cli.progress import progress
     from taskspec.cli.targets import files_of
-    from taskspec.progress import telling
 
     start, known = time.perf_counter(), _Gathered()
     with progress("check"):
@@ -76,11 +75,11 @@ class _Gathered:
     """Why tasks have no scores."""
 
     def examine(self, task: Task) -> Finding:
-        from taskspec.appendix import gather
-        from taskspec.cli.proofs import finding, reported
+        from taskspec.base.extras import is_installed
+        from taskspec.base.progress import tell
+        from taskspec.cli.checking import finding, reported
         from taskspec.exact import scores
-        from taskspec.extras import is_installed
-        from taskspec.progress import tell
+        from taskspec.pages.facts import gather
 
         report = reported(task)
         tell(f"scores of {task.id}")
@@ -109,9 +108,8 @@ def _tasks(reports: Sequence[FileReport]) -> list[Task]:
 def _table(reports: Sequence[FileReport], width: int) -> Any:
     """Every task with its size and how it was checked."""
     from taskspec.cli.check import mark
-    from taskspec.cli.console import columns
+    from taskspec.cli.console import VisibleText, columns
     from taskspec.cli.records import horizon, size
-    from taskspec.cli.terminal import VisibleText
 
     headers = ["", "task", "size", *(["horizon"] if width >= WIDE else []), "validated by", "claims"]
     table = columns(*headers, right=(2, 3) if width >= WIDE else (2,))
@@ -142,8 +140,8 @@ def write(tasks: Sequence[Task], known: _Gathered, folder: Path) -> list[tuple[P
 
 def _docs(tasks: Sequence[Task], facts: Mapping[str, Facts], folder: Path) -> list[tuple[Path, str]]:
     """The documentation, a folder for each format; left out, with a word, where the packages that write it are missing."""
-    from taskspec.appendix import gather_pages, write_pages
-    from taskspec.extras import install, is_installed
+    from taskspec.base.extras import install, is_installed
+    from taskspec.pages.write import gather_pages, write_pages
 
     if not is_installed("markdown_it"):
         say(f"documentation needs markdown-it-py, and is left out: {install('docs')}", err=True)
@@ -155,7 +153,7 @@ def _docs(tasks: Sequence[Task], facts: Mapping[str, Facts], folder: Path) -> li
 
 
 def _schema(folder: Path) -> tuple[Path, str]:
-    from taskspec.task.schema import json_schema
+    from taskspec.task.schema.export import json_schema
 
     return _json(folder / "schema.json", json_schema()), "JSON Schema of specs, for editors"
 

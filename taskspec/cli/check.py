@@ -17,11 +17,11 @@ from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, Targe
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from taskspec.abstraction.symmetries import Kept
     from taskspec.cli.checking import Checked, FileReport
     from taskspec.cli.targets import File
     from taskspec.exact import Verdict
-    from taskspec.exact.abstraction.symmetries import Kept
-    from taskspec.scan import Kind
+    from taskspec.source.scan import Kind
 
 FORMATS = ("text", "json", "github")
 OTHER_NOUNS: dict[Kind, str] = {"experiment": "experiment", "exam": "exam", "findings": "findings file"}
@@ -76,10 +76,9 @@ def check(
 
 
 def _checked(files: Sequence[File], sense: bool) -> list[FileReport]:
-    from taskspec.cli.checking import check_file
+    from taskspec.base.progress import telling
+    from taskspec.cli.checking import check_file, examine
     from taskspec.cli.progress import progress
-    from taskspec.cli.proofs import examine
-    from taskspec.progress import telling
 
     with progress("check"):
         return [
@@ -109,8 +108,7 @@ def _print_text(reports: Sequence[FileReport], errors: int, warnings: int, secon
 
 def table_of(reports: Sequence[FileReport]) -> Table:
     """What was checked, file by file, and how."""
-    from taskspec.cli.console import columns
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText, columns
 
     built = any(each.task is not None for report in reports for each in report.tasks)
     shown = any(each.finding.examples for report in reports for each in report.tasks)
@@ -146,7 +144,7 @@ def remarks(reports: Sequence[FileReport]) -> list[str]:
 def mark(diagnostics: Sequence[Any]) -> Any:
     """A sign for errors, for warnings, for neither."""
     from taskspec.cli.checking import counts
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText
 
     errors, warnings = counts(diagnostics)
     if errors:
@@ -203,7 +201,7 @@ def records(diagnostics: Sequence[Any]) -> Any:
     """Diagnostics as data, as `diagnostics.render` writes them."""
     from json import loads
 
-    from taskspec.diagnostics import render
+    from taskspec.base.diagnostics import render
 
     return loads(render(diagnostics, "json"))
 
@@ -246,8 +244,8 @@ def _symmetry(found: Kept) -> dict[str, Any]:
 
 
 def _print_github(reports: Sequence[FileReport], errors: int, warnings: int, seconds: float) -> None:
+    from taskspec.base.diagnostics import render
     from taskspec.cli.console import console
-    from taskspec.diagnostics import render
 
     text = render([d for report in reports for d in report.diagnostics], "github")
     if text:

@@ -1,4 +1,4 @@
-"""Checking files: every task and variant of each, every problem once, and what was done to find it."""
+"""Check files: every task and variant of each, every problem once, and what was proved and how."""
 
 from __future__ import annotations
 
@@ -10,16 +10,108 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskspec import scan
-from taskspec.cli.proofs import Finding, examine
-from taskspec.cli.specs import name_of, task_in, variants_of
-from taskspec.cli.targets import File
-from taskspec.diagnostics import Diagnostic, SpecError, in_order
-from taskspec.progress import tell
+from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
+from taskspec.base.progress import tell
+from taskspec.cli.targets import File, name_of, task_in, variants_of
+from taskspec.source import scan
 
 if TYPE_CHECKING:
-    from taskspec.exact import Accepted
+    from taskspec.abstraction.symmetries import Kept
+    from taskspec.exact import Accepted, Report, Verdict
+    from taskspec.model.points import Method
     from taskspec.task.task import Task
+
+# ---------- proofs
+# What can be proved of a task: soundness, sanity checks and claims, with how each was found out.
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What was found about one task.
+
+    `how` says in a few words how soundness was decided, `method` in full. `cases` counts the other parameter values that
+    were tried, `proved` and `tested` the claims of these statuses (`exact.statuses`), which `verdicts` has one by one.
+    `accepted` are the warnings that the spec gives a reason for, which are not among the `diagnostics`.
+    """
+
+    diagnostics: tuple[Diagnostic, ...]
+    how: str = ""
+    method: str = ""
+    cases: int = 0
+    claims: int = 0
+    proved: int = 0
+    tested: int = 0
+    skipped: str | None = None
+    accepted: tuple[Accepted, ...] = ()
+    examples: int = 0
+    wrong_examples: int = 0
+    verdicts: tuple[Verdict, ...] = ()
+    symmetries: tuple[Kept, ...] = ()
+
+    @property
+    def claims_words(self) -> str:
+        """`8 proved`, or what became of them otherwise; `3 (2 tested)` are three of which one is proved."""
+        return _words(self.claims, self.proved, self.tested)
+
+    @property
+    def symmetries_words(self) -> str:
+        """The same of symmetries."""
+        proved = sum(each.is_proved for each in self.symmetries)
+        tested = sum(each.problem is None for each in self.symmetries) - proved
+        return _words(len(self.symmetries), proved, tested)
+
+    @property
+    def examples_words(self) -> str:
+        """How many examples hold, or how many do not."""
+        return f"{self.wrong_examples} wrong" if self.wrong_examples else f"{self.examples}" if self.examples else ""
+
+
+def _words(count: int, proved: int, tested: int) -> str:
+    if count > proved + tested:
+        return f"{count - proved - tested} failed"
+    if proved and tested:
+        return f"{count} ({tested} tested)"
+    return f"{proved} proved" if proved else f"{tested} tested" if tested else ""
+
+
+def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
+    """Everything that is wrong with a well-formed task.
+
+    Args:
+        sense: whether sanity checks and claims are looked at, beyond soundness.
+        defaults: whether its parameters have their defaults: claims speak of these, and ranges are looked at
+            from there.
+    """
+    return finding(reported(task, sense, defaults), len(task.examples) if sense and defaults else 0)
+
+
+def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
+    """The same with the results that it rests on, which may be large."""
+    from taskspec import exact
+    from taskspec.figures import undrawn
+
+    wanted = sense and defaults
+    return exact.check(task, ranges=wanted, with_sense=sense, claims=wanted, beside=undrawn if sense else None)
+
+
+def finding(report: Report, examples: int) -> Finding:
+    """What is told of a report in which so many examples were looked at."""
+    statuses = [verdict.status for verdict in report.verdicts]
+    return Finding(
+        report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
+        statuses.count("proved"), statuses.count("tested"), report.skipped, report.accepted,
+        examples, len(report.wrong_examples), report.verdicts, report.symmetries,
+    )  # fmt: skip
+
+
+def _how(method: Method) -> str:
+    if not method.exact:
+        return f"{method.points:,} samples"
+    return f"all {method.points:,} points" if method.points else "bounds"
+
+
+# ---------- checking
+# Checking files: every task and variant of each, every problem once, and what was done to find it.
 
 Examine = Callable[["Task"], Finding]
 

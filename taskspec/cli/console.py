@@ -1,4 +1,4 @@
-"""What every command prints with: one theme, one idea of width, and no obedience to what a spec contains."""
+"""What every command prints with: one theme, one width, and no obedience to what a spec contains."""
 
 from __future__ import annotations
 
@@ -9,14 +9,55 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import rich.console
+import rich.text
 import typer
+from rich.segment import Segment
 
-from taskspec.visible import visible, visible_json
+from taskspec.base.display import visible, visible_json
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.cli.terminal import Console, VisibleText
+# ---------- terminal
+# What is printed with Rich: nothing that a spec or a file name contains gets further than this unless it can be seen.
+
+
+class VisibleText(rich.text.Text):
+    """Styled text, visible before its width is measured."""
+
+    def __init__(self, text: str = "", *args: Any, **options: Any) -> None:
+        super().__init__(visible(text), *args, **options)
+
+    def append(self, text: Any, style: Any = None) -> VisibleText:
+        super().append(visible(text) if isinstance(text, str) else text, style)
+        return self
+
+
+class Console(rich.console.Console):
+    """Makes plain strings visible before they are measured, and whatever else arrives when it is rendered."""
+
+    def render_str(self, text: str, **options: Any) -> rich.text.Text:
+        return super().render_str(visible(text), **options)
+
+    def render(self, renderable: Any, options: Any = None) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(visible(segment.text), segment.style)
+
+
+class PipedConsole(Console):
+    """Prints lines without the blanks that fill them up to the width: files and other programs have no use for them."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        with self.capture() as captured:
+            super().print(*objects, **options)
+        text = captured.get()
+        self.file.write("\n".join(line.rstrip(" ") for line in text.split("\n")))
+
+
+# ---------- console
+# What every command prints with: one theme, one idea of width, and no obedience to what a spec contains.
+
 
 STYLES = {
     "title": "bold",
@@ -42,8 +83,6 @@ def console(err: bool = False, wide: bool = False) -> Console:
         wide: for tables, which may fill a terminal and keep to one line a row in a pipe; prose is set to `PAGE`.
     """
     from rich.theme import Theme
-
-    from taskspec.cli.terminal import Console, PipedConsole
 
     stream = sys.stderr if err else sys.stdout
     theme = Theme(STYLES)
@@ -110,7 +149,6 @@ def say(text: str, err: bool = False, nl: bool = True) -> None:
 
 def line(*parts: tuple[str, str] | str) -> VisibleText:
     """A line of text in several styles: `("words", "style")` or plain words."""
-    from taskspec.cli.terminal import VisibleText
 
     text = VisibleText(no_wrap=False)
     for part in parts:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, show
 from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, Targets, TaskArgument, Variant
-from taskspec.diagnostics import Diagnostic, SpecError, raise_if_errors
 
 if TYPE_CHECKING:
-    from taskspec.appendix import Facts
+    from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
 
 FORMATS = ("html", "latex", "markdown", "svg", "pdf")
@@ -76,7 +76,7 @@ def docs(
 
     A spec with an error is reported and left out; exit status 1 then.
     """
-    from taskspec import appendix
+    from taskspec import pages
     from taskspec.cli.check import plural
     from taskspec.cli.console import write_json
     from taskspec.cli.progress import progress
@@ -91,7 +91,7 @@ def docs(
         if not tasks:
             raise SpecError(problems)
         facts = _facts_of(tasks, problems) if results and has_scores() else {}
-        written = appendix.write(tasks, wanted, output, title=title, facts=facts, columns=columns, brief=brief)
+        written = pages.write(tasks, wanted, output, title=title, facts=facts, columns=columns, brief=brief)
     show([*problems, *warnings])
     _is_something(written)
     if json:
@@ -122,13 +122,13 @@ def figure(
 
     The states can be overlaid with their optimal values, the optimal or the expert's actions, and how often they are visited.
     """
-    from taskspec import appendix
+    from taskspec import pages
     from taskspec.cli.targets import beside, tasks_of
 
     found = tasks_of(task, variant, parameters or [], modifiers or [])
-    wanted = _named("--overlay", overlays or [], appendix.OVERLAYS)
+    wanted = _named("--overlay", overlays or [], pages.OVERLAYS)
     for each in found:
-        say(f"wrote {appendix.figure(each, output if len(found) == 1 else beside(output, each), wanted)}")
+        say(f"wrote {pages.figure(each, output if len(found) == 1 else beside(output, each), wanted)}")
 
 
 def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[list[Task], list[Diagnostic]]:
@@ -137,8 +137,7 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
     Raises:
         SpecError: for a target that does not exist.
     """
-    from taskspec.cli.specs import tasks_in
-    from taskspec.cli.targets import files_of, kind_of
+    from taskspec.cli.targets import files_of, kind_of, tasks_in
 
     named = [target for target in targets if kind_of(target) == "experiment"]
     others = [target for target in targets if target not in named]
@@ -160,15 +159,15 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
 
 def _printable(tasks: Sequence[Task]) -> tuple[list[Task], list[Diagnostic], list[Diagnostic]]:
     """The tasks that can be printed, warnings about their figures, and what is wrong with the others."""
-    from taskspec import appendix
-    from taskspec.exact.lint.accept import set_aside
+    from taskspec import pages
+    from taskspec.check.names import set_aside
 
     found: list[Task] = []
     warnings: list[Diagnostic] = []
     problems: list[Diagnostic] = []
     for task in tasks:
         try:
-            undrawn = appendix.undrawn(task)
+            undrawn = pages.undrawn(task)
         except SpecError as error:
             problems += error.diagnostics
             continue
@@ -196,7 +195,7 @@ def _instances(target: str, modifiers: Sequence[str]) -> list[Task]:
 
 def has_scores() -> bool:
     """Whether scores can be worked out, for which SciPy is needed; where it is missing, standard error says so."""
-    from taskspec.extras import install, is_installed
+    from taskspec.base.extras import install, is_installed
 
     if is_installed("scipy"):
         return True
@@ -209,8 +208,9 @@ def _facts_of(tasks: Sequence[Task], problems: list[Diagnostic]) -> dict[str, Fa
 
     Why a task has none is added to the problems.
     """
-    from taskspec.appendix import gather, together
-    from taskspec.progress import telling
+    from taskspec.base.progress import telling
+    from taskspec.pages.facts import gather
+    from taskspec.pages.write import together
 
     tasks = [task for task, _ in together(tasks)]
     found = {}

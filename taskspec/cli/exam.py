@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.base.files import safe_name
 from taskspec.cli.console import say, write_json
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, LimitsGiven, complete_learners
 from taskspec.cli.sweep import Cluster, Jobs, Retry
-from taskspec.files import safe_name
 
 if TYPE_CHECKING:
     from taskspec.exam import Exam, Running
@@ -146,7 +146,7 @@ def _examine_one(
 def _examine_all(
     written: ExperimentFile, output: Path | None, running: Running, terms: dict[str, Any], json: bool
 ) -> None:
-    from taskspec.cli.exams import print_exams
+    from taskspec.cli.exam_tables import print_exams
     from taskspec.cli.progress import bar
     from taskspec.experiments import examine_all
 
@@ -208,7 +208,7 @@ def _count(option: str, text: str | None) -> int | None:
 
 
 def _print(found: Exam, folder: Path) -> None:
-    from taskspec.cli.examined import show
+    from taskspec.cli.exam_tables import show
     from taskspec.cli.targets import near
     from taskspec.exam.report import write
 

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
+from taskspec.base.diagnostics import CODES, Code, suggest
 from taskspec.cli.console import say
 from taskspec.cli.failures import refuse
 from taskspec.cli.options import Json
-from taskspec.diagnostics import CODES, Code, suggest
 
 CLASSES = {
     "E1": "reading YAML",
@@ -84,8 +84,7 @@ def _print_one(code: Code) -> None:
 
 
 def _print_all(codes: list[Code]) -> None:
-    from taskspec.cli.console import columns, console
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText, columns, console
 
     table = columns("", "", "", fold=(2,))
     for prefix, members in groupby(codes, lambda c: c.code[:2]):

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import typer
 
-from taskspec.diagnostics import Diagnostic, SpecError, TaskspecError, render
+from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, render
 
 DEBUG = "TASKSPEC_TRACEBACK"
 """Set in the environment, this variable shows where an internal error comes from."""

@@ -8,15 +8,15 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taskspec.base.files import Unfinished, refused, write_bytes
+from taskspec.base.progress import tell
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, refuse
-from taskspec.files import Unfinished, refused, write_bytes
-from taskspec.progress import tell
 
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Watch
     from taskspec.envs import Environment
-    from taskspec.task.options import RenderMode
+    from taskspec.task.parameters import RenderMode
 
 RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
 """What an environment renders for each value of `--render`."""
@@ -68,8 +68,8 @@ class Film:
     """
 
     def __init__(self, path: Path, kind: str, episodes: int) -> None:
+        from taskspec.base.extras import need
         from taskspec.envs import window
-        from taskspec.extras import need
 
         self._path, self._kind, self.frames = path, kind, 0
         self._episodes, self._begun = episodes, 0
@@ -154,7 +154,7 @@ def _find_ffmpeg(module: Any) -> None:
 
 def warn_unseen() -> None:
     """Say on standard error that there is no display, rather than show nothing without a word."""
-    from taskspec.extras import need
+    from taskspec.base.extras import need
 
     if need("matplotlib", "figures").get_backend().lower() == "agg":
         say("no display was found, so no window is shown; --render gif makes a film", err=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from itertools import groupby
 from typing import TYPE_CHECKING
 
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.cli import failures
 from taskspec.cli.options import Json, Targets
-from taskspec.diagnostics import Diagnostic, SpecError
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -25,8 +25,7 @@ def list_tasks(targets: Targets = None, json: Json = False) -> None:
 
     The size is states × actions, and tasks are grouped by the capability that they isolate.
     """
-    from taskspec.cli.specs import tasks_in
-    from taskspec.cli.targets import files_of
+    from taskspec.cli.targets import files_of, tasks_in
 
     tasks: list[Task] = []
     problems: list[Diagnostic] = []
@@ -69,9 +68,8 @@ def _wide(tasks: list[Task], width: int) -> Table:
     """One row a task, with as much of its summary as there is room for."""
     from rich.cells import cell_len
 
-    from taskspec.cli.console import columns
+    from taskspec.cli.console import VisibleText, columns
     from taskspec.cli.records import defaults, horizon, size
-    from taskspec.cli.terminal import VisibleText
 
     headers = ("task", "isolates", "parameters", "size", "horizon")
     rows = [(task.id, _words(task, "capability"), defaults(task), size(task), horizon(task)) for task in tasks]
@@ -87,16 +85,15 @@ def _wide(tasks: list[Task], width: int) -> Table:
 
 
 def _words(task: Task, key: str) -> str:
-    from taskspec.visible import visible
+    from taskspec.base.display import visible
 
     return visible(getattr(task.spec, key) or "")
 
 
 def _narrow(tasks: list[Task]) -> Table:
     """For 80 columns: the capability is a heading, so that rows have room."""
-    from taskspec.cli.console import columns
+    from taskspec.cli.console import VisibleText, columns
     from taskspec.cli.records import defaults, horizon, size
-    from taskspec.cli.terminal import VisibleText
 
     table = columns("task", "parameters", "size", "horizon", right=(2, 3), fold=(1,))
     for title, members in groupby(tasks, lambda task: _words(task, "capability") or "other"):

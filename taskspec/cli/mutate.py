@@ -93,8 +93,7 @@ def _print_text(found: Mapping[Path, Sequence[Judged]], classes: Sequence[str]) 
 
 def _table(found: Mapping[Path, Sequence[Judged]]) -> Any:
     """How many changes there are of each class, spec by spec."""
-    from taskspec.cli.console import columns
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText, columns
     from taskspec.mutation import CLASSES
 
     counts = {path: Counter(j.kind for _, j in judged) for path, judged in found.items()}

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
+from taskspec.base.files import write_text
 from taskspec.cli.console import say
 from taskspec.cli.failures import refuse
-from taskspec.files import write_text
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 

@@ -75,7 +75,7 @@ def complete_parameters(ctx: typer.Context, incomplete: str) -> list[tuple[str, 
 def complete_variants(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Variants of the spec on the command line."""
     from taskspec import registry
-    from taskspec.scan import scan
+    from taskspec.source.scan import scan
 
     target = _target_in(ctx)
     try:
@@ -113,7 +113,7 @@ def complete_modifiers(incomplete: str) -> list[tuple[str, str]]:
 
 def complete_limits(incomplete: str) -> list[tuple[str, str]]:
     """`seconds=10` for the limits that can be changed: with their defaults, and what they are about."""
-    from taskspec.limits import table
+    from taskspec.base.limits import table
 
     return [
         (f"{row.name}={row.value}", row.what) for row in table() if not row.fixed and row.name.startswith(incomplete)
@@ -123,7 +123,7 @@ def complete_limits(incomplete: str) -> list[tuple[str, str]]:
 def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None:
     """Set the limits while the command runs."""
     if given:
-        from taskspec.limits import also
+        from taskspec.base.limits import also
 
         ctx.with_resource(also(",".join(given)))
     return given
@@ -131,7 +131,7 @@ def _set_limits(ctx: typer.Context, given: list[str] | None) -> list[str] | None
 
 def complete_policies(incomplete: str) -> list[tuple[str, str]]:
     """Names of policies, and files."""
-    from taskspec.exact.scoring.named import NAMES
+    from taskspec.policies.named import NAMES
 
     return [p for p in NAMES.items() if p[0].startswith(incomplete)] + complete_paths(incomplete)
 

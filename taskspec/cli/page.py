@@ -1,4 +1,4 @@
-"""A task as a page for the terminal: what it is, what is in it, how it moves, what is claimed of it."""
+"""A task as a page for the terminal, with its expressions in the notation of specs."""
 
 from __future__ import annotations
 
@@ -6,24 +6,80 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console, Group, RenderableType
 from rich.markdown import Markdown
 from rich.padding import Padding
 from rich.table import Table
 
-from taskspec.cli.equations import body, colored
+from taskspec.base.display import lettered, visible
+from taskspec.cli.console import VisibleText
 from taskspec.cli.records import domain_words, show_value, space_words
 from taskspec.cli.targets import near
-from taskspec.cli.terminal import VisibleText
+from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.modifiers import sentences
 from taskspec.printers import text as written
-from taskspec.task.schema import Erratum, Source
+from taskspec.task.schema.models import Erratum, Source
 from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Component, Followed, Parameter, Soft, Task
-from taskspec.visible import lettered, visible
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+# ---------- equations
+# Expressions for a terminal: in the notation of specs, coloured, tables and cases set as rows.
+
+_TOKENS = re.compile(
+    r"(?P<word>\b(?:and|or|not|in|if|else|for|otherwise)\b)|(?P<call>\b[^\W\d]\w*(?=\())|(?P<number>\b\d[\d_]*(?:\.\d+)?(?:e[+-]?\d+)?\b)"
+)
+_STYLES = {"word": "bright_blue", "call": "magenta", "number": "green"}
+
+
+def colored(text: str) -> VisibleText:
+    """An expression with its words, functions and numbers in colour."""
+    line = VisibleText(text)
+    for found in _TOKENS.finditer(text):
+        assert found.lastgroup is not None
+        line.stylize(_STYLES[found.lastgroup], *found.span())
+    return line
+
+
+def body(expr: s.Expr) -> RenderableType:
+    """The right-hand side of an equation: a line, or rows for what is decided case by case."""
+    match expr:
+        case s.Piecewise(branches=branches, otherwise=otherwise):
+            cases = [(value, f"if {written(condition)}") for condition, value in branches]
+            return _rows([[written(value), condition] for value, condition in [*cases, (otherwise, "otherwise")]])
+        case s.Table(by=by, rows=rows):
+            return _rows([*_table_rows(rows, len(by))], [written(column) for column in by])
+        case _:
+            return colored(written(expr))
+
+
+def _table_rows(rows: tuple[s.TableRow, ...], depth: int) -> Iterator[list[str]]:
+    """Rows of a decision table: the keys, blank where one cell is for all of them, and the cell."""
+    for row in rows:
+        key = "else" if row.key is None else written(row.key)
+        if isinstance(row.body, tuple):
+            for i, deeper in enumerate(_table_rows(row.body, depth - 1)):
+                yield [key if i == 0 else "", *deeper]
+        else:
+            yield [key, *([""] * (depth - 1)), written(row.body)]
+
+
+def _rows(rows: list[list[str]], headers: list[str] | None = None) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=headers is not None, header_style="quiet")
+    for header in [*(headers or []), *([""] * (len(rows[0]) - len(headers or [])))]:
+        table.add_column(header)
+    for row in rows:
+        table.add_row(*map(colored, row))
+    return table
+
+
+# ---------- page
+# A task as a page for the terminal: what it is, what is in it, how it moves, what is claimed of it.
 
 _MATH = re.compile(r"\$([^$\n]+)\$")
 _KEYS = ("definitions", "noise", "initial", "dynamics")

@@ -23,7 +23,7 @@ def play(
 ) -> None:
     """Play a task with the keyboard, in a window; Escape ends it."""
     from taskspec.cli.targets import task_of
-    from taskspec.envs import Environment, keyboard
+    from taskspec.envs import Environment, window
     from taskspec.envs.options import seed_of
 
     found = task_of(task, variant, parameters or [], modifiers or [])
@@ -31,16 +31,16 @@ def play(
     _print_keys(found)
     try:
         env.reset(seed=None if seed is None else seed_of(seed))
-        keyboard.play(env, _Teller(found), fps)
+        window.play(env, _Teller(found), fps)
     finally:
         env.close()
 
 
 def _print_keys(task: Task) -> None:
-    from taskspec.envs import keyboard
+    from taskspec.envs import window
 
-    width = max(len(key) for key, _ in keyboard.legend(task))
-    say("\n".join([task.id, *(f"  {key:<{width}}  {name}" for key, name in keyboard.legend(task))]))
+    width = max(len(key) for key, _ in window.legend(task))
+    say("\n".join([task.id, *(f"  {key:<{width}}  {name}" for key, name in window.legend(task))]))
 
 
 class _Teller:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taskspec.cli.failures import refuse
-from taskspec.data.functions import function_of, is_function
+from taskspec.data.actors import function_of, is_function
 from taskspec.lang.batch import DTYPES
 from taskspec.lang.types import Kind
-from taskspec.task.memory import recall
+from taskspec.task.observe import recall
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, unpack
 from taskspec.task.task import Component, Task
 
@@ -51,7 +51,7 @@ def policy_for(name: str, env: Environment, seed: int) -> Callable[[int], Policy
 
 def _knowing(env: Environment, seed: int, name: str) -> Policy:
     """A named policy, which is told the state whatever is observed, and keeps what it remembers."""
-    from taskspec.exact.scoring.named import NAMES, named, unknown
+    from taskspec.policies.named import NAMES, named, unknown
 
     if name.partition("(")[0] not in {known.partition("(")[0] for known in NAMES}:
         unknown(name, ("a .json or .csv file of actions", "FILE.py:FUNCTION"))

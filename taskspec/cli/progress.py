@@ -14,12 +14,12 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
+from taskspec.base.display import visible
+from taskspec.base.progress import told_to
 from taskspec.cli.console import say
-from taskspec.progress import told_to
-from taskspec.visible import visible
 
 if TYPE_CHECKING:
-    from taskspec.runs import Standing
+    from taskspec.jobs.engine import Standing
 
 PATIENCE, EVERY = 1.0, 0.1
 """Seconds before the line is shown, and between its changes."""

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from taskspec.base.files import write_text
 from taskspec.cli.console import say
-from taskspec.files import write_text
 
 
 class ReferencePage(StrEnum):

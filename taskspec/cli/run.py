@@ -164,9 +164,8 @@ def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Epi
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
     from rich.table import Table
 
-    from taskspec.cli.console import console, line, number
+    from taskspec.cli.console import VisibleText, console, line, number
     from taskspec.cli.records import defaults
-    from taskspec.cli.terminal import VisibleText
 
     out = console()
     settings = f" {defaults(task)}".rstrip()

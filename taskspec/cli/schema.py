@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from taskspec.base.files import write_text
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
-from taskspec.files import write_text
 
 Output = Annotated[
     Path | None,
@@ -34,7 +34,8 @@ def schema(
         [green]# yaml-language-server: $schema=taskspec.schema.json[/]
     """
     from taskspec.cli.console import to_json
-    from taskspec.task.schema import exam_schema, experiment_schema, findings_schema, json_schema
+    from taskspec.task.schema.experiments import exam_schema, experiment_schema, findings_schema
+    from taskspec.task.schema.export import json_schema
 
     asked = [
         made

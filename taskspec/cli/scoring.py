@@ -198,7 +198,7 @@ def _print_scores(task: Task, found: Scores, seen: Yardsticks | None) -> None:
 def _score_table(found: Scores, seen: Yardsticks | None) -> Table:
     from rich.table import Table
 
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText
 
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(style="quiet")
@@ -233,7 +233,7 @@ def _seen_rows(seen: Yardsticks) -> Iterator[tuple[str, str, str, str]]:
 def _return(value: Return | None) -> tuple[str, str]:
     """A return, and how sure it is."""
     from taskspec.cli.console import measured
-    from taskspec.exact.scoring.statuses import NUMBERS
+    from taskspec.scores.saved import NUMBERS
 
     if value is None:
         return "unknown", ""
@@ -275,8 +275,7 @@ def _print_discount(task: Task) -> None:
 
 def _print_difficulty(found: Difficulty, known: str | None) -> None:
     """The measures; the reason that has been given for having no model is not given again."""
-    from taskspec.cli.console import columns, console
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText, columns, console
 
     table = columns("  difficulty", "", "", right=(1,), fold=(2,))
     for name, value, unit, _ in found.rows():

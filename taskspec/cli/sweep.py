@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.base.files import safe_name
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, LimitsGiven, Parameters, complete_experiments
-from taskspec.files import safe_name
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -99,7 +99,7 @@ def sweep(
 
 def _formats(asked: Sequence[str] | None) -> list[str]:
     """The formats to write; a picture only where it can be drawn, unless it was asked for."""
-    from taskspec.extras import is_installed
+    from taskspec.base.extras import is_installed
 
     if asked is None:
         return ["json", "csv", *(["svg"] if is_installed("matplotlib") else [])]
@@ -154,8 +154,7 @@ MEASURES = ("solution_length", "best_at_random")
 
 def table_of(rows: Sequence[Measured], measures: Sequence[str] | None = None) -> Table:
     """A row for each instance: sizes, returns, measures, roll-outs."""
-    from taskspec.cli.console import columns
-    from taskspec.cli.terminal import VisibleText
+    from taskspec.cli.console import VisibleText, columns
 
     chosen = [name for name in (MEASURES if measures is None else measures) if name not in ("states", "actions")]
     extra = [*chosen, *(f"{name}, rolled out" for name in dict.fromkeys(name for row in rows for name in row.policies))]

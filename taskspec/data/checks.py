@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.data.transitions import Transitions
 
-Array = np.ndarray[Any, Any]
 REAL = (np.dtype(np.float64),)
 BOOL = (np.dtype(np.bool_),)
 WHOLE = (np.dtype(np.int64),)

@@ -1,30 +1,123 @@
-"""Data in files: NumPy's npz, Parquet, and the datasets of imitation and of Minari. Written whole or not at all."""
+"""Data in files: NumPy's npz, Parquet, and the datasets of imitation and Minari."""
 
 from __future__ import annotations
 
 import json
+import math
+import re
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 from zipfile import BadZipFile
 
 import numpy as np
 
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.extras import need
+from taskspec.base.files import whole, whole_folder
 from taskspec.data.checks import check_pairs, check_transitions, check_whole
-from taskspec.data.demonstrations import Demonstrations
-from taskspec.data.minari import write_minari
-from taskspec.data.parquet import read_table, write_table
+from taskspec.data.episodes import Demonstrations
 from taskspec.data.preferences import Preferences
-from taskspec.data.transitions import COLUMNS, Transitions, columns
-from taskspec.diagnostics import Diagnostic, SpecError, suggest
-from taskspec.exact.model.failure import misused
-from taskspec.extras import need
-from taskspec.files import whole, whole_folder
+from taskspec.data.transitions import COLUMNS, Trajectory, Transitions, columns
+from taskspec.making import made_by
+from taskspec.model.model import misused
 
-Array = np.ndarray[Any, Any]
+if TYPE_CHECKING:
+    from taskspec.data.episodes import Demonstrations
+
+# ---------- parquet
+# Tables in Parquet: arrays as lists of fixed length, metadata under the key `taskspec`; pyarrow is imported here.
+
+KEY = b"taskspec"
+
+
+def write_table(
+    path: Path, columns: Mapping[str, Array | Sequence[Any]], metadata: Mapping[str, Any] | None = None
+) -> None:
+    """Write columns: arrays (N, *shape), or N values of one type, None where there is none.
+
+    Raises:
+        SpecError: E705 where pyarrow is not installed.
+    """
+    arrow, parquet = need("pyarrow", "parquet", "Parquet"), need("pyarrow.parquet", "parquet", "Parquet")
+    table = arrow.table({name: _column(arrow, values) for name, values in columns.items()})
+    kept = None if metadata is None else {KEY: json.dumps(metadata)}
+    parquet.write_table(table.replace_schema_metadata(kept), path)
+
+
+def read_table(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Columns (N, *shape) and metadata, of which `shapes` says what each value was.
+
+    Raises:
+        SpecError: E705 where pyarrow is not installed.
+        ValueError, KeyError: where the file is none of ours.
+    """
+    parquet = need("pyarrow.parquet", "parquet", "Parquet")
+    table = parquet.read_table(path)
+    metadata = json.loads((table.schema.metadata or {})[KEY])
+    shapes = metadata.pop("shapes")
+    found = {}
+    for name in table.column_names:
+        column = table[name].combine_chunks()
+        values = column.flatten() if shapes[name] else column
+        found[name] = values.to_numpy(zero_copy_only=False).reshape(len(table), *shapes[name])
+    return found, metadata
+
+
+def _column(arrow: Any, values: Array | Sequence[Any]) -> Any:
+    if not isinstance(values, np.ndarray) or values.ndim == 1:
+        return arrow.array(values)
+    return arrow.FixedSizeListArray.from_arrays(arrow.array(values.reshape(-1)), math.prod(values.shape[1:]))
+
+
+# ---------- minari
+# Demonstrations as a dataset of Minari, in a folder of its own.
+
+EXTRA = "minari"
+_NAME = re.compile(r"[-_\w]*\w-v\d+")
+
+
+def write_minari(folder: Path, place: Path, data: Demonstrations) -> None:
+    """Write the dataset `place` into a folder that is going to be there.
+
+    Raises:
+        SpecError: E705 where Minari, or h5py, is not installed; E713 where the last part of the place is no name of a dataset.
+    """
+    if not _NAME.fullmatch(place.name):
+        misused(f"Minari cannot call a dataset '{place.name}'", "end the folder's name in a version: expert-v0")
+    if data.task is None:
+        misused(
+            "a dataset of Minari is written of what `demonstrations` gives, not of what was read", "write both at once"
+        )
+    storage = need("minari.dataset.minari_storage", EXTRA, "this format").MinariStorage
+    need("h5py", EXTRA, "this format")
+    buffer, told = need("minari.data_collector").EpisodeBuffer, data.metadata
+    made = storage.new(
+        folder / "data", observation_space=data.task.observation_space, action_space=data.task.action_space,
+        env_spec=made_by(data.task), data_format="hdf5",
+    )  # fmt: skip
+    made.update_metadata({
+        "dataset_id": place.name, "algorithm_name": told["policy"], "minari_version": need("minari").__version__,
+        "description": f"{told['id']}, policy {told['policy']}, seed {told['seed']}", "taskspec": dict(told),
+    })  # fmt: skip
+    made.update_episodes(_episode(buffer, t, i, told["seed"] + i) for i, t in enumerate(data.trajectories))
+
+
+def _episode(buffer: Any, t: Trajectory, number: int, seed: int) -> Any:
+    ends = [[False] * (len(t) - 1) + [over] for over in (t.terminated, t.truncated)]
+    return buffer(
+        id=number, seed=seed, observations=t.obs, actions=t.acts, rewards=t.rews, terminations=ends[0], truncations=ends[1],
+        infos={},
+    )  # fmt: skip
+
+
+# ---------- files
+# Data in files: NumPy's npz, Parquet, and the datasets of imitation and of Minari. Written whole or not at all.
+
 Data = Demonstrations | Preferences
 MARK = "taskspec.json"
 """The file of a dataset's folder that holds the metadata."""

@@ -9,24 +9,23 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.abstraction.abstraction import abstraction
 from taskspec.backends.buffers import Values
 from taskspec.backends.numpy.engine import write
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.extras import need
 from taskspec.data.transitions import EXTRA, Seen, mapped
-from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.exact.abstraction.abstraction import abstraction
-from taskspec.exact.model.extract import extract
-from taskspec.exact.model.failure import misused, refuse, scipy_sparse
-from taskspec.exact.model.model import Model, Sparse, Step
-from taskspec.exact.scoring.named import named
-from taskspec.extras import need
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
+from taskspec.model.extract import extract
+from taskspec.model.model import Model, Sparse, Step, misused, refuse, scipy_sparse
 from taskspec.modifiers import modify
+from taskspec.policies.named import named
 from taskspec.registry import load
 from taskspec.task.spaces import SpaceLayout, observation_layout
 from taskspec.task.task import Task, TaskLike
 
-Array = np.ndarray[Any, Any]
 LARGEST = 2**27
 """Numbers that a dense array of transitions may have: a gigabyte."""
 

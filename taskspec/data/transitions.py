@@ -9,9 +9,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from taskspec.extras import need
+from taskspec.base.arrays import Array
+from taskspec.base.extras import need
 
-Array = np.ndarray[Any, Any]
 Seen: TypeAlias = Any
 """Observations, or actions: an array, or a dict of arrays, with as many rows; the space of the task says which."""
 """Observations: an array, or a dict of arrays where the observation space is one."""

@@ -17,8 +17,7 @@ import numpy as np
 from taskspec.backends.interpreter import Interpreter
 from taskspec.backends.table import BACKENDS, BackendName
 from taskspec.envs.env import Environment
-from taskspec.envs.errors import NotRunningError
-from taskspec.envs.options import Autoreset
+from taskspec.envs.options import Autoreset, NotRunningError
 from taskspec.envs.state import plain_state
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.task.spaces import action_layout, observation_layout, pack, unpack

@@ -16,9 +16,10 @@ from gymnasium.envs.registration import EnvSpec
 
 from taskspec import draws
 from taskspec.backends.scalar.program import Clock, Failures, Lane, ScalarProgram, compile_scalar
-from taskspec.envs import keyboard, picture, window
-from taskspec.envs.errors import ActionError, NotRunningError
-from taskspec.envs.options import ENDINGS, one_of, seed_of, with_horizon
+from taskspec.envs import state as picture
+from taskspec.envs import window
+from taskspec.envs import window as keyboard
+from taskspec.envs.options import ENDINGS, ActionError, NotRunningError, one_of, seed_of, with_horizon
 from taskspec.envs.spaces import space
 from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
@@ -26,7 +27,7 @@ from taskspec.lang.ir import Role
 from taskspec.lang.variates.sample import sampler
 from taskspec.modifiers import with_options
 from taskspec.registry import load
-from taskspec.task.options import Ending, RenderMode
+from taskspec.task.parameters import Ending, RenderMode
 from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task, TaskLike
 

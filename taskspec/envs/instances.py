@@ -10,12 +10,11 @@ import numpy as np
 from gymnasium.vector.utils import batch_space
 
 from taskspec import draws
+from taskspec.base.arrays import Array
 from taskspec.envs.lanes import LaneView
 from taskspec.envs.options import invalid, seed_of
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.task.task import Task
-
-Array = np.ndarray[Any, Any]
 
 
 class InstanceLanes(VectorEnvironment):

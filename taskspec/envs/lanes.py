@@ -8,12 +8,12 @@ from typing import Any, NoReturn
 import gymnasium
 
 from taskspec.backends.vector import Engine
-from taskspec.envs import keyboard, picture, window
-from taskspec.envs.errors import LaneError, NotRunningError
-from taskspec.envs.options import one_of
+from taskspec.envs import state, window
+from taskspec.envs import window as keyboard
+from taskspec.envs.options import LaneError, NotRunningError, one_of
 from taskspec.envs.spaces import space
 from taskspec.envs.state import plain_state
-from taskspec.task.options import RenderMode
+from taskspec.task.parameters import RenderMode
 from taskspec.task.task import Task
 
 RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")
@@ -56,7 +56,7 @@ class LaneView:
         """The present state as text or as pixels, as the render mode says; None without one."""
         match self.render_mode:
             case "ansi":
-                return picture.text(self.task, self.state, self.time)
+                return state.text(self.task, self.state, self.time)
             case "rgb_array":
                 episode = int(self.engine.buffers.episodes[self.number])
                 return self.drawing.draw(self.task, self.state, self.time, episode=episode)

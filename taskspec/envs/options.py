@@ -1,4 +1,4 @@
-"""Options of environments: the few values that each of them takes."""
+"""Options of environments, and the errors of environments that are misused."""
 
 from __future__ import annotations
 
@@ -7,13 +7,38 @@ import operator
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Literal, NoReturn, TypeAlias, get_args
 
-from taskspec.diagnostics import Diagnostic, SpecError, suggest
-from taskspec.limits import count, how_to_raise, limits
-from taskspec.task.options import Ending
+import gymnasium.error
+
+from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, suggest
+from taskspec.base.limits import count, how_to_raise, limits
+from taskspec.task.parameters import Ending
 from taskspec.task.task import Task
 
 if TYPE_CHECKING:
     from gymnasium.envs.registration import EnvSpec
+
+# ---------- errors
+# What an environment raises when it is misused. Each is also Gymnasium's own kind of error, so existing handlers catch it.
+
+
+class ActionError(TaskspecError, gymnasium.error.InvalidAction, ValueError):
+    """An action outside the action space (E706)."""
+
+
+class NotRunningError(TaskspecError, gymnasium.error.ResetNeeded):
+    """A step before the first reset (E707) or after the end of the episode (E708)."""
+
+
+class LaneError(TaskspecError, AttributeError):
+    """An attribute that the lanes of a vector environment do not have, or do not let go of (E713)."""
+
+
+class StateError(TaskspecError, ValueError):
+    """A state that the task does not have (E709)."""
+
+
+# ---------- options
+# Options of environments: the few values that each of them takes.
 
 ENDINGS = get_args(Ending)
 Autoreset: TypeAlias = Literal["NextStep", "SameStep", "Disabled"]

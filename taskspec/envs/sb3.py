@@ -15,20 +15,19 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends import select
+from taskspec.backends import table
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.table import BackendName
 from taskspec.backends.vector import LanesNotRunningError, Options
-from taskspec.envs.errors import ActionError, NotRunningError
+from taskspec.base.extras import need
 from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
-from taskspec.envs.options import positive, seed_of, uncopied
+from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
 from taskspec.envs.spaces import space
 from taskspec.envs.window import Frames
-from taskspec.exact.model.failure import misused
-from taskspec.exact.scoring.experts import Expert
-from taskspec.extras import need
+from taskspec.model.model import misused
+from taskspec.policies.experts import Expert
 from taskspec.registry import load
-from taskspec.task.options import RenderMode
+from taskspec.task.parameters import RenderMode
 from taskspec.task.task import Task, TaskLike
 
 need("stable_baselines3", "sb3")
@@ -60,7 +59,7 @@ class Sb3VecEnv(VecEnv):
     ) -> None:
         self.task: Task = load(task)
         num_envs, num_threads = positive("num_envs", num_envs), positive("num_threads", num_threads)
-        self._engine = select.engine(self.task, num_envs, backend, Options("same_step", num_threads))
+        self._engine = table.engine(self.task, num_envs, backend, Options("same_step", num_threads))
         self.metadata: dict[str, Any] = {"render_modes": list(RENDER_MODES), "render_fps": 4}
         self.render_mode: str | None = rendered(render_mode)
         self._started = False

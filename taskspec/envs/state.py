@@ -1,17 +1,43 @@
-"""States of an environment for people: read by name, set by name, checked against their domains."""
+"""States of an environment for people: read by name, set by name, shown as text, and told in infos."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from taskspec.diagnostics import suggest
-from taskspec.envs.errors import StateError
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import suggest
+from taskspec.base.display import visible
+from taskspec.envs.options import StateError
 from taskspec.lang.types import Domain, Kind
 from taskspec.task.spaces import single
 from taskspec.task.task import Component, Task
+
+# ---------- picture
+# States as text: what `render_mode="ansi"` shows.
+
+
+def text(task: Task, state: dict[str, Any], time: int) -> str:
+    """One line a component, and the time."""
+    width = max(len(name) for name in state)
+    return "\n".join([heading(task, time), *(f"  {name:<{width}} = {_shown(value)}" for name, value in state.items())])
+
+
+def heading(task: Task, time: int) -> str:
+    """The task and the time."""
+    return f"{task.name}, step {time}" + ("" if task.horizon is None else f" of {task.horizon}")
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return np.array2string(value, precision=4, suppress_small=True, threshold=32)
+    return f"{value:.6g}" if isinstance(value, float) else visible(str(value), keep="")
+
+
+# ---------- state
+# States of an environment for people: read by name, set by name, checked against their domains.
 
 _DTYPES: dict[Kind, Any] = {Kind.BOOL: np.bool_, Kind.INT: np.int64, Kind.REAL: np.float64}
 
@@ -98,3 +124,32 @@ def overridden(options: Any) -> Mapping[str, Any] | None:
     if state is not None and not isinstance(state, Mapping):
         raise StateError(f"E709: the option 'state' gives values by component, as in {{'x': 1}}, not {state!r}")
     return state
+
+
+# ---------- told
+# The states that infos of many environments tell, where the task's spec has `info`: as those of the scalar environment.
+
+
+def told(task: Task, state: Sequence[Array]) -> Array:
+    """States of all lanes as one array with the lanes first: (N, *shape) where the state is one component, else (N, elements).
+
+    Elements are int64 where all components are finite, and float32 elsewhere.
+
+    Args:
+        state: an array (*shape, N) for every component.
+    """
+    (first, *others), lanes = task.state, state[0].shape[-1]
+    finite = all(c.is_finite for c in task.state)
+    rows = np.concatenate([np.asarray(part).reshape(-1, lanes) for part in state])
+    shape = (len(rows),) if others else first.type.shape
+    with np.errstate(over="ignore"):  # what float32 does not hold is infinite, as in observations
+        return rows.T.astype(np.int64 if finite else np.float32).reshape(lanes, *shape)
+
+
+def states(task: Task, before: Array, stepped: Array, after: Array) -> dict[str, Array]:
+    """What the spec's `info` asks for of a step, each with a mask, bool (N,): the lanes in which one was taken, others are 0."""
+    if not stepped.any():
+        return {}
+    before[~stepped] = after[~stepped] = 0
+    found = {"old_state": before, "new_state": after}
+    return {key: value for name in task.spec.info for key, value in ((name, found[name]), (f"_{name}", stepped))}

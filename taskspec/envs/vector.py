@@ -18,17 +18,19 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector.utils import batch_space
 
 from taskspec import draws
-from taskspec.backends import select
+from taskspec.backends import table
 from taskspec.backends.actions import BadActionError
-from taskspec.backends.buffers import Array
 from taskspec.backends.table import BackendName
 from taskspec.backends.vector import LanesNotRunningError, Mode, Options
-from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.envs.errors import ActionError, NotRunningError
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.extras import install_package
 from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
 from taskspec.envs.options import (
     ENDINGS,
+    ActionError,
     Autoreset,
+    NotRunningError,
     invalid,
     lanes_of,
     one_of,
@@ -38,12 +40,11 @@ from taskspec.envs.options import (
     with_horizon,
 )
 from taskspec.envs.spaces import space
-from taskspec.envs.told import states, told
+from taskspec.envs.state import states, told
 from taskspec.envs.window import Frames
-from taskspec.extras import install_package
 from taskspec.modifiers import with_options
 from taskspec.registry import load
-from taskspec.task.options import Ending, RenderMode
+from taskspec.task.parameters import Ending, RenderMode
 from taskspec.task.task import Task, TaskLike
 
 if not hasattr(gymnasium.vector, "AutoresetMode"):
@@ -106,7 +107,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.task: Task = with_options(load(task), ending, observe_time)
         self.num_envs: int = lanes_of(self.task, num_envs)
-        self.backend: str = select.choose(self.task, backend)
+        self.backend: str = table.choose(self.task, backend)
         self.metadata: dict[str, Any] = {
             "render_modes": list(RENDER_MODES),
             "render_fps": 4,
@@ -115,7 +116,7 @@ class VectorEnvironment(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.render_mode: str | None = rendered(render_mode)
         self._spec: EnvSpec | None = None
         options = Options(_MODES[self.autoreset_mode.value], num_threads)
-        self._engine = select.engine(self.task, num_envs, self.backend, options)
+        self._engine = table.engine(self.task, num_envs, self.backend, options)
         self._set_spaces()
         self._same_step, self._reuse = self.autoreset_mode == AutoresetMode.SAME_STEP, reuse
         self._seeded = False

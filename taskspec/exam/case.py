@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
 import numpy as np
 
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import TaskspecError
 from taskspec.data import Demonstrations, demonstrations
-from taskspec.diagnostics import TaskspecError
 from taskspec.envs.metered import Metered
 from taskspec.exam.oracle import Oracle
 from taskspec.exam.withheld import withheld
 from taskspec.task.task import Task
 
 if TYPE_CHECKING:
-    from taskspec.envs.metered_vector import MeteredVector
+    from taskspec.envs.metered import MeteredVector
 
-Array = np.ndarray[Any, Any]
 Source = Literal["reward", "demonstrations", "preferences"]
 SOURCES: tuple[Source, ...] = get_args(Source)
 """What a learner may learn from."""
@@ -136,7 +136,7 @@ class Case:
 
     def make_vec(self, lanes: int, **options: Any) -> MeteredVector:
         """Environments that are stepped together, as `taskspec.make_vec` makes them; a step of all counts once for each."""
-        from taskspec.envs.metered_vector import MeteredVector
+        from taskspec.envs.metered import MeteredVector
 
         return MeteredVector(self._judge, lanes, self._meter, self._next_seed(), **options)
 

@@ -11,21 +11,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.limits import written
 from taskspec.envs.measure import machine
-from taskspec.exam import yardsticks
+from taskspec.exam import baselines
 from taskspec.exam.case import ExamTerms
-from taskspec.exam.diagnoses import evaluate
-from taskspec.exam.flags import check_comparable, flags
+from taskspec.exam.findings import diagnose
 from taskspec.exam.learners import Examinee, learner_of
 from taskspec.exam.results import FORMAT, Exam, Examined, Score, read, write
 from taskspec.exam.suites import exam_id, tasks_of
 from taskspec.exam.trial import LearnerFailed, Row, Trial, run_trial
 from taskspec.exam.twins import Modifiers, twins_of
-from taskspec.exam.verdicts import verdicts
-from taskspec.limits import written
+from taskspec.exam.verdicts import check_comparable, flags, verdicts
+from taskspec.jobs.engine import Standing, run
+from taskspec.jobs.store import Job, JobResult, Store
 from taskspec.modifiers import modify
-from taskspec.runs import Job, JobResult, Standing, Store, run
 from taskspec.task.task import Task, TaskLike
 
 WIDEST = 16
@@ -52,7 +52,7 @@ class Planned:
 
 @dataclass(frozen=True)
 class Running:
-    """How jobs are run: see `taskspec.runs.run`."""
+    """How jobs are run: see `taskspec.jobs.run`."""
 
     workers: int | None = None
     cluster: str | None = None
@@ -152,7 +152,7 @@ def _trained(
     plan: Sequence[Planned], asked: Sequence[Task], who: Examinee, folder: Path | None, running: Running
 ) -> tuple[Rows, Measures]:
     if who.place is None:
-        return [_here(planned, who) for planned in plan], {exam_id(t): yardsticks.measured(t, EPISODES) for t in asked}
+        return [_here(planned, who) for planned in plan], {exam_id(t): baselines.measured(t, EPISODES) for t in asked}
     with tempfile.TemporaryDirectory() as scratch, Store((folder or Path(scratch)) / "exam.sqlite") as store:
         return _elsewhere(plan, asked, store, running)
 
@@ -186,8 +186,8 @@ def _elsewhere(plan: Sequence[Planned], asked: Sequence[Task], store: Store, run
 def _measuring(task: Task) -> Job:
     """The job that works out the yardsticks of a task."""
     limits = written()
-    key = yardsticks.key(task.content_hash, EPISODES, limits)
-    return Job(key, task.instance_id, yardsticks.measured_within, (task, EPISODES, limits))
+    key = baselines.key(task.content_hash, EPISODES, limits)
+    return Job(key, task.instance_id, baselines.measured_within, (task, EPISODES, limits))
 
 
 def _rows(planned: Planned, result: JobResult) -> list[Row]:
@@ -224,7 +224,7 @@ def _concluded(found: Exam, suite: str, baseline: Exam | None, folder: Path | No
     """What follows from the scores; kept in the folder."""
     found["verdicts"] = verdicts(found["tasks"], found["scores"])
     found["flags"] = flags(found["tasks"], found["scores"], baseline)
-    found["diagnoses"] = evaluate(found, suite)
+    found["diagnoses"] = diagnose(found, suite)
     if folder is not None:
         write(found, folder)
     return found
@@ -248,7 +248,7 @@ def _score(planned: Planned, row: Row, about: Examined) -> Score:
     ends = about["random"], about["expert"]
 
     def scaled(value: float | None) -> float | None:
-        return None if value is None else yardsticks.score(value, *ends)
+        return None if value is None else baselines.score(value, *ends)
 
     unit = abs((ends[1] or 0) - (ends[0] or 0)) or 1.0
     curve = row.get("curve")

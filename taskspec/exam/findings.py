@@ -1,4 +1,4 @@
-"""Findings of a source, evaluated on results: confirmed, refuted, or undecided, with what decides it."""
+"""Findings of a source, evaluated on results, and diagnoses: what the scores of a learner usually mean."""
 
 from __future__ import annotations
 
@@ -8,11 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from taskspec.appendix.render.html import page_of
-from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.exam.rules import Book, Compared, Judge, Judged, SeedScores, read_findings
-from taskspec.exam.rules.reading import findings_of
-from taskspec.task.schema import FindingEntry, FindingsDocument
+from taskspec.base.bibliography import Reference
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.exam.results import Diagnosis
+from taskspec.exam.rules import Book, Compared, Judge, Judged, SeedScores, read_exam, read_findings
+from taskspec.exam.rules.judge import ONE
+from taskspec.exam.rules.reading import exam_of, findings_of
+from taskspec.pages.render.html import page_of
+from taskspec.task.schema.experiments import DiagnosisEntry, FindingEntry, FindingsDocument
+
+# ---------- findings
+# Findings of a source, evaluated on results: confirmed, refuted, or undecided, with what decides it.
 
 Outcome = Literal["confirmed", "refuted", "undecided", "not run"]
 OUTCOMES: tuple[Outcome, ...] = ("confirmed", "refuted", "undecided", "not run")
@@ -183,3 +189,52 @@ def _code(compared: Compared) -> str:
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     lines = [list(header), ["---"] * len(header), *map(list, rows)]
     return ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
+
+
+# ---------- diagnoses
+# Diagnoses: what the scores of a learner usually mean, by the rules that come with the suite.
+
+
+def diagnose(exam: Mapping[str, Any], suite: str | Path) -> list[Diagnosis]:
+    """The diagnoses whose conditions hold of an exam's results, in the order of the suite's file.
+
+    Args:
+        exam: what `exam.json` holds; `tasks` and `scores` are read.
+        suite: name or folder; one without an `exam.yaml` has no diagnoses.
+
+    Returns:
+        For each: `name`, `message`, `cause`, `try`, `source`, the `tasks` that speak for it (ids), and the `evidence`,
+        comparisons with their intervals.
+
+    Raises:
+        SpecError: for mistakes in the suite's file.
+    """
+    path = exam_of(suite)
+    return [] if path is None else judged(read_exam(path), exam)
+
+
+def judged(book: Book, exam: Mapping[str, Any]) -> list[Diagnosis]:
+    """The diagnoses of a file that hold of an exam's results (see `evaluate`)."""
+    samples = SeedScores({ONE: exam})
+    judge = Judge(samples, book.names)
+    outcomes = {rule.name: judge.condition(rule.condition) for rule in book.rules}
+    holding = {name for name, outcome in outcomes.items() if outcome.holds}
+    found: list[Diagnosis] = []
+    for rule in book.rules:
+        entry, outcome = rule.entry, outcomes[rule.name]
+        if rule.name in holding and isinstance(entry, DiagnosisEntry) and not holding & set(entry.unless):
+            found.append({
+                "name": rule.name, "message": entry.message, "cause": entry.cause, "try": entry.try_,
+                "source": _cited(entry, book.references),
+                "tasks": [samples.ids[task] for task in outcome.tasks if task in samples.ids],
+                "evidence": [str(each) for each in outcome.seen],
+            })  # fmt: skip
+    return found
+
+
+def _cited(entry: DiagnosisEntry, references: Mapping[str, Reference]) -> str:
+    """A source as a line of text: authors, year, title, and the place in it."""
+    key, where = entry.source.key, entry.source.where
+    found = references.get(key)
+    whole = key if found is None else f"{found.authors} ({found.plain('year')}). {found.plain('title')}"
+    return f"{whole}, {where}" if where else whole

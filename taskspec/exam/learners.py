@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import taskspec
-from taskspec.data.functions import function_of, is_function, place_of
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.data.actors import function_of, is_function, place_of
 from taskspec.exam.case import SOURCES, Source
+from taskspec.jobs.code import code_files, code_hash
 from taskspec.learners import learner
-from taskspec.runs.code import code_files, code_hash
 
 _OURS = Path(taskspec.__file__).resolve().parent
 DEFAULT: tuple[Source, ...] = ("demonstrations", "preferences")

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.data.preferences import return_ends
-from taskspec.data.teachers import WORDS, Teacher
+from taskspec.base.arrays import Array
+from taskspec.data.preferences import WORDS, Teacher, return_ends
 from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
 
-Array = np.ndarray[Any, Any]
 Key = tuple[Hashable, Hashable, Hashable]
 KEPT = 250_000
 """Different steps that are remembered at least, of which the latest count."""

@@ -9,17 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.data.actors import one_of
-from taskspec.exact.model.failure import misused
-from taskspec.exact.model.model import Model
-from taskspec.exact.scoring.asking import Asked, distribution
-from taskspec.exact.scoring.policies import policy_value, states_of, transposed
-from taskspec.exact.scoring.returns import Results, Return
-from taskspec.exact.simulation.rollout import Rollout
+from taskspec.model.model import Model, misused
+from taskspec.policies.adapters import Asked, distribution
+from taskspec.policies.values import policy_value, states_of, transposed
+from taskspec.rollout.rollout import Rollout
+from taskspec.scores.returns import Results, Return
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
 from taskspec.task.task import Task
 
-Array = np.ndarray[Any, Any]
 TIE = 1e-9
 """Values of actions that are this close, as a share of the largest, are tied."""
 

@@ -12,12 +12,12 @@ from typing import Any, Literal
 from typing_extensions import TypedDict
 
 from taskspec import registry
-from taskspec.diagnostics import Diagnostic, Origin, SpecError, suggest
-from taskspec.files import safe_name, write_text
+from taskspec.base.diagnostics import Diagnostic, Origin, SpecError, suggest
+from taskspec.base.files import safe_name, write_text
 from taskspec.learners import BUILT_IN, FAMILIES
 from taskspec.source.json_places import json_span
-from taskspec.task.schema import shape_problem
 from taskspec.task.schema.problems import Problem
+from taskspec.task.schema.results import shape_problem
 
 FORMAT, NAME = 1, "exam.json"
 NAMES = (NAME, f"{NAME}.gz")
@@ -89,7 +89,7 @@ Diagnosis = TypedDict(
         "name": str, "message": str, "cause": str, "try": str, "source": str, "tasks": list[str], "evidence": list[str],
     },
 )  # fmt: skip
-"""What a pattern of scores usually means: see `taskspec.exam.diagnoses.evaluate`."""
+"""What a pattern of scores usually means: see `taskspec.exam.findings.evaluate`."""
 
 
 class Exam(TypedDict):

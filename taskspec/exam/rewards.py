@@ -16,17 +16,17 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.abstraction.abstraction import abstraction
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
 from taskspec.data import Tabular, tabular
-from taskspec.diagnostics import SpecError
-from taskspec.exact.abstraction.abstraction import abstraction
-from taskspec.exact.model.failure import misused, refuse
 from taskspec.exam.policies import greedy
+from taskspec.model.model import misused, refuse
 from taskspec.registry import load
 from taskspec.solve.backward import action_values, backward, first_values
 from taskspec.task.spaces import action_layout
 from taskspec.task.task import Task, TaskLike
 
-Array = np.ndarray[Any, Any]
 NOTHING = 1e-11
 """Advantages that are this small, as a share of the largest value of an action, are rounding."""
 ROUNDS = 1000

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taskspec import registry
-from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.ids import InstanceId
 from taskspec.exam.rules import read_exam
 from taskspec.exam.rules.reading import exam_of
-from taskspec.ids import InstanceId
 from taskspec.task.task import Task, TaskLike
 
 

@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import Any
 
 import taskspec
-from taskspec.diagnostics import TaskspecError
-from taskspec.exact.scoring.returns import Results, Return
+from taskspec.base.diagnostics import TaskspecError
+from taskspec.base.limits import also
+from taskspec.exam.baselines import results_of
 from taskspec.exam.case import Case, ExamTerms
-from taskspec.exam.known import results_of
 from taskspec.exam.learners import train_at
 from taskspec.exam.policies import values
 from taskspec.exam.rewards import told
 from taskspec.learners import CannotLearn
-from taskspec.limits import also
+from taskspec.scores.returns import Results, Return
 from taskspec.task.task import Task
 
 Row = dict[str, Any]
@@ -42,7 +42,7 @@ class Trial:
         negated: whether a learner that looks at the reward which is withheld sees it negated, instead of 0.
         place, content: of the learner, for another process.
         episodes: for scores that have to be simulated.
-        limits: that hold, as `taskspec.limits.also` takes them.
+        limits: that hold, as `taskspec.base.limits.also` takes them.
     """
 
     about: Task

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.base.diagnostics import SpecError
 from taskspec.data import demonstrations
-from taskspec.diagnostics import SpecError
 from taskspec.modifiers import keeps_observers, modify
 from taskspec.task.task import Task
 

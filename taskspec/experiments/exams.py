@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam import Exam, Running, examine
 from taskspec.exam.results import folder_name
 from taskspec.exam.suites import exam_id
@@ -16,7 +16,7 @@ from taskspec.exam.verdicts import by_seed, told
 from taskspec.experiments.instances import Instance, expand
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.results import Measured
-from taskspec.runs import Standing
+from taskspec.jobs.engine import Standing
 from taskspec.task.task import Task
 
 Bar = Callable[[str], AbstractContextManager[Callable[[Standing], None]]]

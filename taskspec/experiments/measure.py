@@ -1,22 +1,57 @@
-"""What is worked out of one instance: what a sweep hands to a worker, and gets back as plain data."""
+"""Measure one instance in a worker, which builds the task itself."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from taskspec import __version__
+from taskspec.base.limits import also
+from taskspec.base.progress import tell
 from taskspec.data.episodes import recorded
 from taskspec.exact import Results, Return
-from taskspec.exact.difficulty import difficulty
-from taskspec.experiments.order import Sent
-from taskspec.limits import also
-from taskspec.progress import tell
+from taskspec.modifiers import modify
+from taskspec.scores.difficulty import difficulty
+from taskspec.source import Document, Packed, unpacked
+from taskspec.task.build import build
 from taskspec.task.task import Task
+
+# ---------- order
+# Tasks that another process or machine is to build, so that they need not be built here first.
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A task, as its text and the values of its parameters."""
+
+    text: Packed
+    suite: str
+    variant: str | None
+    parameters: Mapping[str, Any]
+    modifiers: tuple[str, ...]
+
+    def task(self) -> Task:
+        """The task.
+
+        Raises:
+            SpecError: with every mistake found.
+        """
+        return modify(build(_document(self.text), self.variant, self.parameters, self.suite), *self.modifiers)
+
+
+@lru_cache(maxsize=16)
+def _document(text: Packed) -> Document:
+    return unpacked(text)
+
+
+# ---------- measure
+# What is worked out of one instance: what a sweep hands to a worker, and gets back as plain data.
 
 RETURNS = ("optimal", "expert", "random", "worst")
 COLUMNS = (

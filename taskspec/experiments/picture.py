@@ -10,11 +10,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from taskspec.base.display import visible
+from taskspec.base.extras import need
+from taskspec.base.files import write_bytes
 from taskspec.experiments.results import Measured
-from taskspec.extras import need
-from taskspec.files import write_bytes
-from taskspec.task.schema import Experiment
-from taskspec.visible import visible
+from taskspec.task.schema.experiments import Experiment
 
 FORMATS = ("svg", "png", "pdf")
 WIDTH, HEIGHT, TITLE = 3.6, 2.7, 0.3

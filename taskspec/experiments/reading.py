@@ -6,11 +6,11 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from taskspec.data.functions import is_function
-from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.data.actors import is_function
 from taskspec.registry import tasks_root
 from taskspec.source import Document, read_file
-from taskspec.task.schema import Experiment, check_experiment
+from taskspec.task.schema.experiments import Experiment, check_experiment
 
 FOLDER = "experiments"
 """The folder of a suite that holds the experiments that come with it."""

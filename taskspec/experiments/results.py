@@ -11,10 +11,10 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from taskspec.data.parquet import write_table
+from taskspec.base.files import whole, write_text
+from taskspec.data.files import write_table
 from taskspec.experiments.instances import Instance
 from taskspec.experiments.measure import COLUMNS
-from taskspec.files import whole, write_text
 
 
 @dataclass(frozen=True)

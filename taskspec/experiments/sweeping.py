@@ -6,17 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from taskspec import limits, registry
-from taskspec.data.functions import is_function, place_of
+from taskspec import registry
+from taskspec.base import limits
+from taskspec.data.actors import is_function, place_of
 from taskspec.experiments.instances import Expanded, Instance, expand
-from taskspec.experiments.measure import Order, Questions, key, measure
-from taskspec.experiments.order import Sent
+from taskspec.experiments.measure import Order, Questions, Sent, key, measure
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.results import Measured
-from taskspec.runs import Job, JobResult, Standing, Store, run
-from taskspec.runs.code import code_hash
+from taskspec.jobs.code import code_hash
+from taskspec.jobs.engine import Standing, run
+from taskspec.jobs.store import Job, JobResult, Store
 from taskspec.source import packed
-from taskspec.task.schema import Experiment
+from taskspec.task.schema.experiments import Experiment
 
 
 @dataclass(frozen=True)

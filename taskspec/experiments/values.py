@@ -1,15 +1,18 @@
-"""Values of parameters, as an experiment writes them: lists, ranges, draws, and expressions over other parameters."""
+"""Values of parameters as an experiment writes them, and the axes that they span."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from taskspec.diagnostics import Collector, Span
+from taskspec.base.diagnostics import Collector, Span
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.builder import Builder
@@ -19,6 +22,9 @@ from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Binding, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Type
 from taskspec.task.parts import Parameter
+
+# ---------- values
+# Values of parameters, as an experiment writes them: lists, ranges, draws, and expressions over other parameters.
 
 Draw = Callable[[np.random.Generator], Any]
 """A value that is drawn for each setting."""
@@ -162,3 +168,59 @@ class _ExactChecker(Checker):
 
 def _decimal(number: float) -> Fraction | float:
     return Fraction(repr(number)) if math.isfinite(number) else number
+
+
+# ---------- axes
+# The axes of an experiment's settings: all combinations of their values, or a sample of them.
+
+Values: TypeAlias = tuple[Any, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """Parameters that change together: the tuples of their values, or what draws the value of one."""
+
+    names: tuple[str, ...]
+    values: Sequence[Values] | Draw
+
+    @property
+    def size(self) -> int:
+        """How many values there are; 0 where they are drawn."""
+        return 0 if callable(self.values) else len(self.values)
+
+    def without(self, names: frozenset[str]) -> Axis:
+        """The same axis for the other parameters."""
+        kept = [i for i, name in enumerate(self.names) if name not in names]
+        if callable(self.values):
+            return Axis(self.names if kept else (), self.values)
+        values = dict.fromkeys(tuple(v[i] for i in kept) for v in self.values)
+        return Axis(tuple(self.names[i] for i in kept), list(values))
+
+    def drawn(self, rng: np.random.Generator) -> Values:
+        """One of the values."""
+        return (self.values(rng),) if callable(self.values) else self.values[int(rng.integers(len(self.values)))]
+
+
+def combinations(axes: Sequence[Axis]) -> Iterator[tuple[Values, ...]]:
+    """One tuple of values for each axis, in every combination, that of the last axis changing fastest."""
+    return itertools.product(*(axis.values for axis in axes if not callable(axis.values)))
+
+
+def sample(axes: Sequence[Axis], count: int, seed: int) -> Iterator[tuple[Values, ...]]:
+    """Some combinations: each once and in order, or drawn one by one where values are drawn."""
+    if any(callable(axis.values) for axis in axes):
+        rng = np.random.default_rng(seed)
+        return (tuple(axis.drawn(rng) for axis in axes) for _ in range(count))
+    size = math.prod(axis.size for axis in axes)
+    chosen = random.Random(seed).sample(range(size), min(count, size))
+    return (_at(axes, i) for i in sorted(chosen))
+
+
+def _at(axes: Sequence[Axis], index: int) -> tuple[Values, ...]:
+    """The combination with an index among all of them."""
+    found: list[Values] = []
+    for axis in reversed(axes):
+        index, i = divmod(index, axis.size)
+        assert not callable(axis.values)
+        found.append(axis.values[i])
+    return tuple(reversed(found))

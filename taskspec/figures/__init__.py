@@ -9,31 +9,29 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.diagnostics import Diagnostic, SpecError, raise_if_errors
-from taskspec.exact.checks.soundness import soundness
-from taskspec.exact.model.failure import NoModel
+from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors
+from taskspec.base.files import write_text
 from taskspec.figures import raster
-from taskspec.figures.bars import bars
+from taskspec.figures.bars import bars, table
 from taskspec.figures.curve import curve
 from taskspec.figures.graph import graph
 from taskspec.figures.grid import grid
 from taskspec.figures.marks import keyed
 from taskspec.figures.matrix import matrix
 from taskspec.figures.motion import MOST_LINKS, arm, portrait
-from taskspec.figures.overlay import PARTS
-from taskspec.figures.overlay import Overlay as Overlay
-from taskspec.figures.results import OVERLAYS as OVERLAYS
-from taskspec.figures.results import overlay as overlay
+from taskspec.figures.overlays import OVERLAYS as OVERLAYS
+from taskspec.figures.overlays import PARTS
+from taskspec.figures.overlays import Overlay as Overlay
+from taskspec.figures.overlays import overlay as overlay
 from taskspec.figures.scene import Scene as Scene
-from taskspec.figures.scene import with_legend
+from taskspec.figures.scene import stated, with_legend
 from taskspec.figures.series import followed, series
-from taskspec.figures.stated import stated
 from taskspec.figures.svg import svg as svg
-from taskspec.figures.table import table
 from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.figures.tikz import tikz as tikz
-from taskspec.files import write_text
+from taskspec.model.model import NoModel
 from taskspec.registry import load
+from taskspec.soundness.soundness import soundness
 from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
 

@@ -1,30 +1,34 @@
-"""A vector as a scene: bars for a long one, cells with values for a short one, and swaps from row to row."""
+"""A vector as bars or cells, and any state as a table with a line for each component."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.figures.marks import SIGNS, marked, sign
-from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Box, Item, Label, Line, Role, Scene, fitted, shifted, text_width
+from taskspec.figures.overlays import Overlay
+from taskspec.figures.scene import Box, Color, Item, Label, Line, Scene, fitted, shifted, text_width
 from taskspec.figures.values import State, at_states, expert_path, reads_of
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
 from taskspec.printers import tree as m
-from taskspec.task.task import Task
+from taskspec.printers.names import of_task
+from taskspec.task.task import Component, Task
 
-Array = np.ndarray[Any, Any]
+# ---------- bars
+# A vector as a scene: bars for a long one, cells with values for a short one, and swaps from row to row.
+
 CELLS_UP_TO, ROWS, SEEDS = 8, 4, 6
 LONGEST = 100
 """Steps of an episode that are followed, so that figures stay quick."""
 MOST_BARS = 400
 BELOW, LETTERS = 2.5, 0.28
-_COLORS: dict[str, Role] = {"first": "accent", "second": "second", "good": "good", "bad": "bad"}
+_COLORS: dict[str, Color] = {"first": "accent", "second": "second", "good": "good", "bad": "bad"}
 
 
 def bars(task: Task, overlay: Overlay) -> Scene | None:
@@ -71,7 +75,7 @@ def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[dict[st
     return [state for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
 
 
-def _sums(rows: list[Array], colors: list[Role], step: float, y: float) -> Iterator[Label]:
+def _sums(rows: list[Array], colors: list[Color], step: float, y: float) -> Iterator[Label]:
     """Where two parts of a vector have colours of their own, the sum of each, and how they compare."""
     parts = [[i for i, color in enumerate(colors) if color == role] for role in ("accent", "second")]
     if len(rows) > 1 or not all(parts):
@@ -101,13 +105,13 @@ def _vector(task: Task) -> Node | None:
     return next(vectors, None)
 
 
-def _colors(task: Task, node: Node, state: State) -> list[Role]:
+def _colors(task: Task, node: Node, state: State) -> list[Color]:
     """Elements of the vector by colour: those of which a condition holds in this state, or a slice of the vector.
 
     The slice is taken of the vector's indices, and so says which elements are meant.
     """
     count = node.type.size
-    colors: list[Role] = ["accent"] * count
+    colors: list[Color] = ["accent"] * count
     reads = reads_of(task, state)
     for name, part in ({} if task.figure is None else task.figure.highlight).items():
         if name not in _COLORS:
@@ -131,7 +135,7 @@ def _bound(node: Node) -> float | None:
     return most if 0 < most < math.inf else None
 
 
-def _bars(values: Array, colors: list[Role], most: float | None = None) -> Iterator[Item]:
+def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iterator[Item]:
     """Bars of equal width above a line, in a frame that `most` fills; of very many values means of neighbours."""
     values, colors = _binned(values, colors)
     step = _step(len(values))
@@ -148,7 +152,7 @@ def _bars(values: Array, colors: list[Role], most: float | None = None) -> Itera
     yield Line(((-0.1, 0.0), (len(values) * step + 0.02, 0.0)), color="muted")
 
 
-def _binned(values: Array, colors: list[Role]) -> tuple[Array, list[Role]]:
+def _binned(values: Array, colors: list[Color]) -> tuple[Array, list[Color]]:
     """At most about `MOST_BARS` values: means of as many neighbours each, which share a colour."""
     size = -(-len(values) // MOST_BARS)
     runs = [list(run) for _, run in groupby(range(len(values)), key=lambda i: colors[i])]
@@ -161,7 +165,7 @@ def _step(count: int) -> float:
     return min(0.3, 7.0 / count)
 
 
-def _cells(shown: list[tuple[Array, list[Role]]], left_out: int) -> Iterator[Item]:
+def _cells(shown: list[tuple[Array, list[Color]]], left_out: int) -> Iterator[Item]:
     """Rows of cells in their colours, shaded by value, with arrows for elements that moved; dots where rows are left out."""
     rows = [row for row, _ in shown]
     low, high = float(np.min(rows)), float(np.max(rows))
@@ -185,3 +189,28 @@ def _cells(shown: list[tuple[Array, list[Role]]], left_out: int) -> Iterator[Ite
 def _where(row: Array, value: float) -> int | None:
     found = np.flatnonzero(row == value)
     return int(found[0]) if len(found) else None
+
+
+# ---------- table
+# Any state as a scene: a line for each component. What is shown of tasks that have no figure.
+
+_SHOWN = 6
+WIDTH = 9.0
+
+
+def table(task: Task, state: Mapping[str, Any]) -> Scene:
+    """Names and values of the components."""
+    notation = of_task(task)
+    items: list[Item] = [Box((0.0, 0.0), WIDTH, 0.1, None, None)]  # room, so that the frames of an episode are alike
+    for i, c in enumerate(task.state):
+        text = m.Row((notation.symbol(c.name), m.Sym("="), m.Words(_words(c, state[c.name]))))
+        items.append(Label((0.0, 0.55 * i), text, anchor="start"))
+    return fitted(items, f"A state of {task.name}", margin=0.3)
+
+
+def _words(c: Component, value: Any) -> str:
+    if c.domain is not None and not isinstance(value, str) and np.ndim(value) == 0:
+        return c.domain.labels[int(value)]
+    flat = np.asarray(value).reshape(-1).tolist()
+    shown = ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in flat[:_SHOWN])
+    return f"({shown}{', …' if len(flat) > _SHOWN else ''})" if c.type.shape else shown

@@ -9,21 +9,20 @@ from itertools import combinations
 
 import numpy as np
 
-from taskspec.exact.model.space import Space
-from taskspec.figures.elide import Arc
+from taskspec.figures.layout import Arc
 from taskspec.figures.machine import Machine
 from taskspec.figures.marks import chance, decimal, number, signed
-from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Role
+from taskspec.figures.overlays import Overlay
+from taskspec.figures.scene import Color
 from taskspec.figures.values import at_states
 from taskspec.lang.ir import Role as Reading
+from taskspec.model.space import Space
 from taskspec.printers import tree as m
-from taskspec.printers.names import of_task
-from taskspec.printers.notation import Notation
-from taskspec.printers.plain import plain
+from taskspec.printers.names import Notation, of_task
+from taskspec.printers.text import plain
 from taskspec.task.task import Component
 
-_HIGHLIGHT: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end", "first": "accent", "second": "second"}
+_HIGHLIGHT: dict[str, Color] = {"good": "good", "bad": "bad", "end": "end", "first": "accent", "second": "second"}
 FEW = 3
 """As many states of one colour are always shown, and named where they are not, if there is room."""
 
@@ -73,7 +72,7 @@ class Captions:
         return found
 
     @cached_property
-    def fills(self) -> Mapping[int, Role]:
+    def fills(self) -> Mapping[int, Color]:
         """Colours of states; of several that one has, the last."""
         return {code: _HIGHLIGHT[name] for name, codes in self.marks.items() for code in codes}
 

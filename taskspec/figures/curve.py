@@ -1,21 +1,85 @@
-"""A curve and a trajectory beside it, as a scene."""
+"""A curve and a trajectory beside it: axes, numbers at their ends, angles that wrap."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from taskspec.figures.axes import axes, plane
-from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Circle, Item, Line, Point, Scene, fitted
+from taskspec.figures.marks import signed
+from taskspec.figures.overlays import Overlay
+from taskspec.figures.scene import Circle, Item, Label, Line, Point, Scene, fitted
 from taskspec.figures.values import State, at_states, expert_path, reads_of
-from taskspec.figures.wraps import runs, turn
-from taskspec.lang.ir import Node, Read, Role
+from taskspec.lang import interval
+from taskspec.lang.ir import Apply, Node, Read, Role, walk
 from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.task.task import Task
+
+# ---------- axes
+# Axes of plots: lines below and on the left, numbers at their ends, and a plane in which to draw.
+
+WIDTH, HEIGHT = 5.0, 3.0
+GAP, LETTERS, TICKS = 0.15, 0.3, 0.25
+Range = tuple[float, float]
+
+
+def plane(xs: Range, ys: Range) -> Callable[[Point], Point]:
+    """Where points of a rectangle, y upwards, lie in a scene."""
+    sx, sy = WIDTH / (xs[1] - xs[0] or 1.0), HEIGHT / (ys[1] - ys[0] or 1.0)
+    return lambda p: ((p[0] - xs[0]) * sx, (ys[1] - p[1]) * sy)
+
+
+def axes(
+    x0: float, x1: float, y0: float, y1: float, to: Callable[[Point], Point], symbols: Sequence[m.Math]
+) -> Iterator[Item]:
+    """Axes below and on the left, with the numbers at their ends, and fine lines through zero."""
+    (left, bottom), (right, top) = to((x0, y0)), to((x1, y1))
+    for axis, (low, high) in enumerate(((x0, x1), (y0, y1))):
+        if low < 0 < high:
+            x, y = to((0.0, 0.0))
+            yield Line(((x, bottom), (x, top)) if axis == 0 else ((left, y), (right, y)), color="faint", width=0.02)
+    corner = (left - GAP, bottom + GAP)
+    yield Line((corner, (right + GAP, bottom + GAP)), arrow=True, color="muted", width=0.02)
+    yield Line((corner, (left - GAP, top - GAP)), arrow=True, color="muted", width=0.02)
+    for symbol, place in zip(
+        symbols, ((right + GAP + 0.22, bottom + GAP), (left - GAP, top - GAP - 0.25)), strict=False
+    ):
+        yield Label(place, symbol, LETTERS)
+    for x in (x0, x1):
+        yield Label((to((x, y0))[0], bottom + GAP + 0.25), signed(x), TICKS, color="muted")
+    for y in (y0, y1):
+        yield Label((left - GAP - 0.1, to((x0, y))[1]), signed(y), TICKS, "end", color="muted")
+
+
+# ---------- wraps
+# Numbers that come round: an angle kept within its bounds by a remainder jumps by its period, and is drawn in pieces.
+
+
+def turn(task: Task, node: Node) -> float:
+    """The largest step of a number that is drawn as a line: half the range of a component that a remainder keeps in it."""
+    if isinstance(node, Read) and node.role is Role.STATE:
+        later = next((after for c, after in zip(task.state, task.next, strict=True) if c.name == node.name), None)
+        if later is not None and any(isinstance(x, Apply) and x.op == "mod" for x in walk([later])):
+            low, high = interval.bounds(later, {})
+            return (high - low) / 2 if math.isfinite(high - low) else math.inf
+    return math.inf
+
+
+def runs(points: Sequence[Sequence[float]], turns: Sequence[float]) -> Iterator[slice]:
+    """Stretches of a path, each without a step of a coordinate that is more than its turn."""
+    first = 0
+    for i in range(1, len(points)):
+        if any(abs(b - a) > most for a, b, most in zip(points[i - 1], points[i], turns, strict=True)):
+            yield slice(first, i)
+            first = i
+    yield slice(first, len(points))
+
+
+# ---------- curve
+# A curve and a trajectory beside it, as a scene.
 
 SAMPLES, SEED = 60, 8
 MOST_DOTS = 40

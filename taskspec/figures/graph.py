@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 from taskspec.figures.captions import Captions
-from taskspec.figures.elide import DOTS, Arc, Drawing, Vertex, drawings, whole
+from taskspec.figures.layout import DOTS, DX, DY, Arc, Drawing, Vertex, drawings, ordered, whole
 from taskspec.figures.machine import Machine, explore
 from taskspec.figures.marks import RADIUS, marked, shape
-from taskspec.figures.order import DX, DY, ordered
-from taskspec.figures.overlay import Overlay
-from taskspec.figures.place import ARROW, STATE, along, at_loop, beside, placed
-from taskspec.figures.route import Spot, loops, routed, stubs, ways
+from taskspec.figures.overlays import Overlay
+from taskspec.figures.route import ARROW, STATE, Spot, along, at_loop, beside, loops, placed, routed, stubs, ways
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Scene, fitted, text_width
 from taskspec.figures.values import reads_of
 from taskspec.printers import tree as m

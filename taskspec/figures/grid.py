@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.model.space import Space
-from taskspec.exact.model.transitions import Steps
-from taskspec.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Thing
-from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Role, Scene, fitted, shifted
-from taskspec.figures.seen import is_noisy, seen
-from taskspec.figures.values import Reads, all_states, at_states, first_state, reads_of
-from taskspec.figures.ways import Cell, chosen_ways
+from taskspec.figures.board import CELL, LARGEST, ROOMY, WIDEST, Board, Cell, Thing, chosen_ways
+from taskspec.figures.overlays import Overlay
+from taskspec.figures.scene import Color, Scene, fitted, shifted
+from taskspec.figures.values import Reads, all_states, at_states, first_state, is_noisy, reads_of, seen
 from taskspec.lang.ir import Node, Read, reads
 from taskspec.lang.ir import Role as Reading
+from taskspec.model.space import Space
+from taskspec.model.transitions import Steps
 from taskspec.task.task import Task
 
 FARTHEST = 5_000
@@ -34,7 +32,7 @@ DRAWN_TOGETHER = {
     "occupancy": "shade, relative to the most visited cell",
 }
 """How results are drawn: with a state in each cell, and with several."""
-_COLORS: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end"}
+_COLORS: dict[str, Color] = {"good": "good", "bad": "bad", "end": "end"}
 
 
 def grid(task: Task, overlay: Overlay) -> Scene | None:
@@ -105,7 +103,7 @@ def _whole_numbers(places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     return found
 
 
-def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Role, np.ndarray[Any, Any]]]:
+def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Color, np.ndarray[Any, Any]]]:
     """Conditions (count,) or places (count, 2) to highlight, with their colours."""
     highlight = {} if task.figure is None else task.figure.highlight
     for name, node in highlight.items():
@@ -113,9 +111,9 @@ def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Role, np.ndar
             yield _COLORS[name], at_states(task, node, reads, count)
 
 
-def _marked(task: Task, cells: np.ndarray[Any, Any], reads: Reads, one: Reads) -> tuple[dict[Cell, Role], list[str]]:
+def _marked(task: Task, cells: np.ndarray[Any, Any], reads: Reads, one: Reads) -> tuple[dict[Cell, Color], list[str]]:
     """The colours of marked cells, those of places as they are in one state; and notes on what is not marked."""
-    colors: dict[Cell, Role] = {}
+    colors: dict[Cell, Color] = {}
     unplaced: list[str] = []
     for role, found in _marks(task, reads, len(cells)):
         if found.ndim == 1:
@@ -236,7 +234,7 @@ def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
         half = (LARGEST - 1) // 2
         anchor = marks[0][1] if marks and _stay(task) else np.zeros(2, dtype=int)
         middle = anchor + (np.array([ax, ay]) - anchor + half) // (2 * half + 1) * (2 * half + 1)
-    colors: dict[Cell, Role] = {(int(p[0]), int(p[1])): role for role, p in marks}
+    colors: dict[Cell, Color] = {(int(p[0]), int(p[1])): role for role, p in marks}
     bounds = _bounds(task, place)
     if bounds is not None:
         board = Board(*bounds, colors, _letters(task), {(int(ax), int(ay)): 1.0}, things=things, folds=False)

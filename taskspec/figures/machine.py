@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from taskspec.diagnostics import SpecError
-from taskspec.exact.model.transitions import Steps
+from taskspec.base.diagnostics import SpecError
+from taskspec.base.limits import limits
 from taskspec.lang.ir import Node, Read, Role, walk
-from taskspec.limits import limits
+from taskspec.model.transitions import Steps
 from taskspec.registry import load
 from taskspec.task.task import Task
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from taskspec.figures.captions import Captions
 from taskspec.figures.machine import Machine, explore
 from taskspec.figures.marks import marked, signed
-from taskspec.figures.overlay import Overlay
+from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted, text_width
 from taskspec.figures.values import reads_of
 from taskspec.printers import tree as m

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exact.model.space import Space
-from taskspec.figures.axes import HEIGHT, WIDTH, axes, plane
+from taskspec.figures.curve import HEIGHT, WIDTH, axes, plane, runs, turn
 from taskspec.figures.marks import sign
-from taskspec.figures.overlay import Overlay
-from taskspec.figures.scene import Box, Circle, Item, Line, Point, Role, Scene, fitted
+from taskspec.figures.overlays import Overlay
+from taskspec.figures.scene import Box, Circle, Color, Item, Line, Point, Scene, fitted
 from taskspec.figures.values import STEPS, Reads, at_states, expert_path, first_state, reads_of
-from taskspec.figures.wraps import runs, turn
 from taskspec.lang import batch
 from taskspec.lang.ir import Node, Read, draws
 from taskspec.lang.ir import Role as Reading
+from taskspec.model.space import Space
 from taskspec.printers.names import of_task
 from taskspec.task.task import Task
 
@@ -25,7 +24,7 @@ ACROSS, DOWN = 11, 7
 """Arrows of a flow."""
 WIDE, HIGH, SEAM, SIGN = 100, 60, 0.01, 0.26
 """Into how many parts the plane is cut to shade it, how far strips overlap, and the size of signs, in centimetres."""
-SIGNED: dict[str, Role] = {"good": "good", "bad": "bad", "end": "end"}
+SIGNED: dict[str, Color] = {"good": "good", "bad": "bad", "end": "end"}
 LINK, REACH = 1.2, 6.0
 """Length of a link, and how far an arm may reach at most, in centimetres."""
 MOST_LINKS = 30

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.extras import need
+from taskspec.base.extras import need
+from taskspec.base.files import write_bytes
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, head, shaft
 from taskspec.figures.svg import COLORS
-from taskspec.files import write_bytes
 from taskspec.printers import tree as m
-from taskspec.printers.plain import plain
+from taskspec.printers.text import plain
 
 INCH = 2.54
 FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks

@@ -1,20 +1,29 @@
-"""A figure as data: circles, boxes, lines, curves and labels, in centimetres, y downwards.
-
-Colours are roles, so that a page can show the same scene on light and dark paper.
-"""
+"""A figure as data: circles, boxes, lines, curves and labels in centimetres, and placeholders."""
 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+import numpy as np
+
+from taskspec.lang.ir import Role
+from taskspec.lang.types import Kind
+from taskspec.model.space import Space
 from taskspec.printers import tree as m
+from taskspec.task.task import Task
+
+# ---------- scene
+# A figure as data: circles, boxes, lines, curves and labels, in centimetres, y downwards.
+#
+# Colours are roles, so that a page can show the same scene on light and dark paper.
 
 BROAD = 1.15
 """How much wider labels may be in the broadest of the fonts that figures are shown in."""
-Role = Literal["ink", "muted", "faint", "paper", "good", "bad", "end", "accent", "second"]
+Color = Literal["ink", "muted", "faint", "paper", "good", "bad", "end", "accent", "second"]
 Point = tuple[float, float]
 Anchor = Literal["start", "middle", "end"]
 
@@ -23,8 +32,8 @@ Anchor = Literal["start", "middle", "end"]
 class Circle:
     centre: Point
     radius: float
-    fill: Role | None = "paper"
-    line: Role | None = "ink"
+    fill: Color | None = "paper"
+    line: Color | None = "ink"
     shade: float = 1.0  # strength of the fill
 
 
@@ -35,8 +44,8 @@ class Box:
     corner: Point
     width: float
     height: float
-    fill: Role | None = "paper"
-    line: Role | None = "ink"
+    fill: Color | None = "paper"
+    line: Color | None = "ink"
     round: float = 0.0
     shade: float = 1.0
 
@@ -48,7 +57,7 @@ class Line:
     points: tuple[Point, ...]
     arrow: bool = False
     curved: bool = False
-    color: Role = "ink"
+    color: Color = "ink"
     width: float = 0.03
     dashed: bool = False
 
@@ -61,7 +70,7 @@ class Label:
     text: m.Math
     size: float = 0.36
     anchor: Anchor = "middle"
-    color: Role = "ink"
+    color: Color = "ink"
     halo: bool = False
 
 
@@ -194,3 +203,34 @@ def shaft(line: Line) -> tuple[Point, ...]:
         return line.points
     _, a, b = head(line)
     return (*line.points[:-1], ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2))
+
+
+# ---------- stated
+# What stands in the place of a figure that a spec asks for and that these parameters leave no room for.
+
+WIDTH, LETTERS, LINE = 44, 0.3, 0.5
+
+
+def stated(task: Task, needed: str) -> Scene:
+    """A frame with the size of the task and what a figure of its kind would need."""
+    size = f"{_size(task, 'state')} and {_size(task, 'action')}"
+    lines = [
+        size,
+        *textwrap.wrap(
+            f"No {'' if task.figure is None else task.figure.kind} is drawn: {needed.replace('`', '')}", WIDTH
+        ),
+    ]
+    words = [
+        Label((0.0, LINE * i), m.Words(line), LETTERS, "start", "muted" if i else "ink") for i, line in enumerate(lines)
+    ]
+    inside = fitted(words, "", margin=0.3)
+    frame = Box((0, 0), inside.width, inside.height, None, "faint", round=0.1)
+    return fitted([frame, *inside.items], f"{task.name}: {size}, not drawn")
+
+
+def _size(task: Task, what: str) -> str:
+    """How many states or actions there are, or of how many numbers they are."""
+    components, role = (task.state, Role.STATE) if what == "state" else (task.action, Role.ACTION)
+    if all(c.type.kind is not Kind.REAL for c in components) and (what == "action" or task.is_finite):
+        return f"{Space(components, role).size:,} {what}s"
+    return f"{what}s of {int(sum(np.prod(c.type.shape, dtype=int) for c in components)):,} numbers"

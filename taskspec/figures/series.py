@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.figures.axes import GAP, LETTERS, TICKS, WIDTH
+from taskspec.figures.curve import GAP, LETTERS, TICKS, WIDTH, runs, turn
 from taskspec.figures.marks import decimal, signed
-from taskspec.figures.overlay import Overlay, State
+from taskspec.figures.overlays import Overlay, State
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
 from taskspec.figures.values import STEPS, at_states, expert_path, reads_of
-from taskspec.figures.wraps import runs, turn
 from taskspec.lang import interval
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Apply, Node, Read

@@ -5,13 +5,13 @@ from __future__ import annotations
 from html import escape
 from typing import assert_never
 
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Role, Scene, head, shaft
+from taskspec.base.display import ON_PAGES, visible
+from taskspec.figures.scene import Box, Circle, Color, Item, Label, Line, Point, Scene, head, shaft
 from taskspec.printers import tree as m
-from taskspec.printers.plain import plain
-from taskspec.visible import ON_PAGES, visible
+from taskspec.printers.text import plain
 
 SCALE = 38.0
-COLORS: dict[Role, str] = {
+COLORS: dict[Color, str] = {
     "ink": "#1f2933", "muted": "#6b7785", "faint": "#c3cad2", "paper": "#ffffff", "good": "#b7e4bf", "bad": "#f3a6a0",
     "end": "#d5d9de", "accent": "#7aa7e0", "second": "#f2bd74",
 }  # fmt: skip
@@ -59,7 +59,7 @@ def _item(item: Item) -> str:
             assert_never(item)
 
 
-def _paint(fill: Role | None, line: Role | None, shade: float = 1.0) -> str:
+def _paint(fill: Color | None, line: Color | None, shade: float = 1.0) -> str:
     classes = " ".join(([f"fill-{fill}"] if fill else []) + ([f"line-{line}"] if line else []))
     inside = f' fill="{COLORS[fill]}"' if fill else ' fill="none"'
     faded = f' fill-opacity="{shade:.2f}"' if fill and shade < 1 else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import assert_never
 
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Point, Role, Scene, head, shaft
+from taskspec.figures.scene import Box, Circle, Color, Item, Label, Line, Point, Scene, head, shaft
 from taskspec.figures.svg import COLORS
 from taskspec.printers.latex import latex
 
@@ -49,7 +49,7 @@ def _item(item: Item) -> str:
             assert_never(item)
 
 
-def _paint(fill: Role | None, line: Role | None, shade: float) -> str:
+def _paint(fill: Color | None, line: Color | None, shade: float) -> str:
     parts = []
     if fill:
         strength = f"!{round(100 * shade)}!taskpaper" if shade < 1 else ""

@@ -1,20 +1,25 @@
-"""What the checks of all kinds of expressions share: the parts of an expression, what is asked of them, and mistakes."""
+"""What the checks of all expressions share: parts of an expression, labels as ints, and binding times."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
 from typing import Any, NoReturn, TypeVar
 
-from taskspec.diagnostics import Collector
+from taskspec.base.diagnostics import Collector
+from taskspec.base.limits import how_to_raise, limits
 from taskspec.lang import syntax as s
 from taskspec.lang.builder import Builder
+from taskspec.lang.dists import is_distribution
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.scope import Scope, Value
-from taskspec.lang.types import Domain, Kind, Shape, Type
-from taskspec.limits import how_to_raise, limits
+from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
+from taskspec.lang.types import INT, Domain, Kind, Refused, Shape, Type
+
+# ---------- basechecker
+# What the checks of all kinds of expressions share: the parts of an expression, what is asked of them, and mistakes.
 
 T = TypeVar("T")
 
@@ -188,3 +193,116 @@ class BaseChecker(ABC):
 def _article(type: Type) -> str:
     text = str(type)
     return f"an {text}" if text[0] in "aeiou" else f"a {text}"
+
+
+# ---------- labels
+# Labels and ints: which label an int is, where a choice is given a value.
+
+
+def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -> Node:
+    """A value as positions of labels: a label of the choice, or an int, which is the label of that position or value.
+
+    What is no label's is -1, or beyond the last position.
+
+    Raises:
+        Refused: (E306) when it is neither, or when values of labels are no different ints.
+    """
+    if value.domain == domain:
+        return value.node
+    if value.domain is not None and value.domain.values is None:
+        message = f"one of the labels {listed(domain)} is needed here, not a choice between other labels"
+        pairs = ", ".join(f"{a}: {b}" for a, b in zip(value.domain.labels, domain.labels, strict=False))
+        raise Refused(message, hint=f"a table says which goes with which: `{{by: ..., rows: {{{pairs}}}}}`")
+    node = checker.number_of(value)
+    if node.type.kind is Kind.REAL:
+        message = f"one of the labels {listed(domain)} is needed here, not a real"
+        raise Refused(message, hint="`floor(x)` and `round(x)` give ints")
+    return _by_value(checker, checker.builder.cast(node, Kind.INT), domain)
+
+
+def _by_value(checker: BaseChecker, node: Node, domain: Domain) -> Node:
+    if domain.values is None or domain.value_type is None:
+        return node
+    b, values = checker.builder, domain.values
+    if domain.value_type != INT or len(set(values)) < len(values):
+        message = f"the labels {listed(domain)} do not stand for different ints, so a number does not identify a label"
+        raise Refused(message, hint=_table(domain))
+    if all(v == values[0] + i for i, v in enumerate(values)):  # type: ignore[operator]
+        return b.apply("sub", node, b.scalar(values[0]))
+    result: Node = b.scalar(-1)
+    for position, number in enumerate(values):
+        result = b.apply("where", b.apply("eq", node, b.scalar(number)), b.scalar(position), result)
+    return result
+
+
+def _table(domain: Domain) -> str:
+    rows = ", ".join(f"{i}: {label}" for i, label in enumerate(domain.labels[:3]))
+    more = ", ..." * (len(domain.labels) > 3)
+    return f"a table gives each number its label: `{{by: i, rows: {{{rows}{more}}}}}`"
+
+
+def listed(domain: Domain) -> str:
+    """The labels of a choice in words, the first few of many."""
+    return ", ".join(domain.labels[:6]) + ", ..." * (len(domain.labels) > 6)
+
+
+def check_comparable(one: Domain | None, other: Domain | None) -> None:
+    """Refuse (E306) to compare labels of two choices by where they stand in them."""
+    if one is not None and other is not None and (one.values is None or other.values is None):
+        message = f"labels of one choice ({listed(one)}) are not labels of another ({listed(other)})"
+        shared = [label for label in one.labels if label in other.labels]
+        hint = "where their positions are meant, say so with arithmetic: `x + 0 == y + 0`"
+        if shared:  # positions would be something else
+            hint = f"where labels of one name are meant, say which: `x == {shared[0]} and y == {shared[0]} or ...`"
+        raise Refused(message, hint=hint)
+
+
+# ---------- late
+# What is known before the task runs, and what is not, whatever it comes to: the state, the action, the time, a draw.
+#
+# It decides which indices count from the end (`lang.subscripts`), and where fractions end: what is known late is computed in
+# floats, even where its value can be told when the task is built.
+
+
+def operands(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope) -> list[Node]:
+    """The operands of an operation; among those that are known late, fractions are floats."""
+    nodes = checker.numerics(exprs, scope)
+    if not all(isinstance(n, Const) for n in nodes) or not any(map(_has_fractions, nodes)):
+        return nodes
+    if not any(varies(e, scope) for e in exprs):
+        return nodes
+    return [checker.builder.held(n) for n in nodes]
+
+
+def _has_fractions(node: Node) -> bool:
+    return isinstance(node, Const) and node.type.kind is Kind.REAL and any(type(v) is Fraction for v in node.flat)
+
+
+def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
+    """The value of an expression as that of a name, for which a definition or an argument lets it stand."""
+    return replace(value, late=True) if isinstance(value.node, Const) and varies(expr, scope) else value
+
+
+def varies(expr: s.Expr, scope: Scope) -> bool:
+    """Whether an expression names what is known only when the task runs, whatever its value comes to."""
+    if isinstance(expr, s.Name):  # most arguments are names
+        return _known_late(expr, scope.lookup(expr.written))
+    names = list(s.names(expr))
+    measured = {
+        id(n) for call in names if isinstance(call, s.Call) and call.function == "len" for n in s.names(call.args)
+    }
+    own = set(s.targets(expr))
+    relevant = (n for n in names if id(n) not in measured and not (isinstance(n, s.Name) and n.id in own))
+    return any(_known_late(n, scope.lookup(n.written if isinstance(n, s.Name) else n.function)) for n in relevant)
+
+
+def _known_late(at: s.Name | s.Call, binding: Binding | None) -> bool:
+    match binding:
+        case Value(node=node, late=late):
+            return late or not isinstance(node, Const)
+        case Lazy(resolve=resolve) if isinstance(at, s.Name):
+            return _known_late(at, resolve(at))
+        case FunctionDef(arguments=arguments, body=body, scope=scope):
+            return varies(body, scope.child({a: Unavailable("", "") for a in arguments}))
+        case _:
+            return isinstance(at, s.Call) and is_distribution(at.function)

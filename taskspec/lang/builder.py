@@ -1,8 +1,4 @@
-"""Makes core nodes: interning, promotion of kinds, constant folding and a few identities, in one place.
-
-Folding uses the references of the operator table, so a constant means what it means at run time. Cost is bounded
-here: sizes of vectors, bits of integers and the number of nodes.
-"""
+"""Make core nodes: interning, promotion of kinds, constant folding, and a few identities."""
 
 from __future__ import annotations
 
@@ -12,13 +8,65 @@ from contextlib import contextmanager
 from fractions import Fraction
 from typing import Any, TypeVar, cast
 
-from taskspec.lang import folding, interval
+from taskspec.base.limits import Limits, count, how_to_raise, limits
+from taskspec.lang import interval
+from taskspec.lang.evaluate import Flat, apply_flat
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, rewrite
-from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators import OPERATORS, Operator
 from taskspec.lang.operators.structure import STRUCTURES
-from taskspec.lang.ranges import INF, Interval, Range
-from taskspec.lang.types import BOOL, INT, INT_MAX, Kind, Refused, Shape, Type, join
-from taskspec.limits import Limits, count, how_to_raise, limits
+from taskspec.lang.types import BOOL, INF, INT, INT_MAX, REAL, Interval, Kind, Range, Refused, Shape, Type, join
+
+# ---------- folding
+# Operations on constants, worked out when a task is built, by the references of the operator table.
+
+
+def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Type) -> Flat:
+    """The elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
+    constants = [a for a in args if isinstance(a, Const)]
+    flats = [c.flat for c in constants]
+    reals = [c.flat for c in constants if c.type.kind is Kind.REAL]  # a table of ints may have a million of them
+    if result.kind is not Kind.REAL and any(isinstance(v, float) for flat in reals for v in flat):
+        flats = [tuple(map(plain, flat)) for flat in flats]
+    return apply_flat(name, flats, tuple(c.type for c in constants), static, result)
+
+
+def fold_rational(op: Operator, args: Sequence[Node], result: Type) -> Flat | None:
+    """Arithmetic on whole numbers and fractions, which stay exact until they meet a float; None for other operations."""
+    if not op.rational or result.kind is not Kind.REAL or not all(isinstance(a, Const) for a in args):
+        return None
+    flats = [a.flat for a in args if isinstance(a, Const)]
+    if any(isinstance(v, float) for flat in flats for v in flat) or (op.name == "div" and not all(flats[1])):
+        return None
+    fractions = [tuple(Fraction(v) for v in flat) for flat in flats]
+    values = apply_flat(op.name, fractions, tuple(a.type for a in args), (), result)
+    if any(max(v.numerator.bit_length(), v.denominator.bit_length()) > Limits.bits for v in values):
+        return None
+    return values
+
+
+def power(base: Const, exponent: Const) -> tuple[Any, Type] | None:
+    """`base ** exponent` of single numbers where it is exact; None where it is for the run time's reals.
+
+    Raises:
+        Refused: (E314) for one too large to write out.
+    """
+    b, e = base.value, exponent.value
+    if exponent.type.kind is Kind.REAL or (base.type.kind is Kind.REAL and not isinstance(b, Fraction)):
+        return None
+    if b == 0 and e < 0:
+        return float("inf"), REAL
+    if max(abs(Fraction(b).numerator), Fraction(b).denominator).bit_length() * abs(e) > Limits.bits * 4:
+        raise Refused("this power is too large to write out", "E314")
+    value = Fraction(b) ** int(e)
+    integral = base.type.kind is not Kind.REAL and e >= 0
+    return (int(value), INT) if integral else (value, REAL)
+
+
+# ---------- builder
+# Makes core nodes: interning, promotion of kinds, constant folding and a few identities, in one place.
+#
+# Folding uses the references of the operator table, so a constant means what it means at run time. Cost is bounded
+# here: sizes of vectors, bits of integers and the number of nodes.
 
 N = TypeVar("N", bound=Node)
 MOVING = {*STRUCTURES, "where"}
@@ -117,13 +165,13 @@ class Builder:
         self.check_size(result.shape)
         if not result.size:
             return self.const((), result)
-        rational = folding.rational(op, args, result)
+        rational = fold_rational(op, args, result)
         if rational is not None:
             return self._of(rational, result)
         kinds = op.promote([a.type.kind for a in args], result.kind)
         args = tuple(map(self._operand, args, kinds))
         if all(isinstance(a, Const) for a in args):
-            return self._of(folding.folded(name, args, (), result), result)
+            return self._of(folded(name, args, (), result), result)
         simpler = self._identity(name, args, result)
         return simpler if simpler is not None else self._apply(name, args, result, ())
 
@@ -145,7 +193,7 @@ class Builder:
         if not result.size:
             return self.const((), result)
         if all(isinstance(a, Const) for a in args):
-            return self._of(folding.folded(name, args, static, result), result)
+            return self._of(folded(name, args, static, result), result)
         simpler = self._rearranged(name, args, static)
         return simpler if simpler is not None else self._apply(name, tuple(args), result, static)
 
@@ -200,7 +248,7 @@ class Builder:
     def power(self, base: Node, exponent: Node) -> Node:
         """`base ** exponent`: exact for ints with a constant exponent >= 0, products for small ones, else C's pow."""
         if isinstance(base, Const) and isinstance(exponent, Const) and base.type.is_scalar and exponent.type.is_scalar:
-            folded = folding.power(base, exponent)
+            folded = power(base, exponent)
             if folded is not None:
                 return self.const(*folded)
         if isinstance(exponent, Const) and exponent.type == INT and 0 <= exponent.value <= 16:

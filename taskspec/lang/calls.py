@@ -1,19 +1,60 @@
-"""Calls: functions of the table, distributions, an author's own definitions."""
+"""Calls: functions of the table, distributions, `fold`, and an author's own definitions."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from typing import NoReturn
 
-from taskspec.diagnostics import Collector, suggest
-from taskspec.lang import dists, folds, late, sets, subscripts, tables
+from taskspec.base.diagnostics import Collector, suggest
+from taskspec.lang import basechecker, dists, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
-from taskspec.lang.foreign import advice
+from taskspec.lang.hints import advice
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Shape, Type
+
+# ---------- folds
+# Going through a vector with a function of two arguments: `fold` gives the last value, `scan` all of them.
+
+NAMES = ("fold", "scan")
+Applied = Callable[[BaseChecker, FunctionDef, s.Call, list[Value]], Value]
+
+
+def folded(checker: BaseChecker, expr: s.Call, scope: Scope, apply: Applied) -> Value:
+    """The value of `fold(f, start, x)` or `scan(f, start, x)`; `apply` is a call of f, with values for its arguments."""
+    if len(expr.args) != 3 or expr.keywords:
+        checker.fail("E304", expr, f"{expr.function}(f, start, x) was given the wrong arguments")
+    written, start, vector = expr.args
+    step = scope.lookup(written.id) if isinstance(written, s.Name) and not written.primed else None
+    if not isinstance(step, FunctionDef) or len(step.arguments) != 2:
+        own = [n for n in scope.names() if isinstance(scope.lookup(n), FunctionDef)]
+        near = suggest(written.id, own) if isinstance(written, s.Name) else None
+        hint = near or '`definitions: {"f(value, element)": value + element}`, then `fold(f, 0, x)`'
+        checker.fail("E306", written, f"{expr.function} needs a definition with two arguments first", hint)
+    values = checker.each([lambda: checker.value(start, scope), lambda: Value(checker.numeric(vector, scope))])
+    value, x = basechecker.named(values[0], start, scope), values[1].node
+    if x.type.is_scalar:
+        checker.fail("E306", vector, f"{expr.function} goes through a vector, not {x.type}")
+    checker.expand(expr, x.type.shape[0])
+    found, is_late = [], basechecker.varies(expr, scope)
+    for i in range(x.type.shape[0]):
+        element = Value(checker.builder.structure("element", [x], (i,)), late=basechecker.varies(vector, scope))
+        value = replace(apply(checker, step, expr, [value, element]), late=is_late)
+        found.append(value)
+    if expr.function == "fold":
+        return value
+    nodes = [checker.number_of(v) for v in found]
+    if len({n.type.shape for n in nodes}) > 1:
+        checker.fail("E307", expr, "the intermediate values have different shapes")
+    return Value(checker.stack(nodes, expr))
+
+
+# ---------- calls
+# Calls: functions of the table, distributions, an author's own definitions.
 
 NO_DRAWS = "a definition draws nothing, so name the draw under `noise`"
 SET_FUNCTIONS = ("box", "range")
@@ -21,7 +62,7 @@ SET_FUNCTIONS = ("box", "range")
 
 def is_function(name: str) -> bool:
     """Whether the language itself has a function or distribution of this name."""
-    return name in FUNCTIONS or dists.is_distribution(name) or name in SET_FUNCTIONS or name in folds.NAMES
+    return name in FUNCTIONS or dists.is_distribution(name) or name in SET_FUNCTIONS or name in NAMES
 
 
 def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
@@ -40,8 +81,8 @@ def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) 
         return Value(_built_in(checker, expr, scope))
     if dists.is_distribution(expr.function):
         return _distribution(checker, expr, scope, want)
-    if expr.function in folds.NAMES:
-        return folds.folded(checker, expr, scope, _applied)
+    if expr.function in NAMES:
+        return folded(checker, expr, scope, _applied)
     if expr.function in SET_FUNCTIONS:
         checker.fail("E306", expr, f"`{expr.function}(...)` is a set, not a value",
                      f"use it in a comprehension: `{{x for x in {expr.function}(...)}}`")  # fmt: skip
@@ -86,7 +127,7 @@ def _keyword(name: str, value: s.Expr) -> s.Place:
 def _built_in(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
     function = FUNCTIONS[expr.function]
     _no_keywords(checker, expr)
-    nodes = late.operands(checker, expr.args, scope)
+    nodes = basechecker.operands(checker, expr.args, scope)
     if not function.accepts(len(nodes)):
         checker.fail("E304", expr, f"{function.signature} was given {count_of(len(nodes))}")
     for index in function.static:
@@ -112,7 +153,7 @@ def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope
     values = checker.each([(lambda e=e: checker.value(e, scope)) for e in expr.args])  # type: ignore[misc]
     if not function.accepts(len(values)):
         checker.fail("E304", expr, f"{function.signature} was given {count_of(len(values))}")
-    given = [late.named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
+    given = [basechecker.named(v, e, scope) for v, e in zip(values, expr.args, strict=True)]
     return _applied(checker, function, expr, given, want)
 
 

@@ -1,23 +1,26 @@
-"""Surface syntax -> typed core: resolves names and labels, checks kinds and shapes, and reports every mistake with its place.
-
-An expression with several mistakes reports them all: the parts are checked one by one, a mistake goes to the collector at once,
-and only what needs the value of a broken part is given up.
-"""
+"""Surface syntax -> typed core: resolve names and labels, check kinds and shapes."""
 
 from __future__ import annotations
 
 import math
 from typing import assert_never
 
-from taskspec.diagnostics import Collector, Diagnostic, SpecError, nearest, suggest
-from taskspec.lang import alternatives, calls, comparisons, late, sets, subscripts, tables
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, nearest, suggest
+from taskspec.base.limits import how_to_raise, limits
+from taskspec.lang import alternatives, basechecker, calls, comparisons, sets, subscripts, tables
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Node
+from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import Domain, Kind, Refused
-from taskspec.limits import how_to_raise, limits
+
+# ---------- check
+# Surface syntax -> typed core: resolves names and labels, checks kinds and shapes, and reports every mistake with its place.
+#
+# An expression with several mistakes reports them all: the parts are checked one by one, a mistake goes to the collector at once,
+# and only what needs the value of a broken part is given up.
 
 CONSTANTS = {"pi": math.pi, "inf": math.inf}
 _ARITHMETIC = {"+": "add", "-": "sub", "*": "mul", "/": "div", "//": "floordiv", "%": "mod"}
@@ -178,9 +181,9 @@ class Checker(BaseChecker):
                 node = self.numeric(operand, scope)
                 return b.apply("neg", node) if sign == "-" else b.cast(node, Kind.INT)
             case s.Binary(op="**", left=left, right=right):
-                return b.power(*late.operands(self, (left, right), scope))
+                return b.power(*basechecker.operands(self, (left, right), scope))
             case s.Binary(op=op, left=left, right=right):
-                return b.apply(_ARITHMETIC[op], *late.operands(self, (left, right), scope))
+                return b.apply(_ARITHMETIC[op], *basechecker.operands(self, (left, right), scope))
             case s.Logical(op=op, operands=operands):
                 nodes = self.numerics(operands, scope)
                 result = nodes[0]
@@ -192,3 +195,31 @@ class Checker(BaseChecker):
 
     def _vector(self, items: tuple[s.Expr, ...], expr: s.Expr, scope: Scope) -> Node:
         return self.stack(self.numerics(items, scope), expr)
+
+
+# ---------- uncalled
+# Mistakes in the body of a function that nothing calls.
+#
+# The types of its arguments are known only where it is called, so names and functions are all that can be checked.
+
+
+def check_uncalled(collector: Collector, function: FunctionDef) -> None:
+    """Report (E302 to E305) names and functions that do not exist, and calls with arguments that they do not take."""
+    scope = function.scope
+    local = {*function.arguments, *s.targets(function.body), *CONSTANTS}
+    for found in s.names(function.body):
+        own = scope.lookup(found.function if isinstance(found, s.Call) else found.written)
+        match found:
+            case s.Call() if isinstance(own, FunctionDef) or (own is None and found.function in FUNCTIONS):
+                called = own if isinstance(own, FunctionDef) else FUNCTIONS[found.function]
+                calls.refuse_keywords(collector, found)
+                if not found.keywords and not called.accepts(len(found.args)):
+                    collector.add(
+                        "E304", found.place, f"{called.signature} was given {calls.count_of(len(found.args))}"
+                    )
+            case s.Call():
+                if own is None and not calls.is_function(found.function):
+                    calls.no_function(collector, found, scope)
+            case s.Name() if own is None and found.written not in local and not scope.is_label(found.id):
+                message, known = f"'{found.written}' is not defined here", [*local, *scope.names()]
+                collector.add("E302", found.place, message, suggest(found.id, known))

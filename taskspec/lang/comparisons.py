@@ -7,9 +7,8 @@ from functools import cached_property, partial, reduce
 
 from taskspec.lang import alternatives, sets
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import BaseChecker
+from taskspec.lang.basechecker import BaseChecker, check_comparable
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.labels import check_comparable
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import Domain
 

@@ -20,8 +20,7 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, pla
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.operators.entry import Operator
 from taskspec.lang.operators.structure import STRUCTURES
-from taskspec.lang.ranges import EVERYTHING, HUGE, INF, Args, Interval, Range
-from taskspec.lang.types import INT_MAX, INT_WIDEST, Kind
+from taskspec.lang.types import EVERYTHING, HUGE, INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range
 from taskspec.lang.variates import VARIATES
 
 

@@ -8,8 +8,7 @@ from typing import Any
 
 from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, draws, walk
-from taskspec.lang.ranges import Range
-from taskspec.lang.types import Kind
+from taskspec.lang.types import Kind, Range
 
 COMMUTATIVE = frozenset({"add", "mul", "and", "or", "eq", "ne"})
 

@@ -12,12 +12,11 @@ import warnings
 from keyword import iskeyword
 from typing import NoReturn
 
-from taskspec.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.base.limits import Limits, how_to_raise, limits
 from taskspec.lang import syntax as s
-from taskspec.lang.foreign import ATTRIBUTES, MODULES, advice
-from taskspec.lang.mistakes import SyntaxFailure, explain
+from taskspec.lang.hints import ATTRIBUTES, MODULES, SyntaxFailure, advice, explain
 from taskspec.lang.operators import FUNCTIONS
-from taskspec.limits import Limits, how_to_raise, limits
 
 PRIME = "\u02b9"
 _OPENERS, _CLOSERS = "([{", ")]}"

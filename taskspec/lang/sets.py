@@ -12,22 +12,21 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.base.arrays import Array
+from taskspec.base.limits import count as count_of
+from taskspec.base.limits import how_to_raise, limits
 from taskspec.lang import alternatives, batch
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import BaseChecker
+from taskspec.lang.basechecker import BaseChecker, check_comparable
 from taskspec.lang.ir import Const, Node, Role, draws, reads, walk
-from taskspec.lang.labels import check_comparable
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import INT_WIDEST, Domain, Kind, Type
-from taskspec.limits import count as count_of
-from taskspec.limits import how_to_raise, limits
 
 _FIXED = (
     "go over a fixed range and test inside: `[x if j < k else 0 for j in range(n)]`, or `j < k and c` for conditions"
 )
 _VARYING = "`UniformInt(low, high)` draws between ends that vary, and `low <= x <= high` compares with them"
 MOST_AXES = 32  # as many as arrays may have
-Array = np.ndarray[Any, Any]
 
 
 @dataclass(frozen=True, slots=True)

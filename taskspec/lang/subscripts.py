@@ -13,10 +13,9 @@ from functools import partial
 import numpy as np
 
 from taskspec.lang import syntax as s
-from taskspec.lang.basechecker import BaseChecker, ClampedIndex
+from taskspec.lang.basechecker import BaseChecker, ClampedIndex, varies
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Node, Role, reads
-from taskspec.lang.late import varies
 from taskspec.lang.scope import Scope
 from taskspec.lang.types import Kind, Shape, Type
 

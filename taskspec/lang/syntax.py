@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
-from taskspec.diagnostics import Span
+from taskspec.base.diagnostics import Span
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,13 +14,13 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
+from taskspec.base.limits import limits
 from taskspec.lang import alternatives
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import BaseChecker
 from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import BOOLEAN_LABELS, Domain, Kind, Type
-from taskspec.limits import limits
 
 TOLERANCE = 1e-9
 """How far a row of floating-point probabilities may be from 1; rows of fractions must sum to 1 exactly."""

@@ -7,19 +7,18 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.abstraction.abstraction import abstraction
+from taskspec.base.arrays import Array
+from taskspec.base.progress import tell
 from taskspec.data import Demonstrations, Tabular
 from taskspec.data.tabular import LookAlike
-from taskspec.exact.abstraction.abstraction import abstraction
-from taskspec.exact.model.failure import NoModel
-from taskspec.learners.case import LearnerCase
-from taskspec.learners.configurations import Matching
-from taskspec.learners.refusals import cannot_learn
-from taskspec.progress import tell
+from taskspec.learners.case import LearnerCase, cannot_learn
+from taskspec.learners.settings import Matching
+from taskspec.model.model import NoModel
 from taskspec.solve.backward import backward, first_values
 from taskspec.task.spaces import observation_layout
 from taskspec.task.task import Task
 
-Array = np.ndarray[Any, Any]
 TOLD = 5000
 """Iterations between two that are told."""
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from taskspec.base.limits import Limits
 from taskspec.lang.ir import Node, Read, Role, walk
 from taskspec.lang.types import BOOL
-from taskspec.limits import Limits
 from taskspec.modifiers.core import AddedState, fresh, names_in, paying, present, reads_time, with_state
 from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, ModifierEntry, as_well
 from taskspec.task.observe import Observed
-from taskspec.task.reach import reach
+from taskspec.task.reach import reach, saturated
 from taskspec.task.task import Component, Task
-from taskspec.task.widths import saturated
 
 
 def _absorbing(task: Task, given: Arguments) -> Task:

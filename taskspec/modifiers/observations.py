@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from taskspec.diagnostics import suggest
+from taskspec.base.diagnostics import suggest
 from taskspec.lang.dists import DISTS
 from taskspec.lang.ir import Role
 from taskspec.lang.types import INT, Kind, Type

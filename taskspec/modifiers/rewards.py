@@ -1,16 +1,214 @@
-"""Modifiers of rewards: scaled, shifted, noisy, shaped."""
+"""Modifiers of rewards: scaled, shifted, noisy, shaped by a potential, paid later."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import reduce
+from itertools import pairwise
 
-from taskspec.lang.ir import Const
-from taskspec.lang.types import Kind
-from taskspec.modifiers.core import after_step, last, noisy, paying, step_draws
+from taskspec.base.diagnostics import Collector, Diagnostic, Origin, Span, SpecError
+from taskspec.lang import syntax as s
+from taskspec.lang.builder import Builder
+from taskspec.lang.check import Checker
+from taskspec.lang.ir import Const, Node, Role, reads
+from taskspec.lang.parse import parse
+from taskspec.lang.scope import Scope, Unavailable
+from taskspec.lang.types import INT, REAL, Kind, Refused, Type
+from taskspec.modifiers.core import (
+    AddedState,
+    after_step,
+    fresh,
+    last,
+    looked_up,
+    names_in,
+    noisy,
+    paying,
+    step_draws,
+    with_state,
+)
 from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierEntry, always, as_well
-from taskspec.modifiers.later import TABLE as LATER
-from taskspec.modifiers.potential import potential
+from taskspec.modifiers.symmetries import floats
 from taskspec.task.task import Component, Task
+
+# ---------- potential
+# The expression of a potential as a function of the state.
+
+SCOPE = "absorbing"
+"""The section whose expressions see states, and no actions."""
+
+
+def potential(task: Task, written: str) -> Node:
+    """What an expression of the task language says of a state.
+
+    Raises:
+        SpecError: with all that is wrong with it, at its place in the expression.
+    """
+    collector, origin = Collector(), Origin("potential", written)
+    expr = parse(s.SourceText(written, lambda start, end: Span(origin, 1, start + 1, 1, end + 1)))
+    try:
+        node = Checker(task.builder, collector).numeric(expr, _scope(task))
+    except Refused as refused:
+        raise SpecError([Diagnostic(refused.code, expr.place.span, refused.message, refused.hint)]) from None
+    finally:
+        collector.raise_if_errors()
+    if not node.type.is_scalar:
+        raise SpecError(
+            [Diagnostic("E307", expr.place.span, f"a potential is one number, not {list(node.type.shape)}")]
+        )
+    if any(role.value == "time" for role, _ in reads([node])):
+        raise SpecError(
+            [Diagnostic("E302", expr.place.span, "a potential depends on the state alone, not on the time")]
+        )
+    return task.builder.cast(node, Kind.REAL)
+
+
+def _scope(task: Task) -> Scope:
+    hidden = {name: Unavailable("E302", f"'{name}' cannot be used in a potential") for name in _beside(task)}
+    inner = task.surface.scopes[SCOPE].child(dict(hidden))
+    inner.draws = "a potential is a function of the state"
+    return inner
+
+
+def _beside(task: Task) -> list[str]:
+    return ["t", *(c.name for c in task.action)]
+
+
+# ---------- later
+# Rewards that are paid later: after some steps, or when the episode ends.
+#
+# What is outstanding is part of the state. Where the rewards of a task are known to be few, it is kept in whole numbers, so that
+# a finite task stays finite.
+
+MOST_SUMS = 1_000_000
+"""Sums of rewards that are told apart, at the most."""
+
+
+@dataclass(frozen=True)
+class FewRewards:
+    """The rewards of a task, 0 among them, in order; `number` says which one a step pays."""
+
+    values: tuple[float, ...]
+    number: Node
+
+
+def few_rewards(task: Task) -> FewRewards | None:
+    """The rewards where they are known to be few, else None."""
+    b, found = task.builder, floats(task.builder, task.reward)
+    if found is None:
+        return None
+    values = sorted({0.0, *found})
+    number: Node = b.scalar(0)
+    for low, high in pairwise(values):
+        above = b.apply("lt", b.scalar(_between(low, high)), task.reward)
+        number = b.apply("add", number, b.cast(above, Kind.INT))
+    return FewRewards(tuple(values), b.within(number, 0, len(values) - 1))
+
+
+def _between(low: float, high: float) -> float:
+    """A number from the lower one on and below the higher one: half way, where rounding makes no difference, if it is a float."""
+    half = float((Fraction(low) + Fraction(high)) / 2)
+    return half if half < high else low
+
+
+# -- after some steps ---------------------------------------------------------------------------------------------
+
+
+def _delayed(task: Task, given: Arguments) -> Task:
+    b, few, steps = task.builder, few_rewards(task), given["steps"]
+    (name,) = fresh(["outstanding"], names_in(task))
+    if few is None:
+        c = Component(name, Type(Kind.REAL, (steps,)), (-math.inf,) * steps, (math.inf,) * steps, doc=_QUEUE)
+        queue = b.read(Role.STATE, name, c.type)
+        amounts, entry, nothing = queue, task.reward, b.const([0.0] * steps, c.type)
+    else:
+        most = len(few.values) - 1
+        c = Component(name, Type(Kind.INT, (steps,)), (0,) * steps, (most,) * steps, doc=f"{_QUEUE}, by their numbers")
+        queue = b.read(Role.STATE, name, c.type, 0, most)
+        table = b.const(few.values, Type(Kind.REAL, (most + 1,)))
+        amounts, entry = b.structure("index", [table, queue]), few.number
+        nothing = b.const([few.values.index(0.0)] * steps, c.type)
+    added = AddedState(c, nothing, _moved_up(b, queue, entry))
+    everything = b.apply("add", b.apply("sum", amounts), task.reward)
+    paid = b.apply("where", last(task), everything, b.structure("element", [amounts], (0,)))
+    return with_state(paying(task, paid), [added])
+
+
+_QUEUE = "rewards not paid yet, the oldest first"
+
+
+def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
+    """The queue without its first element, and with another one at its end."""
+    steps, tail = queue.type.size, b.structure("vector", [entry])
+    return tail if steps == 1 else b.structure("concat", [b.structure("slice", [queue], (1, steps - 1, 1)), tail])
+
+
+# -- at the end ---------------------------------------------------------------------------------------------------
+
+
+def _at_end(task: Task, given: Arguments) -> Task:
+    b, few = task.builder, few_rewards(task)
+    (name,) = fresh(["earned"], names_in(task))
+    counted = None if few is None else _in_units(task, few, name)
+    if counted is None:
+        c = Component(name, REAL, (-math.inf,), (math.inf,), doc="the sum of the rewards so far")
+        total = b.apply("add", b.read(Role.STATE, name, REAL), task.reward)
+        added, paid = AddedState(c, b.scalar(0.0), total), total
+    else:
+        added, paid = counted
+    return with_state(paying(task, b.apply("where", last(task), paid, b.scalar(0.0))), [added])
+
+
+def _in_units(task: Task, few: FewRewards, name: str) -> tuple[AddedState, Node] | None:
+    """The sum as a multiple of what all rewards are multiples of; None where that may be too many."""
+    b = task.builder
+    exact = [Fraction(repr(v)) for v in few.values]
+    unit = reduce(_common, exact) or Fraction(1)
+    if task.horizon is None:
+        return None
+    times = [int(v / unit) for v in exact]
+    low, high = task.horizon * min(times), task.horizon * max(times)
+    if high - low >= MOST_SUMS:
+        return None
+    c = Component(name, INT, (low,), (high,), doc=f"the sum of the rewards so far, in units of {float(unit):g}")
+    total = b.apply("add", b.read(Role.STATE, name, INT, low, high), looked_up(b, times, few.number))
+    following = b.within(total, low, high)
+    return AddedState(c, b.scalar(0), following), b.apply("mul", b.const(unit, REAL), following)
+
+
+def _common(a: Fraction, b: Fraction) -> Fraction:
+    """The largest number that both are multiples of."""
+    return Fraction(math.gcd(a.numerator * b.denominator, b.numerator * a.denominator), a.denominator * b.denominator)
+
+
+def undiscounted(task: Task, given: Arguments) -> bool:
+    return task.discount == 1
+
+
+_STEPS = ModifierArgument("steps", "int", "how many steps later", low=1, high=10_000, sample=lambda task: 2)
+LATER_TABLE = (
+    ModifierEntry(
+        "delay", (_STEPS,), "Rewards are paid some steps later; those still outstanding when the episode ends are paid then.",
+        _delayed,
+        lambda task, given: f"each reward is paid {_times(given['steps'])} later; what is outstanding when the episode ends is "
+        "paid then",
+        time_limit="read", keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
+    ),
+    ModifierEntry(
+        "reward_at_end", (), "All rewards are 0 until the end of the episode, where their sum is paid.",
+        _at_end, lambda task, given: "nothing is paid before the episode ends, and then the sum of all its rewards",
+        time_limit="read", keeps="every policy's return", observed=always, when=undiscounted, condition="the discount is 1",
+    ),
+)  # fmt: skip
+
+
+def _times(steps: int) -> str:
+    return "one step" if steps == 1 else f"${steps}$ steps"
+
+
+# ---------- rewards
+# Modifiers of rewards: scaled, shifted, noisy, shaped.
 
 
 def _changed(task: Task, op: str, given: float) -> Task:
@@ -49,7 +247,7 @@ def lasts(task: Task) -> bool:
 
 
 TABLE = (
-    *LATER,
+    *LATER_TABLE,
     ModifierEntry(
         "reward_scale", (ModifierArgument("factor", "real", "what rewards are multiplied by", sample=lambda task: 2),),
         "Rewards are multiplied by a number.",

@@ -7,7 +7,7 @@ from taskspec.mutation.judge import Judgement as Judgement
 from taskspec.mutation.judge import Original as Original
 from taskspec.mutation.judge import has_timers as has_timers
 from taskspec.mutation.judge import judge as judge
+from taskspec.mutation.judge import judgements as judgements
 from taskspec.mutation.mutants import Mutant as Mutant
 from taskspec.mutation.mutants import mutants as mutants
-from taskspec.mutation.run import judgements as judgements
 from taskspec.mutation.same import same_task as same_task

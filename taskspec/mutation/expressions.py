@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from itertools import pairwise
 
-from taskspec.diagnostics import Origin, Span, SpecError
+from taskspec.base.diagnostics import Origin, Span, SpecError
 from taskspec.lang import syntax as s
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.parse import parse

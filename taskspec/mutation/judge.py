@@ -1,23 +1,30 @@
-"""What notices that a spec was changed: the compiler, the checks, its examples, its claims, or nothing at all."""
+"""What notices that a spec was changed, for all mutants of a spec in several processes."""
 
 from __future__ import annotations
 
+import multiprocessing
 import signal
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal
 
-from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.exact.checks.soundness import cases, check_ranges
-from taskspec.exact.claims.examples import wrong_examples
-from taskspec.exact.report import check
-from taskspec.mutation.mutants import Mutant
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.check.report import check
+from taskspec.mutation.mutants import Mutant, mutants
 from taskspec.mutation.same import same_task
-from taskspec.source import Document
+from taskspec.rules.examples import wrong_examples
+from taskspec.soundness.soundness import cases, check_ranges
+from taskspec.source import Document, read_file
 from taskspec.task.build import build
 from taskspec.task.merge import merge, variant_names
 from taskspec.task.task import Task
+
+# ---------- judge
+# What notices that a spec was changed: the compiler, the checks, its examples, its claims, or nothing at all.
 
 Class = Literal["error", "example", "claim", "warning", "equivalent", "range", "order", "silent", "slow"]
 CLASSES: Mapping[Class, str] = {
@@ -158,3 +165,52 @@ def _within(seconds: int) -> Iterator[None]:
     finally:
         signal.alarm(0)
         signal.signal(signal.SIGALRM, before)
+
+
+# ---------- run
+# All mutants of a spec, judged in several processes.
+
+PART = 8
+"""Mutants that a process is handed at once."""
+
+
+def judgements(
+    path: Path, jobs: int = 1, tick: Callable[[], None] = lambda: None
+) -> Iterator[tuple[Mutant, Judgement]]:
+    """What becomes of every mutant of a spec, in the order of the file.
+
+    Args:
+        jobs: processes; with one, everything happens here.
+        tick: called whenever a mutant is judged.
+
+    Raises:
+        SpecError: when the spec itself cannot be built.
+    """
+    made = _prepared(path)[1]
+    with _mapping(jobs) as mapped:
+        for mutant, judgement in zip(made, mapped([path] * len(made), range(len(made))), strict=True):
+            tick()
+            yield mutant, judgement
+
+
+@contextmanager
+def _mapping(jobs: int) -> Iterator[Callable[[list[Path], range], Iterable[Judgement]]]:
+    """A way to judge many mutants, here or in other processes."""
+    if jobs == 1:
+        yield lambda paths, numbers: map(_judge_number, paths, numbers)
+        return
+    context = multiprocessing.get_context("spawn")  # what is forked from threads may wait for ever
+    with ProcessPoolExecutor(jobs, context) as pool:
+        yield lambda paths, numbers: pool.map(_judge_number, paths, numbers, chunksize=PART)
+
+
+def _judge_number(path: Path, number: int) -> Judgement:
+    original, found = _prepared(path)
+    return judge(original, found[number])
+
+
+@lru_cache(maxsize=1)
+def _prepared(path: Path) -> tuple[Original, list[Mutant]]:
+    """The spec as it stands, and its mutants; read once in each process."""
+    document = read_file(path)
+    return Original.of(document), list(mutants(document))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
-from taskspec.diagnostics import Span
+from taskspec.base.diagnostics import Span
 from taskspec.mutation.expressions import Change, Replacements, changes, off_by_one
 from taskspec.source import Document, Path, read_text
 from taskspec.task.merge import FIELDED

@@ -10,21 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.diagnostics import SpecError
-from taskspec.exact.abstraction.abstraction import abstraction
-from taskspec.exact.model.outcomes import branches, count
-from taskspec.exact.model.reach import visits
-from taskspec.exact.model.space import Reads
-from taskspec.exact.model.transitions import TIME, Steps
-from taskspec.exact.planning.certified.rational import Chances
-from taskspec.exact.planning.certified.readings import Inexact, Reader
+from taskspec.abstraction.abstraction import abstraction
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Draw, Node, draws, reads
 from taskspec.lang.normal import NormalForms
 from taskspec.lang.variates import VARIATES
+from taskspec.model.reach import visits
+from taskspec.model.space import Reads
+from taskspec.model.transitions import TIME, Steps, branches, count
+from taskspec.solve.enclosure import Inexact, Reader
+from taskspec.solve.rational import Chances
 from taskspec.task.task import Component, Task
 
-Array = np.ndarray[Any, Any]
 MOST = 5_000_000
 """Outcomes of steps that are compared, at the most."""
 CHUNK = 20_000

@@ -8,6 +8,6 @@ from __future__ import annotations
 from taskspec.printers.expressions import mathematics as mathematics
 from taskspec.printers.latex import latex as latex
 from taskspec.printers.mathml import mathml as mathml
-from taskspec.printers.notation import Notation as Notation
-from taskspec.printers.plain import plain as plain
+from taskspec.printers.names import Notation as Notation
+from taskspec.printers.text import plain as plain
 from taskspec.printers.text import text as text

@@ -13,7 +13,7 @@ from taskspec.lang import syntax as s
 from taskspec.lang.dists import DISTS, is_distribution
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.printers import tree as m
-from taskspec.printers.notation import Writer
+from taskspec.printers.names import Writer
 
 _LETTERS = "ijkmlnrqu"
 

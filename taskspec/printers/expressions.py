@@ -12,10 +12,10 @@ from typing import assert_never
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import is_distribution
 from taskspec.lang.operators import FUNCTIONS, INFIX
-from taskspec.lang.operators.levels import Level
+from taskspec.lang.operators.entry import Level
 from taskspec.printers import idioms, piecewise
 from taskspec.printers import tree as m
-from taskspec.printers.notation import Notation, Writer
+from taskspec.printers.names import Notation, Writer
 from taskspec.printers.pieces import Piece, applied, fill, multiply, operands, prime
 from taskspec.printers.symbols import label
 from taskspec.printers.tex import read

@@ -8,11 +8,11 @@ from dataclasses import replace
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.operators import INFIX
-from taskspec.lang.operators.levels import Level
+from taskspec.lang.operators.entry import Level
 from taskspec.printers import piecewise
 from taskspec.printers import tree as m
 from taskspec.printers.elements import element, indices, pointwise, rank, under
-from taskspec.printers.notation import Writer
+from taskspec.printers.names import Writer
 from taskspec.printers.pieces import Piece, applied, fill, operands
 
 # -- element by element -----------------------------------------------------------------------------------------------

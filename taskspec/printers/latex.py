@@ -6,7 +6,7 @@ import re
 import unicodedata
 from typing import assert_never
 
-from taskspec.printers import characters as c
+from taskspec.printers import tex as c
 from taskspec.printers import tree as m
 
 _SPECIAL = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 from html import escape
 from typing import assert_never
 
-from taskspec.printers import characters as c
+from taskspec.printers import tex as c
 from taskspec.printers import tree as m
-from taskspec.printers.plain import plain
+from taskspec.printers.text import plain
 
 _FENCES = frozenset("()[]{}|‖⌊⌋⌈⌉⟨⟩")
 _DISPLAY = ' display="block"'

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from taskspec.lang import syntax as s
 from taskspec.printers import tree as m
-from taskspec.printers.notation import Writer
+from taskspec.printers.names import Writer
 from taskspec.printers.pieces import operands
 from taskspec.printers.text import text
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 
-from taskspec.printers.characters import GREEK
-from taskspec.printers.tex import read
+from taskspec.printers.tex import GREEK, read
 from taskspec.printers.tree import Ident, Math, Num, Script, Sym, Words, upright
 
 _NUMBERED = re.compile(r"([^\W\d_]+?)_?(\d+)")

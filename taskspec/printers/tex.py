@@ -1,8 +1,4 @@
-"""A small part of TeX's mathematics -> the mathematics tree.
-
-Reads the templates of the operator table, the symbols that authors give and the `$...$` of descriptions. Commands
-come from a closed list; anything else is shown as the text it is, so that no text of a spec reaches TeX as a command.
-"""
+"""A small part of TeX's mathematics -> the mathematics tree, and the characters that TeX has names for."""
 
 from __future__ import annotations
 
@@ -10,7 +6,6 @@ import re
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
-from taskspec.printers import characters as c
 from taskspec.printers.tree import (
     Accent,
     Arrow,
@@ -32,6 +27,73 @@ from taskspec.printers.tree import (
     Words,
     row,
 )  # fmt: skip
+
+# ---------- characters
+# Characters of mathematics and what TeX calls them: one table for reading and for writing.
+
+GREEK: dict[str, str] = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ϵ", "varepsilon": "ε", "zeta": "ζ",
+    "eta": "η", "theta": "θ", "vartheta": "ϑ", "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ", "nu": "ν",
+    "xi": "ξ", "pi": "π", "rho": "ρ", "sigma": "σ", "tau": "τ", "upsilon": "υ", "phi": "ϕ", "varphi": "φ",
+    "chi": "χ", "psi": "ψ", "omega": "ω", "Gamma": "Γ", "Delta": "Δ", "Theta": "Θ", "Lambda": "Λ", "Xi": "Ξ",
+    "Pi": "Π", "Sigma": "Σ", "Upsilon": "Υ", "Phi": "Φ", "Psi": "Ψ", "Omega": "Ω", "ell": "ℓ",
+}  # fmt: skip
+
+SYMBOLS: dict[str, str] = {
+    "cdot": "⋅", "times": "×", "div": "÷", "pm": "±", "mp": "∓", "circ": "∘", "ast": "∗",
+    "leq": "≤", "geq": "≥", "neq": "≠", "equiv": "≡", "approx": "≈", "sim": "∼", "propto": "∝", "ll": "≪",
+    "gg": "≫", "in": "∈", "notin": "∉", "subset": "⊂", "subseteq": "⊆", "cup": "∪", "cap": "∩",
+    "setminus": "∖", "land": "∧", "lor": "∨", "lnot": "¬", "forall": "∀", "exists": "∃", "to": "→",
+    "leftarrow": "←", "uparrow": "↑", "downarrow": "↓", "leftrightarrow": "↔", "updownarrow": "↕", "nearrow": "↗",
+    "searrow": "↘", "swarrow": "↙", "nwarrow": "↖", "mapsto": "↦", "Rightarrow": "⇒", "iff": "⟺", "star": "⋆",
+    "bullet": "•", "infty": "∞", "ldots": "…", "cdots": "⋯",
+    "vdots": "⋮", "partial": "∂", "nabla": "∇", "emptyset": "∅", "mid": "∣", "prime": "′", "langle": "⟨", "rangle": "⟩",
+    "lfloor": "⌊", "rfloor": "⌋", "lceil": "⌈", "rceil": "⌉",
+}  # fmt: skip
+
+ACCENTS: dict[str, tuple[str, str]] = {
+    "dot": ("˙", "\u0307"), "ddot": ("¨", "\u0308"), "hat": ("^", "\u0302"), "tilde": ("~", "\u0303"), "bar": ("¯", "\u0304"),
+    "vec": ("→", "\u20d7"),
+}  # fmt: skip
+"""What TeX sets over a letter: the mark alone, and as a character that joins the one before it."""
+
+ALIASES: dict[str, str] = {
+    "le": "leq", "ge": "geq", "ne": "neq", "wedge": "land", "vee": "lor", "neg": "lnot", "gets": "leftarrow",
+    "rightarrow": "to", "widehat": "hat", "widetilde": "tilde", "overline": "bar",
+    "dots": "ldots", "dotsc": "ldots", "dotsb": "cdots", "implies": "Rightarrow",
+}  # fmt: skip
+
+DELIMITERS: dict[str, str] = {
+    "(": "(", ")": ")", "[": "[", "]": "]", r"\{": "{", r"\}": "}", r"\lvert": "|", r"\rvert": "|",
+    r"\lVert": "‖", r"\rVert": "‖", r"\lfloor": "⌊", r"\rfloor": "⌋", r"\lceil": "⌈", r"\rceil": "⌉",
+    r"\langle": "⟨", r"\rangle": "⟩", ".": "",
+}  # fmt: skip
+"""How TeX writes what opens and closes."""
+
+PAIRS: dict[str, str] = {"(": ")", "[": "]", "{": "}", "⌊": "⌋", "⌈": "⌉", "⟨": "⟩"}
+LEFT_TEX: dict[str, str] = {v: k for k, v in DELIMITERS.items() if k not in (r"\rvert", r"\rVert")}
+RIGHT_TEX: dict[str, str] = {v: k for k, v in DELIMITERS.items() if k not in (r"\lvert", r"\lVert")}
+
+FUNCTIONS = frozenset({
+    "arccos", "arcsin", "arctan", "arg", "cos", "cosh", "cot", "det", "dim", "exp", "gcd", "inf", "ker", "lim", "log",
+    "ln", "max", "min", "sin", "sinh", "sup", "tan", "tanh", "Pr",
+})  # fmt: skip
+"""Names that TeX knows as upright functions."""
+
+BLACKBOARD: dict[str, str] = {
+    "R": "ℝ", "Z": "ℤ", "N": "ℕ", "Q": "ℚ", "C": "ℂ", "E": "𝔼", "P": "ℙ", "1": "𝟙",
+}  # fmt: skip
+CALLIGRAPHIC: dict[str, str] = {"S": "𝒮", "A": "𝒜", "N": "𝒩", "O": "𝒪", "T": "𝒯", "U": "𝒰", "D": "𝒟"}
+
+TEX_LETTER: dict[str, str] = {char: name for name, char in GREEK.items()}
+TEX_SYMBOL: dict[str, str] = {char: name for name, char in SYMBOLS.items()} | {"−": "-", "∼": "sim"}
+
+
+# ---------- tex
+# A small part of TeX's mathematics -> the mathematics tree.
+#
+# Reads the templates of the operator table, the symbols that authors give and the `$...$` of descriptions. Commands
+# come from a closed list; anything else is shown as the text it is, so that no text of a spec reaches TeX as a command.
 
 MAX_DEPTH = 40
 _TOKEN = re.compile(r"\\[A-Za-z]+\*?|\\.|[0-9]+(?:\.[0-9]+)?|\s+|.", re.DOTALL)
@@ -127,7 +189,7 @@ class _TexReader:
         if token[0].isdigit():
             return [Num(token)]
         if token in "([":
-            return [self.fenced(token, c.PAIRS[token])]
+            return [self.fenced(token, PAIRS[token])]
         if token.isalpha():
             return [Ident(token)]
         if token == "~":
@@ -163,7 +225,7 @@ class _TexReader:
 
     def fenced(self, left: str, right: str, token: str | None = None) -> Math:
         """A body up to its closing delimiter; when that is missing the opening one stands alone."""
-        close = token if token is not None else c.RIGHT_TEX.get(right, right)
+        close = token if token is not None else RIGHT_TEX.get(right, right)
         inner = self.items(close)
         if self.peek() == close:
             self.at += 1
@@ -172,15 +234,15 @@ class _TexReader:
 
     def command(self, token: str) -> list[Math]:
         name = token[1:]
-        name = c.ALIASES.get(name, name)
-        if name in c.GREEK:
-            return [Ident(c.GREEK[name])]
+        name = ALIASES.get(name, name)
+        if name in GREEK:
+            return [Ident(GREEK[name])]
         if token in (r"\{", r"\lvert", r"\lVert", r"\lfloor", r"\lceil", r"\langle"):
-            left = c.DELIMITERS[token]
+            left = DELIMITERS[token]
             return [self.fenced(left, *_closing(token))]
-        if name in c.SYMBOLS:
-            return [Sym(c.SYMBOLS[name])]
-        if name in c.FUNCTIONS:
+        if name in SYMBOLS:
+            return [Sym(SYMBOLS[name])]
+        if name in FUNCTIONS:
             return [Ident(name, "upright")]
         if name in _BIG:
             return [Big(_BIG[name])]
@@ -195,7 +257,7 @@ class _TexReader:
         match name:
             case "frac" | "tfrac" | "dfrac":
                 return [Frac(self.digit_or_argument(), self.digit_or_argument())]
-            case _ if name in c.ACCENTS:
+            case _ if name in ACCENTS:
                 return [Accent(name, self.argument())]
             case "xrightarrow":
                 return [Arrow(self.argument())]
@@ -227,7 +289,7 @@ class _TexReader:
             self.at += 1
             self.skip_blanks()
             right = self.take() if self.peek() is not None else "."
-        return Fence(c.DELIMITERS.get(left, left[:1]), row(*inner), c.DELIMITERS.get(right, right[:1]))
+        return Fence(DELIMITERS.get(left, left[:1]), row(*inner), DELIMITERS.get(right, right[:1]))
 
     def environment(self) -> Math:
         name = self.raw_argument()
@@ -251,7 +313,7 @@ class _TexReader:
 def _closing(token: str) -> tuple[str, str]:
     """The closing delimiter of an opening command: its character and its command."""
     closing = token.replace(r"\l", r"\r") if token != r"\{" else r"\}"
-    return c.DELIMITERS[closing], closing
+    return DELIMITERS[closing], closing
 
 
 def _spaces(text: str) -> str:

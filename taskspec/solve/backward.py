@@ -17,9 +17,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
-import numpy as np
+from taskspec.base.arrays import Array
 
-Array = np.ndarray[Any, Any]
 Q = TypeVar("Q")
 V = TypeVar("V")
 

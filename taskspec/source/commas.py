@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
-from taskspec.source.excerpts import in_quotes, shown, value_end
-from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, TextProblem
+from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, TextProblem, in_quotes, shown, value_end
 from taskspec.source.scalars import resolve
 
 _BRACKETED = re.compile(r"\([^()\[\]{}]*\)|\[[^()\[\]{}]*\]|\{[^()\[\]{}]*\}")

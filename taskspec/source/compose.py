@@ -12,9 +12,8 @@ from typing import Any
 
 import yaml
 
-from taskspec.limits import Limits, how_to_raise, limits
-from taskspec.source.excerpts import special_start
-from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, Style, TextProblem
+from taskspec.base.limits import Limits, how_to_raise, limits
+from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, Style, TextProblem, special_start
 
 _STYLES: dict[str | None, Style] = {"'": "'", '"': '"', "|": "|", ">": ">"}
 

@@ -6,7 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 
-from taskspec.diagnostics import Origin, Span
+from taskspec.base.diagnostics import Origin, Span
 
 _SPACE = re.compile(r"[ \t\n\r]*")
 _DECODER = json.JSONDecoder()

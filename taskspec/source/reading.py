@@ -1,4 +1,4 @@
-"""Reading specs: from a file or a text to a document, with every problem of the text found."""
+"""Read specs from files and texts, past what stops the YAML parser, so that one run reports every problem."""
 
 from __future__ import annotations
 
@@ -10,12 +10,16 @@ from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any, TypeAlias
 
-from taskspec.diagnostics import Collector, Origin, Span, SpecError
-from taskspec.limits import how_to_raise, limits
-from taskspec.source.document import Document, span
-from taskspec.source.extended import Packed, circle, others
-from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, TextProblem
+from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
+from taskspec.base.limits import how_to_raise, limits
+from taskspec.source.compose import Composed, compose
+from taskspec.source.document import Document, Packed, circle, others, span
+from taskspec.source.nodes import FENCE, MappingNode, Node, ScalarNode, SequenceNode, TextProblem
 from taskspec.source.scalars import resolve
+from taskspec.source.yaml_errors import explain
+
+# ---------- reading
+# Reading specs: from a file or a text to a document, with every problem of the text found.
 
 _MAX_FINDINGS = 50
 _BREAKS = re.compile(r"\r\n|\r|\n")
@@ -103,8 +107,8 @@ def _read_text(text: str, name: str) -> Document:
 
 def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
     # PyYAML is imported when the first spec is read, not when the package is.
-    from taskspec.source.recover import compose_all
-    from taskspec.source.traps import find
+
+    from taskspec.source.yaml_errors import find
 
     composed, stops = compose_all(text)
     if stops and stops[-1].code == "E114":
@@ -163,3 +167,42 @@ def _data(node: Node) -> Any:
             return [_data(item) for item in node.items]
         case MappingNode():
             return {key.value: _data(value) for key, value in node.entries}
+
+
+# ---------- recover
+# Reading on behind what stops the YAML parser, so that one run reports all of it.
+#
+# What was to be in quotes is covered up, character by character so that every place stays where it was, and the
+# text is read once more.
+
+_IN_QUOTES = frozenset({"E102", "E103", "E104", "E106"})
+"""Findings whose text, in quotes, is a value: a word in its place leaves the rest as it is."""
+_TOO_MUCH = frozenset({"E109"})
+"""Findings whose text is better not there."""
+_READ_AGAIN = 2_000_000
+"""How many characters are read again at most, whatever the text."""
+
+
+def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
+    """The tree of a text, its bad parts covered up, and what stopped the parser, in the order of the text."""
+    covered, stops = text, list[TextProblem]()
+    for _ in range(max(1, _READ_AGAIN // (len(text) + 1))):
+        composed = compose(covered)
+        stop = composed.stop
+        if composed.syntax:
+            stop = explain(covered, composed.syntax)
+        elif composed.root is None and stop is None:
+            stop = TextProblem("E115", 0, 0, "the file holds nothing but blanks and comments")
+        if stop is None or (stops and stop.start <= stops[-1].start):
+            break
+        if not stops or stop.code != "E104" or "\n" in text[stops[-1].start : stop.start]:
+            stops.append(stop)  # of colons, one in a line: the advice is the same
+        if stop.code not in _IN_QUOTES | _TOO_MUCH or len(stops) > 50:
+            break
+        covered = _cover(covered, stop)
+    return composed, stops
+
+
+def _cover(text: str, stop: TextProblem) -> str:
+    letter = " " if stop.code in _TOO_MUCH or text.startswith(FENCE, stop.start) else "x"
+    return text[: stop.start] + re.sub(r"\S", letter, text[stop.start : stop.end]) + text[stop.end :]

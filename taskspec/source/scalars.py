@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable
 from typing import TypeAlias
 
-from taskspec.limits import Limits
+from taskspec.base.limits import Limits
 from taskspec.source.nodes import ScalarNode
 
 # One entry per character of a value: the character, and the range of the file it came from.

@@ -10,17 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from taskspec.base.arrays import Array
+from taskspec.base.limits import limits
 from taskspec.lang.batch import DTYPES, evaluate
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, walk
 from taskspec.lang.types import Kind
-from taskspec.limits import limits
 from taskspec.task.parts import Component
 
-Array = np.ndarray[Any, Any]
 Values = dict[str, Array]
 """A value (*shape) for each component."""
 EXACT = 2**24

@@ -11,27 +11,25 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import taskspec
-from taskspec.diagnostics import Collector, Diagnostic, SpecError, has_errors, raise_if_errors, suggest
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, has_errors, raise_if_errors, suggest
+from taskspec.base.limits import Limits, limits
 from taskspec.lang.basechecker import Poisoned
+from taskspec.lang.check import check_uncalled
 from taskspec.lang.ir import Const, reads
 from taskspec.lang.scope import FunctionDef, Lazy, Scope
 from taskspec.lang.types import BOOL, REAL, Refused
-from taskspec.lang.uncalled import check_uncalled
-from taskspec.limits import Limits, limits
 from taskspec.source import Document, Packed, Path, packed, unpacked
+from taskspec.task.annotations import figure, read_examples, symmetries
 from taskspec.task.context import Context, poison
 from taskspec.task.declare import INSTANCE_SEED
-from taskspec.task.examples import read_examples
-from taskspec.task.figure import figure
 from taskspec.task.forms import is_word
 from taskspec.task.invariants import check_on_request
-from taskspec.task.memory import remembered
 from taskspec.task.merge import Merged, merge, variant_names
-from taskspec.task.names import Names, signature
-from taskspec.task.schema import Spec, check_shape, remainder, validated
+from taskspec.task.names import Names, check_names, signature
+from taskspec.task.observe import remembered
+from taskspec.task.schema.check import check_shape, remainder, validated
+from taskspec.task.schema.models import Spec
 from taskspec.task.sections import SectionBuilder
-from taskspec.task.symmetries import symmetries
-from taskspec.task.taken import check_names
 from taskspec.task.task import Component, Modifier, Parameter, Task
 
 OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "modifiers", "num_envs",

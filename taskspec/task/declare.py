@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from taskspec import draws
-from taskspec.diagnostics import Collector, Placed, suggest
+from taskspec.base.diagnostics import Collector, Placed, suggest
+from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.builder import Builder
 from taskspec.lang.calls import static_shape
@@ -17,13 +18,11 @@ from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Const, Node, Role, plain, reads
 from taskspec.lang.scope import Scope, Value
 from taskspec.lang.types import INT, INT_WIDEST, Domain, Kind, Refused, Type
-from taskspec.lang.variates.layout import WordLayout
-from taskspec.lang.variates.sample import sampler
-from taskspec.limits import count, how_to_raise, limits
+from taskspec.lang.variates.sample import WordLayout, sampler
 from taskspec.source import Path
 from taskspec.task.forms import Forms
-from taskspec.task.given import Varying, article, brief, convert
 from taskspec.task.merge import Merged
+from taskspec.task.parameters import Varying, article, brief, convert
 from taskspec.task.task import Component, Parameter
 
 _ENDLESS = {"low": -math.inf, "high": math.inf}

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.lang.ir import Role, reads
 from taskspec.task.build import rebuilt
-from taskspec.task.given import Varying
 from taskspec.task.merge import abstracted, merge, stripped
+from taskspec.task.parameters import Varying
 from taskspec.task.task import Task
 
 

@@ -6,10 +6,10 @@ import re
 from keyword import iskeyword
 from typing import Any
 
-from taskspec.diagnostics import Collector, Span, SpecError
+from taskspec.base.diagnostics import Collector, Span, SpecError
+from taskspec.base.limits import limits
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import literal, parse, parse_into
-from taskspec.limits import limits
 from taskspec.source import LEFT_OUT, Path
 from taskspec.task.merge import Merged
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, TypeAlias
 
-from taskspec.diagnostics import Diagnostic, Span, SpecError, suggest
-from taskspec.scan import REQUIRED, task_name
+from taskspec.base.diagnostics import Diagnostic, Span, SpecError, suggest
 from taskspec.source import Document, Path
+from taskspec.source.scan import REQUIRED, task_name
 
 NAMED = (
     "parameters", "constants", "definitions", "noise", "state", "action", "observation", "initial", "dynamics",

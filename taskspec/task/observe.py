@@ -1,23 +1,29 @@
-"""The observation section: components with their expressions and the bounds of their spaces.
-
-Bounds are the declared ones (`{value: ..., low: ..., high: ...}`, or those of an observed state component). Where none are
-declared they follow from the expression by interval reasoning, over the states that can be reached within the horizon.
-"""
+"""The observation section, and what an expert remembers beside the state."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from taskspec.lang.builder import Builder
+from taskspec.lang.evaluate import evaluate
 from taskspec.lang.interval import bounds, single
 from taskspec.lang.ir import Apply, Node, Read, Role
-from taskspec.lang.ranges import Interval
 from taskspec.lang.scope import Value
-from taskspec.lang.types import Kind
-from taskspec.task.reach import over
-from taskspec.task.task import Component
+from taskspec.lang.types import INT_MAX, Interval, Kind
+from taskspec.task.context import Context
+from taskspec.task.names import Names
+from taskspec.task.parts import Component, ExpertMemory, Observation
+from taskspec.task.reach import kept, over
+from taskspec.task.task import Task
+
+# ---------- observe
+# The observation section: components with their expressions and the bounds of their spaces.
+#
+# Bounds are the declared ones (`{value: ..., low: ..., high: ...}`, or those of an observed state component). Where none are
+# declared they follow from the expression by interval reasoning, over the states that can be reached within the horizon.
 
 Edges = list[Interval]
 FAR = 1e9
@@ -80,3 +86,78 @@ class Observed:
 
 def _bounded(c: Component, edges: Edges) -> Component:
     return replace(c, low=tuple(a for a, _ in edges), high=tuple(b for _, b in edges))
+
+
+# ---------- memory
+# What an expert remembers: declared memory that is no part of the task's state.
+#
+# It begins with what is first seen, and changes with each action and what is seen after it; so whoever sees observations alone
+# can keep it, and the state together with it is the state of a larger task, in which the expert remembers nothing
+# (`Task.remembering`).
+
+Flats = Sequence[tuple[Any, ...]]
+FIRST, LATER = "first memory", "memory"
+"""Scopes of first values and of next values."""
+
+
+def remembered(context: Context, names: Names, observation: Observation) -> ExpertMemory | None:
+    """The memory that the expert of a spec keeps; None for none, or for one that is broken (and reported)."""
+    _check_names(context, observation)
+    seen = what_is_seen(context.builder, observation)
+    scopes = {"initial": names.memory_scope(FIRST, seen), "next": names.memory_scope(LATER, seen)}
+    found: dict[str, list[Node]] = {"initial": [], "next": []}
+    for c in context.memory:
+        for key, nodes in found.items():
+            expr = context.forms.expr(("memory", c.name, key))
+            context.exprs.setdefault("memory", {})[c.name + "'" * (key == "next")] = expr
+            node = None if expr is None else context.assign(expr, scopes[key], c)
+            nodes += [] if node is None else [node]
+    if not context.memory or any(len(nodes) < len(context.memory) for nodes in found.values()):
+        return None
+    raw_initial, raw_next = map(tuple, found.values())
+    initial, following = (_fitting(context.builder, context.memory, nodes) for nodes in (raw_initial, raw_next))
+    return ExpertMemory(context.memory, initial, following, raw_initial, raw_next)
+
+
+def what_is_seen(builder: Builder, observation: Observation) -> Mapping[str, Value]:
+    """What is observed, by name, as the memory and symmetries read it."""
+    pairs = zip(observation.components, observation.nodes, strict=True)
+    reads = {c.name: builder.read(Role.NEXT, c.name, c.type, *builder.certain(node)) for c, node in pairs}
+    return {c.name: Value(reads[c.name], c.domain, late=True) for c in observation.components}
+
+
+def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[Node, ...]) -> tuple[Node, ...]:
+    """Values with ints that keep to their ranges, and to 32 bits where these have no end."""
+    pairs = [(c, kept(builder, c, node)) for c, node in zip(components, nodes, strict=True)]
+    return tuple(builder.within(n, -INT_MAX, INT_MAX) if c.type.kind is Kind.INT else n for c, n in pairs)
+
+
+def _check_names(context: Context, observation: Observation) -> None:
+    """Report (E309) what is remembered under the name of something that is seen: its prime would mean both."""
+    seen = {c.name for c in observation.components}
+    for c in context.memory:
+        if c.name in seen and c.name not in {s.name for s in context.state}:
+            place = context.merged.key_span(("memory", c.name))
+            hint = "every name has one meaning in a spec"
+            context.collector.add("E309", place, f"'{c.name}' is an observation already", hint)
+
+
+def recall(
+    task: Task, memory: ExpertMemory, seen: Flats, before: Flats, action: Flats, t: int
+) -> list[tuple[Any, ...]]:
+    """What is remembered once something is seen, as flat values by component.
+
+    Args:
+        seen: what is now observed, by component.
+        before, action: the memory and the action before that; not looked at when `t` is 0.
+        t: steps taken.
+    """
+    reads: dict[tuple[Role, str], Any] = {
+        (Role.NEXT, c.name): flat for c, flat in zip(task.observation.components, seen, strict=True)
+    }
+    if t == 0:
+        return evaluate(memory.initial, reads)
+    reads |= {c.read: flat for c, flat in zip(memory.components, before, strict=True)}
+    reads |= {(Role.ACTION, c.name): flat for c, flat in zip(task.action, action, strict=True)}
+    reads[Role.TIME, "t"] = (t - 1,)
+    return evaluate(memory.next, reads)

@@ -5,22 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal
 
-from taskspec.diagnostics import suggest
+from taskspec.base.diagnostics import suggest
+from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import Poisoned
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.parse import parse_into
 from taskspec.lang.scope import Lazy, Scope, Value
 from taskspec.lang.types import Kind, Type
-from taskspec.limits import count, how_to_raise, limits
 from taskspec.source import Path
-from taskspec.task import grids
+from taskspec.task import parameters
 from taskspec.task.context import Context, poison
 from taskspec.task.names import Names
 from taskspec.task.observe import Observed
-from taskspec.task.reach import reach
+from taskspec.task.reach import kept, reach, saturated, too_wide, widest
 from taskspec.task.task import FINITE_SPACES, Claim, Component, Observation, Soft
-from taskspec.task.widths import kept, saturated, too_wide, widest
 
 Expert = tuple[Node, ...] | Literal["optimal"] | Soft | None
 
@@ -316,7 +315,7 @@ class SectionBuilder:
 
     def _too_many(self, claims: list[Any]) -> bool:
         """Report (E314) more claims than are checked."""
-        number = sum(grids.size(entry.get("for")) or 1 if isinstance(entry, dict) else 1 for entry in claims)
+        number = sum(parameters.size(entry.get("for")) or 1 if isinstance(entry, dict) else 1 for entry in claims)
         most = limits().claims
         if number > most:
             message = f"{number:,} claims, counted for all their parameter values, are too many; the limit is {most:,}"
@@ -336,7 +335,7 @@ class SectionBuilder:
             self._check_episodes(path[:2], entry)
             if expr is not None:
                 rest = {} if isinstance(entry, str) else {k: v for k, v in entry.items() if k not in ("claim", "for")}
-                cases = () if isinstance(entry, str) or too_many else tuple(grids.cases(entry.get("for")))
+                cases = () if isinstance(entry, str) or too_many else tuple(parameters.cases(entry.get("for")))
                 yield Claim(expr, str(text), cases, rest)
 
 

@@ -9,14 +9,14 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import taskspec
-from taskspec.ids import InstanceId
+from taskspec.base.display import html_table
+from taskspec.base.ids import InstanceId
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Const, Draw, Node, Read, Role, plain, rewrite
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.layout import WordLayout
-from taskspec.notebook import html_table
+from taskspec.lang.variates.sample import WordLayout
 from taskspec.source import Document
-from taskspec.task.options import Ending, RenderMode
+from taskspec.task.parameters import Ending, RenderMode
 from taskspec.task.parts import COUNTABLE as COUNTABLE
 from taskspec.task.parts import FINITE_SPACES as FINITE_SPACES
 from taskspec.task.parts import Claim as Claim
@@ -36,7 +36,7 @@ from taskspec.task.parts import Symmetry as Symmetry
 if TYPE_CHECKING:
     import gymnasium
 
-    from taskspec.task.schema import Spec
+    from taskspec.task.schema.models import Spec
 
 
 @dataclass(frozen=True, eq=False)

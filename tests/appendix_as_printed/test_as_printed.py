@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from taskspec import exact, source
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.task.build import build
 
 FOLDER = Path(__file__).parent

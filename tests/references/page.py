@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from taskspec.exam import Exam
-from taskspec.exam.bootstrap import estimate, mean
-from taskspec.exam.report.told import decimal, interval, named
+from taskspec.exam.report.rows import decimal, interval, named
+from taskspec.exam.statistics import estimate, mean
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE, PICTURE = DOCS / "learners.md", DOCS / "references.svg"

@@ -12,7 +12,7 @@ import numpy as np
 
 from taskspec.exam import Case, learns_from
 from taskspec.learners import learner
-from taskspec.learners.configurations import Adversarial, Cloning, Ppo
+from taskspec.learners.settings import Adversarial, Cloning, Ppo
 
 SETTINGS = Path(__file__).parent / "settings"
 T = TypeVar("T")

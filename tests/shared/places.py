@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskspec.diagnostics import Span
+from taskspec.base.diagnostics import Span
 
 
 def written(span: Span) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from taskspec import scan, source
-from taskspec.diagnostics import SpecError
+from taskspec import source
+from taskspec.base.diagnostics import SpecError
+from taskspec.source import scan
 from taskspec.task.build import build
 from taskspec.task.merge import variant_names
 from taskspec.task.task import Task

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from taskspec import source
+from taskspec.abstraction.abstraction import abstraction
 from taskspec.exact import extract
-from taskspec.exact.abstraction.abstraction import abstraction
-from taskspec.exact.model.model import Model
+from taskspec.model.model import Model
 from taskspec.task.build import build
 from taskspec.task.task import Task
 

@@ -1,24 +1,243 @@
-"""The lane form: core nodes as straight-line scalar Python for one environment, one assignment per shared node.
-
-Small vectors become one expression per element ("atoms"); larger ones are packed in one tuple or list. What an operator
-looks like comes from the operator table; how elements are arranged is decided here and in `lanestructure`.
-"""
+"""The lane form: core nodes as straight-line scalar Python for one environment."""
 
 from __future__ import annotations
 
+import marshal
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
-from taskspec.backends.emit.lanestructure import STRUCTURE
-from taskspec.backends.emit.lanevalues import LaneValue, LaneValues
 from taskspec.backends.emit.source import literal, tuple_of
-from taskspec.lang.arrays import network
+from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
 from taskspec.lang.operators import OPERATORS, Operator
+from taskspec.lang.operators.structure import strided
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.sample import one
+
+# ---------- lanevalues
+# Values in the lane form: the sources of what nodes have come to, element by element or as one flat sequence.
+
+UNROLLED = 16
+"""Vectors up to this many elements become one expression for each."""
+_ATOM = re.compile(r"-?[\w.]+(\[\d+\])?")
+
+
+@dataclass(slots=True)
+class LaneValue:
+    """The source of a value: one expression per element, or the name of a flat sequence, or both."""
+
+    atoms: list[str] | None = None
+    packed: str | None = None
+
+    @property
+    def text(self) -> str:
+        assert self.atoms is not None
+        return self.atoms[0]
+
+
+@dataclass(kw_only=True)
+class LaneValues:
+    """The values of nodes so far, the statements that work them out, and the constants that these refer to.
+
+    With `unrolled` large enough, every element is an expression of its own.
+    """
+
+    constants: dict[str, Any] = field(default_factory=dict)
+    lines: list[str] = field(default_factory=list)
+    values: dict[int, LaneValue] = field(default_factory=dict)
+    fresh: int = 0
+    unrolled: int = UNROLLED
+
+    def name(self) -> str:
+        self.fresh += 1
+        return f"v{self.fresh}"
+
+    def assign(self, text: str) -> str:
+        """A name for an expression; atoms need none."""
+        return text if _ATOM.fullmatch(text) else self.named(text)
+
+    def named(self, text: str) -> str:
+        """A new name for an expression."""
+        name = self.name()
+        self.lines.append(f"{name} = {text}")
+        return name
+
+    def constant(self, value: Any) -> str:
+        """The name of a value that is kept outside the function; tuples of the same numbers are kept once."""
+        for name, known in self.constants.items():
+            if known is value or _identical(known, value):
+                return name
+        name = f"C{len(self.constants)}"
+        self.constants[name] = value
+        return name
+
+    def _shared(self, value: LaneValue) -> LaneValue:
+        if value.atoms is not None:
+            value.atoms = [self.assign(a) for a in value.atoms]
+        return value
+
+    def atoms(self, node: Node) -> list[str]:
+        """One expression per element, row-major."""
+        value = self.values[id(node)]
+        if value.atoms is None:
+            assert value.packed is not None
+            names = [self.name() for _ in range(node.type.size)]
+            self.lines.append(f"{', '.join(names)}{',' * (len(names) == 1)} = {value.packed}")
+            value.atoms = names
+        return value.atoms
+
+    def packed(self, node: Node) -> str:
+        """The name of a flat sequence of the elements."""
+        value = self.values[id(node)]
+        if value.packed is None:
+            value.packed = self.assign(tuple_of(self.atoms(node)))
+        return value.packed
+
+    def scalar(self, node: Node) -> str:
+        return self.atoms(node)[0]
+
+    def scalar_of(self, node: Node) -> str:
+        """The source of a node that may not be a direct argument; it was emitted with the others."""
+        value = self.values[id(node)]
+        value.atoms = [self.assign(a) for a in self.atoms(node)]
+        return value.atoms[0]
+
+
+def _identical(a: Any, b: Any) -> bool:
+    """Whether two tuples hold the same numbers of the same types: (1, 0) equals (True, False), and 0.0 equals -0.0."""
+    alike = isinstance(a, tuple) and isinstance(b, tuple) and a == b
+    return alike and marshal.dumps(a, 2) == marshal.dumps(b, 2)  # of version 2, which knows no references
+
+
+# ---------- lanestructure
+# Operators that only move elements about, in the lane form.
+
+
+def _vector(lane: LaneValues, node: Apply) -> LaneValue:
+    if node.type.size <= lane.unrolled:
+        return LaneValue([atom for arg in node.args for atom in lane.atoms(arg)])
+    parts = [f"*{lane.packed(a)}" if a.type.size > lane.unrolled else ", ".join(lane.atoms(a)) for a in node.args]
+    return LaneValue(packed=lane.assign(tuple_of(parts)))
+
+
+def _slice(lane: LaneValues, node: Apply) -> LaneValue:
+    start, count, step = node.static
+    row = strided(node.args[0].type.shape)
+    value = lane.values[id(node.args[0])]
+    places = [(start + k * step) * row + i for k in range(count) for i in range(row)]
+    if value.atoms is not None:
+        return LaneValue([value.atoms[p] for p in places])
+    if row == 1 or step == 1:
+        stop: int | None = (start + count * step) * row
+        stop = None if stop is not None and stop < 0 else stop
+        return LaneValue(
+            packed=lane.assign(
+                f"{value.packed}[{start * row}:{'' if stop is None else stop}:{step if row == 1 else 1}]"
+            )
+        )
+    return LaneValue(packed=lane.assign(tuple_of([f"{value.packed}[{p}]" for p in places])))
+
+
+def _element(lane: LaneValues, node: Apply) -> LaneValue:
+    row = node.type.size
+    first = node.static[0] * row
+    value = lane.values[id(node.args[0])]
+    if value.atoms is not None:
+        return LaneValue(value.atoms[first : first + row])
+    if not node.type.shape:
+        return LaneValue([f"{value.packed}[{first}]"])
+    return LaneValue(packed=lane.assign(f"{value.packed}[{first}:{first + row}]"))
+
+
+def _fill(lane: LaneValues, node: Apply) -> LaneValue:
+    atom = lane.assign(lane.scalar(node.args[0]))
+    if node.type.size <= lane.unrolled:
+        return LaneValue([atom] * node.type.size)
+    return LaneValue(packed=lane.assign(f"({atom},) * {node.type.size}"))
+
+
+def _index(lane: LaneValues, node: Apply) -> LaneValue:
+    x, i = node.args
+    row = strided(x.type.shape)
+    picked = [_row(lane, x, index, row) for index in lane.atoms(i)]
+    if len(picked) == 1:
+        return picked[0]
+    if all(p.atoms is not None for p in picked):
+        return LaneValue([a for p in picked for a in p.atoms or ()])
+    return LaneValue(packed=lane.assign(f"({', '.join(f'*{p.packed}' for p in picked)})"))
+
+
+def _row(lane: LaneValues, x: Node, index: str, row: int) -> LaneValue:
+    """One row of x: an expression when it is a single element."""
+    if row == 1:
+        return LaneValue([f"{_sequence(lane, x)}[{index}]"])
+    if isinstance(x, Const):
+        flat = [plain(v) for v in x.flat]
+        rows = tuple(tuple(flat[k : k + row]) for k in range(0, len(flat), row))
+        return LaneValue(packed=lane.assign(f"{lane.constant(rows)}[{index}]"))
+    index = lane.assign(index)
+    return LaneValue(packed=lane.assign(f"{lane.packed(x)}[{index} * {row}:{index} * {row} + {row}]"))
+
+
+def _sequence(lane: LaneValues, x: Node) -> str:
+    """A flat sequence to index; a constant one is kept outside the step."""
+    if isinstance(x, Const):
+        return lane.constant(tuple(plain(v) for v in x.flat))
+    value = lane.values[id(x)]
+    if value.packed is None and len(value.atoms or ()) <= lane.unrolled:
+        return tuple_of(lane.atoms(x))
+    return lane.packed(x)
+
+
+def _put(lane: LaneValues, node: Apply) -> LaneValue:
+    x, i, value = node.args
+    row = value.type.size
+    name = lane.name()
+    lane.lines.append(f"{name} = list({lane.packed(x)})")
+    if row == 1:
+        lane.lines.append(f"{name}[{lane.scalar(i)}] = {lane.scalar(value)}")
+    else:
+        at = lane.assign(lane.scalar(i))
+        lane.lines.append(f"{name}[{at} * {row}:{at} * {row} + {row}] = {lane.packed(value)}")
+    return LaneValue(packed=name)
+
+
+def _swap(lane: LaneValues, node: Apply) -> LaneValue:
+    x, i, j = node.args
+    row = strided(x.type.shape)
+    name, a, b = lane.name(), lane.assign(lane.scalar(i)), lane.assign(lane.scalar(j))
+    lane.lines.append(f"{name} = list({lane.packed(x)})")
+    if row == 1:
+        lane.lines.append(f"{name}[{a}], {name}[{b}] = {name}[{b}], {name}[{a}]")
+    else:
+        p, q = (f"{name}[{k} * {row}:{k} * {row} + {row}]" for k in (a, b))
+        lane.lines.append(f"{p}, {q} = {q}, {p}")
+    return LaneValue(packed=name)
+
+
+STRUCTURE: dict[str, Callable[[LaneValues, Apply], LaneValue]] = {
+    "vector": _vector,
+    "concat": _vector,
+    "slice": _slice,
+    "element": _element,
+    "reshape": lambda lane, node: lane.values[id(node.args[0])],
+    "fill": _fill,
+    "index": _index,
+    "put": _put,
+    "swap": _swap,
+}
+"""The value of a node of `lang.operators.structure`, whose arguments have theirs."""
+
+
+# ---------- lane
+# The lane form: core nodes as straight-line scalar Python for one environment, one assignment per shared node.
+#
+# Small vectors become one expression per element ("atoms"); larger ones are packed in one tuple or list. What an operator
+# looks like comes from the operator table; how elements are arranged is decided here and in `lanestructure`.
 
 CHAINED = 64
 """Sums up to this many terms are written out."""

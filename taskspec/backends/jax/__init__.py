@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskspec.extras import need
+from taskspec.base.extras import need
 
 need("jax", "jax")
 

@@ -10,11 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from taskspec.backends.actions import reader
-from taskspec.backends.buffers import Array, Buffers
-from taskspec.backends.episodes import Episodes
-from taskspec.backends.jax.pack import observed
-from taskspec.backends.jax.program import JaxProgram, State, compile_jax
-from taskspec.backends.vector import LanesNotRunningError, Mode, Options
+from taskspec.backends.buffers import Buffers
+from taskspec.backends.jax.program import JaxProgram, State, compile_jax, observed
+from taskspec.backends.vector import Episodes, LanesNotRunningError, Mode, Options
+from taskspec.base.arrays import Array
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 

@@ -15,15 +15,13 @@ import jax
 import jax.numpy as jnp
 
 from taskspec.backends.jax.gymnax import Gymnax
-from taskspec.backends.jax.pack import acted, observed
 from taskspec.backends.jax.params import OpenParameters
-from taskspec.backends.jax.program import JaxProgram, State, StepResult, compile_jax
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.backends.jax.program import JaxProgram, State, StepResult, acted, compile_jax, observed
+from taskspec.base.arrays import AnyArray
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.registry import load
 from taskspec.task.derived import build_varying
 from taskspec.task.task import Task, TaskLike
-
-Array = Any
 
 
 class Functional:
@@ -55,14 +53,14 @@ class Functional:
 
     # -- one environment ------------------------------------------------------------------------------------------
 
-    def reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
+    def reset(self, key: AnyArray, params: Any = None) -> tuple[Any, State]:
         """The first observation and state of a key: `jax.random.key(seed)`, or its uint32 words (2,)."""
         observation, state = self.lanes_reset(key_words(key)[:, None], params)
         return _single(observation), _single(state)
 
     def step(
-        self, state: State, action: Array, params: Any = None
-    ) -> tuple[Any, State, Array, Array, dict[str, Array]]:
+        self, state: State, action: AnyArray, params: Any = None
+    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
         """Observation, state, reward, done and info of a step; an episode that ends begins anew (autoreset).
 
         info holds "terminated", "truncated", and "final_observation", that of the step itself.
@@ -77,8 +75,8 @@ class Functional:
         return _single(observation), _single(state), result.reward[0], done, info
 
     def step_env(
-        self, state: State, action: Array, params: Any = None
-    ) -> tuple[Any, State, Array, Array, dict[str, Array]]:
+        self, state: State, action: AnyArray, params: Any = None
+    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]:
         """A step without autoreset; info holds "terminated" and "truncated"."""
         program = self.program
         action = acted(program.action, jnp.asarray(action)[..., None])
@@ -103,7 +101,7 @@ class Functional:
 
     # -- many environments, lanes last ----------------------------------------------------------------------------
 
-    def lanes_reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
+    def lanes_reset(self, key: AnyArray, params: Any = None) -> tuple[Any, State]:
         """First observations (*shape, N) and states of keys: uint32 (2, N), high and low words of the seeds.
 
         Parameters are numbers, or arrays (N,).
@@ -111,14 +109,14 @@ class Functional:
         state, seen = self.program.reset(key, self._open.values(params))
         return observed(self.program.observation, seen), state
 
-    def lanes_step(self, state: State, action: Array, params: Any = None) -> tuple[Any, State, StepResult]:
+    def lanes_step(self, state: State, action: AnyArray, params: Any = None) -> tuple[Any, State, StepResult]:
         """A step of every lane with autoreset; actions are (*shape, N). The result holds the observations before it."""
         given = self._open.values(params)
         after, result = self._stepped(state, acted(self.program.action, action), given)
         following, seen = self.program.again(after, result, given)
         return observed(self.program.observation, seen), following, result
 
-    def _stepped(self, state: State, action: Any, given: tuple[Array, ...]) -> tuple[State, StepResult]:
+    def _stepped(self, state: State, action: Any, given: tuple[AnyArray, ...]) -> tuple[State, StepResult]:
         after, result = self.program.step(state, action, given)
         return after, result._replace(reward=self._open.paid(result.reward, given))
 
@@ -132,7 +130,7 @@ def _one_hot(task: Task) -> Task:
     return replace(task, observation=replace(task.observation, space="one_hot"))
 
 
-def key_words(key: Array) -> Array:
+def key_words(key: AnyArray) -> AnyArray:
     """The two uint32 words of a key, high word first; of longer keys than Threefry's, the first two."""
     if jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
         key = jax.random.key_data(key)

@@ -9,12 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from taskspec.backends.jax.program import JaxProgram, State
-from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.extras import need
+from taskspec.base.arrays import AnyArray
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.extras import need
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout, single
 from taskspec.task.task import Component, Task
-
-Array = Any
 
 
 class Functions(Protocol):
@@ -26,11 +25,13 @@ class Functions(Protocol):
 
     @property
     def name(self) -> str: ...
-    def reset(self, key: Array, params: Any) -> tuple[Any, State]: ...
-    def step(self, state: State, action: Array, params: Any) -> tuple[Any, State, Array, Array, dict[str, Array]]: ...
+    def reset(self, key: AnyArray, params: Any) -> tuple[Any, State]: ...
+    def step(
+        self, state: State, action: AnyArray, params: Any
+    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]: ...
     def step_env(
-        self, state: State, action: Array, params: Any
-    ) -> tuple[Any, State, Array, Array, dict[str, Array]]: ...
+        self, state: State, action: AnyArray, params: Any
+    ) -> tuple[Any, State, AnyArray, AnyArray, dict[str, AnyArray]]: ...
 
 
 class Gymnax:
@@ -55,13 +56,13 @@ class Gymnax:
         self.name = functional.name
         self.default_params: Any = functional.default_params
 
-    def reset(self, key: Array, params: Any = None) -> tuple[Any, State]:
+    def reset(self, key: AnyArray, params: Any = None) -> tuple[Any, State]:
         seen, state = self._functional.reset(key, params)
         return _from_zero(self._seen, seen), state
 
     reset_env = reset
 
-    def step(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
+    def step(self, key: AnyArray, state: State, action: AnyArray, params: Any = None) -> Any:
         """Observation, state, reward, terminated, truncated, info; with autoreset.
 
         info holds "terminated", "truncated", and "final_observation", that of the step itself.
@@ -70,16 +71,16 @@ class Gymnax:
         info["final_observation"] = _from_zero(self._seen, info["final_observation"])
         return _from_zero(self._seen, seen), following, reward, info["terminated"], info["truncated"], info
 
-    def step_env(self, key: Array, state: State, action: Array, params: Any = None) -> Any:
+    def step_env(self, key: AnyArray, state: State, action: AnyArray, params: Any = None) -> Any:
         """Observation, state, reward, terminated, info; without autoreset and horizon."""
         seen, following, reward, _, info = self._functional.step_env(state, self._action(action), params)
         return _from_zero(self._seen, seen), following, reward, info["terminated"], info
 
-    def is_truncated(self, state: State, params: Any = None) -> Array:
+    def is_truncated(self, state: State, params: Any = None) -> AnyArray:
         """Whether the horizon is reached."""
         return state.time >= self.default_params.max_steps_in_episode
 
-    def _action(self, action: Array) -> Array:
+    def _action(self, action: AnyArray) -> AnyArray:
         if self._flat:
             return jnp.stack(jnp.unravel_index(action, self._acted.counts), -1)
         return action + self._acted.starts[0] if self._acted.form == "discrete" else action

@@ -14,13 +14,13 @@ from typing import Any
 import jax.numpy as jnp
 from jax import lax
 
+from taskspec.base.arrays import AnyArray
 from taskspec.draws import GAMMA_WORDS, poisson_terms
 from taskspec.draws.polynomials import LN2, LN2_HIGH, LN2_LOW, LOG2E, C, E, L, S
 from taskspec.draws.threefry import PARITY, ROTATIONS
 from taskspec.draws.variates import LARGEST_ALPHA, LEAST, SMALLEST_ALPHA
-from taskspec.lang.arrays import Runtime
+from taskspec.lang.batch import Runtime
 
-Array = Any
 xp: Any = jnp
 """What entries of `taskspec.lang.variates` compute with."""
 BIAS = 1 << 31
@@ -34,7 +34,7 @@ CHAIN = 32
 # -- words --------------------------------------------------------------------------------------------------------
 
 
-def threefry(k0: Array, k1: Array, c0: Array, c1: Array) -> tuple[Array, Array]:
+def threefry(k0: AnyArray, k1: AnyArray, c0: AnyArray, c1: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Threefry-2x32-20, elementwise on uint32 arrays."""
     keys = (k0, k1, k0 ^ k1 ^ jnp.uint32(PARITY))
     x0, x1 = c0 + k0, c1 + k1
@@ -50,9 +50,9 @@ def threefry(k0: Array, k1: Array, c0: Array, c1: Array) -> tuple[Array, Array]:
 class RandomWords:
     """The random words of a phase for many lanes: word k is half k & 1 of block k >> 1."""
 
-    def __init__(self, k0: Array, k1: Array, n: Array, phase: int, count: int) -> None:
-        self._blocks: list[tuple[Array, Array]] = []
-        self._rows: tuple[Array, Array] | None = None
+    def __init__(self, k0: AnyArray, k1: AnyArray, n: AnyArray, phase: int, count: int) -> None:
+        self._blocks: list[tuple[AnyArray, AnyArray]] = []
+        self._rows: tuple[AnyArray, AnyArray] | None = None
         slots = (count + 1) >> 1
         if slots <= UNROLLED:
             self._blocks = [threefry(k0, k1, n, jnp.uint32(phase + slot)) for slot in range(slots)]
@@ -60,15 +60,15 @@ class RandomWords:
             slot = jnp.arange(slots, dtype=jnp.uint32)[:, None] + jnp.uint32(phase)
             self._rows = threefry(k0, k1, n, slot)
 
-    def word(self, k: int) -> Array:
+    def word(self, k: int) -> AnyArray:
         """Word k of every lane: uint32 (N,)."""
         return self._blocks[k >> 1][k & 1] if self._rows is None else self._rows[k & 1][k >> 1]
 
-    def signed(self, k: int) -> Array:
+    def signed(self, k: int) -> AnyArray:
         """Word k less 2**31, as int32."""
         return lax.bitcast_convert_type(self.word(k) ^ jnp.uint32(BIAS), jnp.int32)
 
-    def rows(self, first: int, count: int) -> Array:
+    def rows(self, first: int, count: int) -> AnyArray:
         """Words first, first + 1, ...: uint32 (count, N)."""
         if self._rows is None or first & 1:
             return jnp.stack([self.word(first + k) for k in range(count)])
@@ -79,11 +79,11 @@ class RandomWords:
 # -- float32 polynomials ------------------------------------------------------------------------------------------
 
 
-def _bits(x: Array) -> Array:
+def _bits(x: AnyArray) -> AnyArray:
     return lax.bitcast_convert_type(x, jnp.int32)
 
 
-def _real(bits: Array) -> Array:
+def _real(bits: AnyArray) -> AnyArray:
     return lax.bitcast_convert_type(bits, jnp.float32)
 
 
@@ -96,15 +96,15 @@ class Rounding:
     only where they are, too.
     """
 
-    def __init__(self, words: Array) -> None:
+    def __init__(self, words: AnyArray) -> None:
         square = words * words
         zero = square & (square >> 2) & 1
         self._zero = lax.bitcast_convert_type(zero ^ jnp.uint32(1 << 31), jnp.float32)
 
-    def __call__(self, x: Array) -> Array:
+    def __call__(self, x: AnyArray) -> AnyArray:
         return x + self._zero
 
-    def horner(self, z: Array, coefficients: Sequence[Any]) -> Array:
+    def horner(self, z: AnyArray, coefficients: Sequence[Any]) -> AnyArray:
         """The polynomial in z with these coefficients, the constant first."""
         *rest, value = coefficients
         for c in reversed(rest):
@@ -112,19 +112,19 @@ class Rounding:
         return value
 
 
-def _split(x: Array, rounded: Rounding) -> tuple[Array, Array]:
+def _split(x: AnyArray, rounded: Rounding) -> tuple[AnyArray, AnyArray]:
     bits = _bits(x) - jnp.int32(0x3F3504F3)
     m = _real((bits & jnp.int32(0x007FFFFF)) + jnp.int32(0x3F3504F3))
     s = (m - 1) / (m + 1)
     return bits >> 23, rounded(s * rounded.horner(s * s, (2, *L)))
 
 
-def log(x: Array, rounded: Rounding) -> Array:
+def log(x: AnyArray, rounded: Rounding) -> AnyArray:
     e, log_m = _split(x, rounded)
     return rounded(e.astype(jnp.float32) * LN2) + log_m
 
 
-def exp(x: Array, rounded: Rounding) -> Array:
+def exp(x: AnyArray, rounded: Rounding) -> AnyArray:
     y = jnp.minimum(jnp.maximum(x, -87), 88)
     k = jnp.rint(y * LOG2E)
     f = (y - k * LN2_HIGH) - rounded(k * LN2_LOW)
@@ -132,18 +132,18 @@ def exp(x: Array, rounded: Rounding) -> Array:
     return jnp.where(x < -87, 0, (rounded((f * f) * rounded.horner(f, E)) + f + 1) * power)
 
 
-def uniforms(words: Array) -> Array:
+def uniforms(words: AnyArray) -> AnyArray:
     return (words >> 8).astype(jnp.int32).astype(jnp.float32) * 2**-24
 
 
-def exponentials(words: Array, rounded: Rounding | None = None) -> Array:
+def exponentials(words: AnyArray, rounded: Rounding | None = None) -> AnyArray:
     rounded = rounded or Rounding(words)
     v = (~words >> 1).astype(jnp.int32).astype(jnp.float32) + 0.5
     e, log_m = _split(v, rounded)
     return rounded((31 - e).astype(jnp.float32) * LN2) - log_m
 
 
-def normal_pair(radius: Array, angle: Array) -> tuple[Array, Array]:
+def normal_pair(radius: AnyArray, angle: AnyArray) -> tuple[AnyArray, AnyArray]:
     rounded = Rounding(radius)
     r = jnp.sqrt(exponentials(radius, rounded) * 2)
     x = lax.bitcast_convert_type(angle << 1, jnp.int32).astype(jnp.float32) * 2**-31
@@ -156,16 +156,16 @@ def normal_pair(radius: Array, angle: Array) -> tuple[Array, Array]:
 # -- variates: those of `taskspec.draws`, with the lanes last ------------------------------------------------------
 
 
-def normals(words: Array, n: int) -> Array:
+def normals(words: AnyArray, n: int) -> AnyArray:
     a, b = normal_pair(words[0::2], words[1::2])
     return jnp.stack([a, b], 1).reshape(-1, a.shape[-1])[:n]
 
 
-def bernoullis(words: Array, p: Array) -> Array:
+def bernoullis(words: AnyArray, p: AnyArray) -> AnyArray:
     return uniforms(words) < p
 
 
-def indices(words: Array, n: Array) -> Array:
+def indices(words: AnyArray, n: AnyArray) -> AnyArray:
     """(word * n) >> 32 in 32 bits, for 0 < n < 2**31: from products of 16-bit halves."""
     n = jnp.asarray(n).astype(jnp.uint32)
     (a, b), (c, d) = (words >> 16, words & 0xFFFF), (n >> 16, n & 0xFFFF)
@@ -174,13 +174,13 @@ def indices(words: Array, n: Array) -> Array:
     return (a * c + (middle >> 16) + (low >> 16)).astype(jnp.int32)
 
 
-def categoricals(words: Array, thresholds: Array) -> Array:
+def categoricals(words: AnyArray, thresholds: AnyArray) -> AnyArray:
     """How many of the ascending thresholds (uint32) are at most the word."""
     found = jnp.searchsorted(thresholds, words.reshape(-1), side="right")
     return found.astype(jnp.int32).reshape(words.shape)
 
 
-def weighted_categoricals(words: Array, weights: Array) -> Array:
+def weighted_categoricals(words: AnyArray, weights: AnyArray) -> AnyArray:
     """Outcomes in proportion to weights (k, ...)."""
     rounded = Rounding(words[0])  # XLA adds up constants first
     partial = [jnp.where(weights[0] > 0, weights[0], 0)]
@@ -191,7 +191,7 @@ def weighted_categoricals(words: Array, weights: Array) -> Array:
     return sum(reached, jnp.zeros(target.shape, jnp.int32))
 
 
-def poissons(words: Array, rate: Array, bound: float) -> Array:
+def poissons(words: AnyArray, rate: AnyArray, bound: float) -> AnyArray:
     """Counts at rates (...) of at most `bound`, each shared among its words (k, ...)."""
     rounded = Rounding(words[:1])
     share = jnp.minimum(jnp.where(rate > 0, rate, 0), bound)[None] / rounded(jnp.float32(len(words)))
@@ -206,11 +206,11 @@ def poissons(words: Array, rate: Array, bound: float) -> Array:
     return counts.sum(axis=0)
 
 
-def permutations(words: Array) -> Array:
+def permutations(words: AnyArray) -> AnyArray:
     return jnp.argsort(words, axis=0, stable=True).astype(jnp.int32)
 
 
-def dirichlets(words: Array, alphas: Array) -> Array:
+def dirichlets(words: AnyArray, alphas: AnyArray) -> AnyArray:
     """Gamma variates over their sum, in logarithms."""
     value, shrink, rounded = _gamma_parts(words, alphas)
     ratio = jnp.maximum(value / value.max(axis=0), LEAST)
@@ -223,13 +223,13 @@ def dirichlets(words: Array, alphas: Array) -> Array:
     return jnp.where(shares > LEAST, shares, 0)
 
 
-def gammas(words: Array, alphas: Array) -> Array:
+def gammas(words: AnyArray, alphas: AnyArray) -> AnyArray:
     value, shrink, rounded = _gamma_parts(words, alphas)
     found = rounded(value * rounded(exp(-shrink, rounded)))
     return jnp.where(found > LEAST, found, 0)
 
 
-def _gamma_parts(words: Array, alphas: Array) -> tuple[Array, Array, Rounding]:
+def _gamma_parts(words: AnyArray, alphas: AnyArray) -> tuple[AnyArray, AnyArray, Rounding]:
     """g and s of gamma variates g exp(-s) by Marsaglia and Tsang, and what rounds for them."""
     words = words.reshape(-1, GAMMA_WORDS, words.shape[-1])
     alpha = jnp.where(alphas > SMALLEST_ALPHA, alphas, SMALLEST_ALPHA)
@@ -246,7 +246,7 @@ def _gamma_parts(words: Array, alphas: Array) -> tuple[Array, Array, Rounding]:
     return value, jnp.where(small, exponentials(words[:, 8]) / rounded(alpha), 0), rounded
 
 
-def _attempt(x: Array, word: Array, d: Array, scale: Array, rounded: Rounding) -> tuple[Array, Array]:
+def _attempt(x: AnyArray, word: AnyArray, d: AnyArray, scale: AnyArray, rounded: Rounding) -> tuple[AnyArray, AnyArray]:
     root = rounded(x * scale) + 1
     positive = root > 0
     root = jnp.where(positive, root, 1)
@@ -264,7 +264,7 @@ class JaxRuntime(Runtime):
     def __init__(self) -> None:
         super().__init__(jnp, jnp.int32, jnp.float32)
 
-    def look_up(self, table: Array, i: Array, axis: int) -> Array:
+    def look_up(self, table: AnyArray, i: AnyArray, axis: int) -> AnyArray:
         """Cells of a constant table at the indices i (N,): (N,), or (k, N) for a table (k, n)."""
         if table.shape[-1] > CHAIN:
             return jnp.take(table, i, axis=axis, mode="clip")
@@ -272,50 +272,50 @@ class JaxRuntime(Runtime):
             return _chain([table[k] for k in range(len(table))], i)
         return jnp.stack([self.look_up(row, i, 0) for row in table])
 
-    def index(self, x: Array, i: Array) -> Array:
+    def index(self, x: AnyArray, i: AnyArray) -> AnyArray:
         if x.ndim != 2 or i.ndim != 1 or x.shape[0] > CHAIN:
             return super().index(x, i)
         return _chain(list(x), i)
 
-    def as_real(self, x: Array) -> Array:
+    def as_real(self, x: AnyArray) -> AnyArray:
         """For XLA the product of a converted condition is 0 wherever the condition fails, times infinity and nan as well."""
         x = jnp.asarray(x)
         return jnp.where(x, self.real(1), self.real(0)) if x.dtype.kind == "b" else x.astype(self.real)
 
-    def cumsum(self, x: Array) -> Array:
+    def cumsum(self, x: AnyArray) -> AnyArray:
         """Without the 0.0 that JAX's own begins with, and left to right where that is not too long."""
         if x.shape[0] > CHAIN:
             return lax.associative_scan(jnp.add, x, axis=0)
         return jnp.stack(list(accumulate(x)))
 
-    def argsort(self, x: Array) -> Array:
+    def argsort(self, x: AnyArray) -> AnyArray:
         """Stable without being told so, which NumPy 1 and JAX have different words for."""
         return jnp.argsort(x, axis=0).astype(self.int)
 
-    def floordiv(self, a: Array, b: Array) -> Array:
+    def floordiv(self, a: AnyArray, b: AnyArray) -> AnyArray:
         """Zeros with the sign of the quotient, as C and Python have them."""
         floor = super().floordiv(a, b)
         if floor.dtype.kind != "f":
             return floor
         return jnp.where(floor == 0, jnp.copysign(0.0, jnp.copysign(1.0, a) * jnp.copysign(1.0, b)), floor)
 
-    def mod(self, a: Array, b: Array) -> Array:
+    def mod(self, a: AnyArray, b: AnyArray) -> AnyArray:
         """Zeros with the sign of the divisor."""
         rest = super().mod(a, b)
         return jnp.where(rest == 0, jnp.copysign(0.0, b), rest) if rest.dtype.kind == "f" else rest
 
-    def put(self, x: Array, i: Array, value: Array) -> Array:
+    def put(self, x: AnyArray, i: AnyArray, value: AnyArray) -> AnyArray:
         """Row by row, so that XLA sees what each row is made of; else it works out all of them for every use of one."""
         if x.ndim != 2 or x.shape[0] > CHAIN:
             return super().put(x, i, value)
         return jnp.stack([jnp.where(i == k, value, row) for k, row in enumerate(x)])
 
-    def swap(self, x: Array, i: Array, j: Array) -> Array:
+    def swap(self, x: AnyArray, i: AnyArray, j: AnyArray) -> AnyArray:
         at_i, at_j = self.index(x, i), self.index(x, j)
         return self.put(self.put(x, i, at_j), j, at_i)
 
 
-def _chain(cells: Sequence[Array], i: Array) -> Array:
+def _chain(cells: Sequence[AnyArray], i: AnyArray) -> AnyArray:
     picked = jnp.broadcast_to(cells[-1], jnp.broadcast_shapes(cells[-1].shape, i.shape))
     for k, cell in enumerate(cells[:-1]):
         picked = jnp.where(i == k, cell, picked)

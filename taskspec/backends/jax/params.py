@@ -14,11 +14,11 @@ import numpy as np
 from jax.custom_batching import custom_vmap
 
 from taskspec.backends.jax.program import compile_required
-from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.arrays import AnyArray
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.lang.types import INT_MAX
 from taskspec.task.task import Parameter, Task
 
-Array = Any
 _DTYPES = {"int": jnp.int32, "real": jnp.float32}
 
 
@@ -30,7 +30,7 @@ class OpenParameters:
     bound: tuple[str, ...] = ()
     key: str = ""
     messages: tuple[str, ...] = ()
-    conditions: Callable[..., tuple[Array, ...]] = field(default=lambda *given: (), compare=False, repr=False)
+    conditions: Callable[..., tuple[AnyArray, ...]] = field(default=lambda *given: (), compare=False, repr=False)
 
     @classmethod
     def of(cls, task: Task, varying: tuple[Parameter, ...]) -> OpenParameters:
@@ -50,18 +50,18 @@ class OpenParameters:
         """
         return _params(self)(INT_MAX if task.horizon is None else task.horizon, *(p.value for p in self.varying))
 
-    def values(self, params: Any) -> tuple[Array, ...]:
+    def values(self, params: Any) -> tuple[AnyArray, ...]:
         """The parameters as arrays (N,) or (1,), lanes last; those that the task was loaded with where none are given."""
         given: Mapping[str, Any] = {p.name: p.value for p in self.varying} if params is None else params._asdict()
         return tuple(jnp.atleast_1d(jnp.asarray(given[p.name], _DTYPES[p.kind])) for p in self.varying)
 
-    def paid(self, reward: Array, given: Sequence[Array]) -> Array:
+    def paid(self, reward: AnyArray, given: Sequence[AnyArray]) -> AnyArray:
         """The reward (N,), nan where the spec does not allow the parameters: all that can be done once a program is compiled."""
         for allowed in (*self._ranges(given), *self.conditions(*given)):
             reward = jnp.where(allowed, reward, jnp.nan)
         return reward
 
-    def _ranges(self, given: Sequence[Array]) -> Iterator[Array]:
+    def _ranges(self, given: Sequence[AnyArray]) -> Iterator[AnyArray]:
         for p, value in zip(self.varying, given, strict=True):
             if p.low is not None:
                 yield value >= jnp.asarray(p.low, value.dtype)
@@ -75,7 +75,7 @@ class OpenParameters:
             if known is not None and not known.all():
                 raise SpecError([Diagnostic("E704", None, f"{message} ({self._told(params, known)})")])
 
-    def _told(self, params: Any, holds: Array) -> str:
+    def _told(self, params: Any, holds: AnyArray) -> str:
         """The first values of which something does not hold, where there is one for each of its own; else all of them."""
         found = []
         for p in self.varying:
@@ -126,18 +126,18 @@ def _refused(name: str, opened: OpenParameters) -> Diagnostic:
     return Diagnostic("E713", None, f"{name} is bound when the task is loaded", hint)
 
 
-def _known(value: Any) -> Array | None:
+def _known(value: Any) -> AnyArray | None:
     """A value as an array, with all lanes of what is mapped over by `vmap`; None where it is not known before a program runs."""
     if not isinstance(value, jax.core.Tracer):
         return np.asarray(value)
     seen: list[Any] = []
 
     @custom_vmap
-    def look(one: Array) -> Array:
+    def look(one: AnyArray) -> AnyArray:
         return one
 
     @look.def_vmap
-    def lanes(size: int, mapped: list[bool], every: Array) -> tuple[Array, bool]:
+    def lanes(size: int, mapped: list[bool], every: AnyArray) -> tuple[AnyArray, bool]:
         seen.append(every)
         return (look(every) if isinstance(every, jax.core.Tracer) else every), mapped[0]  # of `vmap` within `vmap`
 

@@ -1,4 +1,4 @@
-"""The JAX program: a task as pure functions of arrays, lanes last, to be jitted, scanned and run on a GPU."""
+"""The JAX program: a task as pure functions of arrays, lanes last, and Gymnasium's layout of its values."""
 
 from __future__ import annotations
 
@@ -11,26 +11,65 @@ import jax.numpy as jnp
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends.emit.arrayform import ArrayForm, arrays
+from taskspec.backends.emit.array import ArrayForm, arrays
 from taskspec.backends.emit.source import run, tuple_of
 from taskspec.backends.jax import library
-from taskspec.backends.jax.pack import DTYPES
 from taskspec.backends.lowering.hoist import compared, word_names
 from taskspec.backends.lowering.tabulate import folded
-from taskspec.diagnostics import Diagnostic, SpecError
+from taskspec.base.arrays import AnyArray
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.lang.interval import rounded, single_step
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, plain, reads, walk
 from taskspec.lang.operators import Operator
-from taskspec.lang.ranges import INF, Range
-from taskspec.lang.types import INT_MAX, Kind
+from taskspec.lang.types import INF, INT_MAX, Kind, Range
 from taskspec.lang.variates import VARIATES
-from taskspec.lang.variates.layout import WordLayout, words_of
-from taskspec.task.reach import over, reach
-from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
+from taskspec.lang.variates.sample import WordLayout, words_of
+from taskspec.task.reach import over, reach, widest
+from taskspec.task.spaces import Segment, SpaceLayout, action_layout, observation_layout
 from taskspec.task.task import Component, Task
-from taskspec.task.widths import widest
 
-Array = Any
+# ---------- pack
+# Observations and actions of the JAX program as Gymnasium lays them out, lanes last.
+
+DTYPES: dict[Kind, Any] = {Kind.BOOL: jnp.bool_, Kind.INT: jnp.int32, Kind.REAL: jnp.float32}
+
+
+def observed(layout: SpaceLayout, seen: Sequence[AnyArray]) -> Any:
+    """Components (*shape, N) as one array (*shape, N), float32 or int32; a dict for dict spaces."""
+    rows: list[list[AnyArray]] = [[] for _ in layout.parts]
+    for segment in layout.segments:
+        dtype = jnp.int32 if layout.parts[segment.part].is_whole else jnp.float32
+        rows[segment.part].append(_numbers(segment, seen[segment.component]).astype(dtype))
+    lanes = seen[0].shape[-1]
+    made = [jnp.concatenate(r).reshape(*p.shape, lanes) for p, r in zip(layout.parts, rows, strict=True)]
+    return {p.name: a for p, a in zip(layout.parts, made, strict=True)} if layout.is_dict else made[0]
+
+
+def _numbers(segment: Segment, value: AnyArray) -> AnyArray:
+    """The rows of a segment, (size, N)."""
+    flat = value.reshape(-1, value.shape[-1])
+    if segment.values is not None:
+        return flat[segment.element][None].astype(jnp.int32) == jnp.array(segment.values)[:, None]
+    return flat.astype(jnp.int32) - jnp.array(segment.starts, jnp.int32)[:, None] if segment.starts else flat
+
+
+def acted(layout: SpaceLayout, action: AnyArray) -> tuple[AnyArray, ...]:
+    """An action (*shape, N) as Gymnasium gives it, as components (*shape, N)."""
+    parts, given = [], jnp.asarray(action)
+    given = given.reshape(-1, given.shape[-1])
+    for c, segment in zip(layout.components, layout.segments, strict=True):
+        rows = given[segment.first : segment.first + segment.size]
+        if segment.starts:
+            rows = rows.astype(jnp.int32) + jnp.array(segment.starts, jnp.int32)[:, None]
+        elif c.type.kind is not Kind.REAL and not layout.parts[segment.part].is_whole:
+            rows = jnp.rint(rows)
+        parts.append(rows.astype(DTYPES[c.type.kind]).reshape(*c.type.shape, rows.shape[-1]))
+    return tuple(parts)
+
+
+# ---------- program
+# The JAX program: a task as pure functions of arrays, lanes last, to be jitted, scanned and run on a GPU.
+
 LONG = 1 << 30
 """A count without bounds, and a Poisson draw, are taken to stay below this, unless they begin above."""
 
@@ -42,20 +81,20 @@ class State(NamedTuple):
     `episodes` count since the lane was seeded, `time` since its episode began.
     """
 
-    values: tuple[Array, ...]
-    time: Array
-    steps: Array
-    episodes: Array
-    key: Array
+    values: tuple[AnyArray, ...]
+    time: AnyArray
+    steps: AnyArray
+    episodes: AnyArray
+    key: AnyArray
 
 
 class StepResult(NamedTuple):
     """What a step gives, lanes last: observation components, float32 reward, and two flags."""
 
-    observation: tuple[Array, ...]
-    reward: Array
-    terminated: Array
-    truncated: Array
+    observation: tuple[AnyArray, ...]
+    reward: AnyArray
+    terminated: AnyArray
+    truncated: AnyArray
 
 
 @dataclass(frozen=True)
@@ -71,7 +110,7 @@ class JaxProgram:
     _start_words: int
     _step_words: int
 
-    def reset(self, key: Array, given: Sequence[Array] = ()) -> tuple[State, tuple[Array, ...]]:
+    def reset(self, key: AnyArray, given: Sequence[AnyArray] = ()) -> tuple[State, tuple[AnyArray, ...]]:
         """The first state of lanes with the given keys, uint32 (2, N), and what is observed of it.
 
         `given` are parameters that the task leaves open, (N,) or (1,), in alphabetical order; so in all that follows.
@@ -79,7 +118,7 @@ class JaxProgram:
         zero = jnp.zeros(key.shape[-1], jnp.uint32)
         return self.begin(State((), zero.astype(jnp.int32), zero, zero, key), given)
 
-    def begin(self, state: State, given: Sequence[Array] = ()) -> tuple[State, tuple[Array, ...]]:
+    def begin(self, state: State, given: Sequence[AnyArray] = ()) -> tuple[State, tuple[AnyArray, ...]]:
         """The first state of the next episode of every lane."""
         high, low = state.key
         words = library.RandomWords(low, high, state.episodes, draws.RESET, self._start_words)
@@ -89,7 +128,9 @@ class JaxProgram:
         seen = tuple(_full(v, c, lanes) for v, c in zip(seen, self.observation.components, strict=True))
         return State(values, jnp.zeros_like(state.time), state.steps, state.episodes + jnp.uint32(1), state.key), seen
 
-    def step(self, state: State, action: Sequence[Array], given: Sequence[Array] = ()) -> tuple[State, StepResult]:
+    def step(
+        self, state: State, action: Sequence[AnyArray], given: Sequence[AnyArray] = ()
+    ) -> tuple[State, StepResult]:
         """A step of every lane, without autoreset. `action` has one array (*shape, N) for each component."""
         high, low = state.key
         words = library.RandomWords(low, high, state.steps, draws.STEP, self._step_words)
@@ -107,7 +148,9 @@ class JaxProgram:
         )
         return State(values, time, state.steps + jnp.uint32(1), state.episodes, state.key), result
 
-    def again(self, state: State, result: StepResult, given: Sequence[Array] = ()) -> tuple[State, tuple[Array, ...]]:
+    def again(
+        self, state: State, result: StepResult, given: Sequence[AnyArray] = ()
+    ) -> tuple[State, tuple[AnyArray, ...]]:
         """The state and the observation after a step, begun anew where the episode has ended."""
         ended = result.terminated | result.truncated
         fresh, seen = self.begin(state, given)
@@ -117,7 +160,7 @@ class JaxProgram:
         return State(values, time, state.steps, episodes, state.key), shown
 
 
-def _full(value: Any, c: Component, lanes: tuple[int, ...]) -> Array:
+def _full(value: Any, c: Component, lanes: tuple[int, ...]) -> AnyArray:
     dtype = DTYPES[c.type.kind]
     return jnp.broadcast_to(jnp.asarray(value, dtype), (*c.type.shape, *lanes))
 
@@ -161,7 +204,7 @@ def compile_jax(task: Task) -> JaxProgram:
     )
 
 
-def compile_required(task: Task) -> Callable[..., tuple[Array, ...]]:
+def compile_required(task: Task) -> Callable[..., tuple[AnyArray, ...]]:
     """The conditions on the parameters that a task leaves open, (N,) or (1,), of these parameters in alphabetical order."""
     constants: dict[str, Any] = {}
     body, values = _emit(task, [node for node, _ in task.required], task.reset_words, constants)

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
-from taskspec.backends.lowering.invariant import WIDE
-from taskspec.draws.stream import stream
+from taskspec.backends.lowering.hoist import WIDE
+from taskspec.draws.variates import stream
 from taskspec.lang import batch
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import Kind, Type
-from taskspec.lang.variates.layout import WordLayout, words_of
-from taskspec.lang.variates.sample import batch_sampler
+from taskspec.lang.variates.sample import WordLayout, batch_sampler, words_of
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 

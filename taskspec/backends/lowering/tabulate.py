@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.lang import batch
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
@@ -99,7 +100,7 @@ def _key(read: Read) -> tuple[Role, str]:
     return (read.role, read.name)
 
 
-def _values(read: Read, place: batch.Array) -> batch.Array:
+def _values(read: Read, place: Array) -> Array:
     if read.type.kind is Kind.BOOL:
         return place.astype(np.bool_)
     return place + int(read.low)

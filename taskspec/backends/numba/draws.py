@@ -12,7 +12,7 @@ import numpy as np
 from numba import types
 from numba.extending import intrinsic
 
-from taskspec.backends.numba.basics import as_f32, as_i32, f32, f32s, f64, i32, i64, inner, select, u32, u32s, u64
+from taskspec.backends.numba.runtime import as_f32, as_i32, f32, f32s, f64, i32, i64, inner, select, u32, u32s, u64
 from taskspec.draws.threefry import PARITY, ROTATIONS
 from taskspec.draws.variates import LARGEST_ALPHA, LEAST, SMALLEST_ALPHA
 

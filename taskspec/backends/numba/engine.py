@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from taskspec.backends.actions import BadActionError, array_of
-from taskspec.backends.buffers import Array, Buffers
-from taskspec.backends.episodes import Episodes
-from taskspec.backends.numba.kernelmemory import BAD, CHECK, CHECKED_STEP, GAP, RESET, STEP, WHAT, Program
-from taskspec.backends.numba.kernelstep import generate
+from taskspec.backends.buffers import Buffers
 from taskspec.backends.numba.loading import LoadedKernel, Run, load
-from taskspec.backends.vector import LanesNotRunningError, Mode, Options
+from taskspec.backends.numba.loops import BAD, CHECK, CHECKED_STEP, GAP, RESET, STEP, WHAT, Program
+from taskspec.backends.numba.step import generate
+from taskspec.backends.vector import Episodes, LanesNotRunningError, Mode, Options
+from taskspec.base.arrays import Array
 from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
 

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.backends.emit.lane import LaneEmitter
-from taskspec.backends.emit.lanevalues import LaneValue
+from taskspec.backends.emit.lane import LaneEmitter, LaneValue
 from taskspec.backends.emit.source import literal
-from taskspec.lang.arrays import network
+from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, plain, walk
 from taskspec.lang.operators import Operator
 from taskspec.lang.operators.structure import strided

@@ -18,19 +18,17 @@ from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import llvmlite.binding as llvm
-import numpy as np
 
 from taskspec.backends.numba import store
 from taskspec.backends.numba.store import KernelStore
 from taskspec.backends.numba.target import target_machine
-from taskspec.diagnostics import Diagnostic, SpecError
-from taskspec.limits import how_to_raise, limits
-from taskspec.visible import visible
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.display import visible
+from taskspec.base.limits import how_to_raise, limits
 
-Array = np.ndarray[Any, Any]
 RATE, LONG = 5000, 20
 """Characters of a kernel that are compiled in a second, nominally; and seconds that are worth a line of warning."""
 _LIBRARY = ("basics", "compile", "draws", "lanes", "operators", "target")

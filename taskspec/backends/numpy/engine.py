@@ -14,19 +14,18 @@ import numpy as np
 
 from taskspec.backends.actions import reader
 from taskspec.backends.ahead import Ahead, Ready, evaluated
-from taskspec.backends.buffers import Array, Buffers, Values
-from taskspec.backends.emit.arrayform import UFUNCS, arrays
+from taskspec.backends.buffers import Buffers, Values
+from taskspec.backends.emit.array import UFUNCS, arrays
 from taskspec.backends.emit.source import run
-from taskspec.backends.episodes import Episodes
 from taskspec.backends.lowering.hoist import Hoisted, hoist
 from taskspec.backends.lowering.tabulate import tabulate
-from taskspec.backends.numpy.arraystep import Again, generate, never
-from taskspec.backends.numpy.runtimes import RUNTIME
-from taskspec.backends.vector import LanesNotRunningError, Mode, Options
+from taskspec.backends.numpy.step import RUNTIME, Again, generate, never
+from taskspec.backends.vector import Episodes, LanesNotRunningError, Mode, Options
+from taskspec.base.arrays import Array
 from taskspec.lang import batch
 from taskspec.lang.ir import Node
 from taskspec.lang.ir import draws as draws_below
-from taskspec.lang.variates.layout import WordLayout
+from taskspec.lang.variates.sample import WordLayout
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
 from taskspec.task.task import Task
 

@@ -7,14 +7,21 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec.backends.emit.lane import LaneEmitter
-from taskspec.backends.emit.lanevalues import LaneValue
+from taskspec.backends.emit.lane import LaneEmitter, LaneValue
 from taskspec.backends.emit.source import without_unused
-from taskspec.backends.lowering.invariant import Invariants, frozen_components
+from taskspec.backends.lowering.hoist import Invariants, frozen_components
 from taskspec.backends.lowering.phase import Phase
-from taskspec.backends.scalar.emit_action import names_of, read_action
-from taskspec.backends.scalar.emit_info import flat_state, has_rows, info, is_kept, old_state, told_state
-from taskspec.backends.scalar.emit_observation import observe
+from taskspec.backends.scalar.emit import (
+    flat_state,
+    has_rows,
+    info,
+    is_kept,
+    names_of,
+    observe,
+    old_state,
+    read_action,
+    told_state,
+)
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.types import Type
 from taskspec.task.spaces import SpaceLayout

@@ -1,12 +1,10 @@
-"""The scalar program: generated Python that resets and steps one environment, in the lane form.
-
-Whatever depends on draws alone, not on the state, is computed by NumPy for blocks of coming steps and episodes;
-what is left for a step is straight-line Python on numbers. `compile_scalar` gives the functions, `ScalarProgram.source` the text.
-"""
+"""The scalar program: generated Python that resets and steps one environment, in the lane form."""
 
 from __future__ import annotations
 
+import math
 import operator
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -16,15 +14,38 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.backends.emit.source import run
-from taskspec.backends.lowering.invariant import Invariants, changing, cold_components
+from taskspec.backends.lowering.hoist import Invariants, changing, cold_components
 from taskspec.backends.lowering.phase import Phase
-from taskspec.backends.scalar import scalars
-from taskspec.backends.scalar.emit_info import row_names, sees_state
+from taskspec.backends.scalar.emit import row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
 from taskspec.lang.evaluate import evaluate
+from taskspec.lang.operators import OPERATORS
 from taskspec.lang.variates.sample import sampler
 from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, singles
 from taskspec.task.task import Task
+
+# ---------- scalars
+# What the names in generated scalar code mean.
+
+
+def scalar_namespace() -> dict[str, Any]:
+    """Names and what they are: numbers, the functions of the operator table, and draws."""
+    return {
+        "nan": math.nan,
+        "inf": math.inf,
+        **{name: function for operator in OPERATORS.values() for name, function in operator.scalar.names.items()},
+        "bisect_right": bisect_right,
+        "bernoulli": draws.bernoulli,
+        "weighted_categorical": draws.weighted_categorical,
+    }
+
+
+# ---------- program
+# The scalar program: generated Python that resets and steps one environment, in the lane form.
+#
+# Whatever depends on draws alone, not on the state, is computed by NumPy for blocks of coming steps and episodes;
+# what is left for a step is straight-line Python on numbers. `compile_scalar` gives the functions and
+# `ScalarProgram.source` the text.
 
 Failure = Callable[..., Exception]
 
@@ -110,7 +131,7 @@ def compile_scalar(task: Task) -> ScalarProgram:
     step = Phase.of(task, roots, seen, observation, task.step_words)
     source, constants = generate(Parts(task, invariants, cold, reset, step, observation, action))
     namespace = {
-        **scalars.namespace(),
+        **scalar_namespace(),
         **constants,
         **row_names(task),
         "np": np,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from taskspec.cli.manual.markdown import code, table
-from taskspec.exact.difficulty import MEASURES
+from taskspec.scores.difficulty import MEASURES
 
 MARK = "<!-- measures -->"
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from itertools import groupby
 
+from taskspec.base.diagnostics import CODES, Code
 from taskspec.cli.explain import CLASSES
-from taskspec.diagnostics import CODES, Code
 
 HEAD = """\
 # Errors and warnings

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from taskspec.cli.manual.markdown import code, table
-from taskspec.scan import EXTENDS, REQUIRED
-from taskspec.task.schema import json_schema
+from taskspec.source.scan import EXTENDS, REQUIRED
+from taskspec.task.schema.export import json_schema
 
 FIRST, LAST = ("taskspec", "name"), ("variants", EXTENDS)
 NEEDED = "required"

@@ -7,15 +7,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from taskspec import limits
+from taskspec.base import limits
 from taskspec.cli.manual import probes
 from taskspec.cli.manual.keys import keys, sections
 from taskspec.cli.manual.markdown import code, table
-from taskspec.exact.claims import vocabulary
-from taskspec.exact.scoring import statuses
 from taskspec.figures import KINDS
 from taskspec.lang import dists
 from taskspec.lang.operators import FUNCTIONS, INFIX
+from taskspec.rules import vocabulary
+from taskspec.scores import saved
 
 _MARK = re.compile(r"<!-- (\w+)(?: (\w+))? -->")
 
@@ -176,7 +176,7 @@ def _figures() -> str:
 
 
 def _statuses(which: str) -> str:
-    found = statuses.CLAIMS.values() if which == "claims" else statuses.NUMBERS.values()
+    found = saved.CLAIMS.values() if which == "claims" else saved.NUMBERS.values()
     return table(("status", "meaning"), ((code(s.word), s.doc + (f" ({s.code})" if s.code else "")) for s in found))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from taskspec.diagnostics import Collector, Origin, Span, SpecError
+from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
 from taskspec.lang.ir import Const

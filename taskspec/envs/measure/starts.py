@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, cast
 
 from taskspec.backends.table import BackendName
-from taskspec.diagnostics import TaskspecError
+from taskspec.base.diagnostics import TaskspecError
 from taskspec.envs.measure.programs import label
 from taskspec.task.task import Task
 

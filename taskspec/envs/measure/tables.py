@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from taskspec.backends import select
+from taskspec.backends import table
 from taskspec.backends.table import QUICKEST
+from taskspec.base.extras import is_installed
 from taskspec.envs.measure import peers
 from taskspec.envs.measure.programs import label, ours
 from taskspec.envs.measure.race import Contestant
-from taskspec.extras import is_installed
 from taskspec.task.task import Task
 
 Load = Callable[..., Task]
@@ -107,7 +107,7 @@ def _suite(task: Task) -> list[Contestant]:
         theirs = next(p.rival for p in PAIRS if p.ours == f"{task.name}Seals")
         found += [peers.seals_scalar(theirs, task.name), peers.seals_sync(theirs, task.name, SEALS_LANES)]
     for program, lanes in TARGETS:
-        if select.installed(program.removesuffix("-scan")):
+        if table.installed(program.removesuffix("-scan")):
             found.append(ours(task, program, lanes, name=task.name, target=target_of(task, program, lanes)))
     return found
 
@@ -148,7 +148,7 @@ def games(load: Load) -> list[list[Contestant]]:
 def _game(game: Game, task: Task) -> list[Contestant]:
     found = []
     for program in QUICKEST:
-        if select.installed(program.removesuffix("-scan")):
+        if table.installed(program.removesuffix("-scan")):
             found += [ours(task, program, lanes, name=task.name) for lanes in game.lanes]
     if is_installed("gymnax"):
         found += [peers.gymnax(game.gymnax, task.name, lanes, game.options, game.params) for lanes in game.lanes]

@@ -1,4 +1,4 @@
-"""Reports of exams, in files: pages, pictures and tables. The one for the terminal is `taskspec.cli.examined`."""
+"""Reports of exams, in files: pages, pictures and tables. The one for the terminal is `taskspec.cli.exam_tables`."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from taskspec.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.files import write_text
 from taskspec.exam.report import pictures
 from taskspec.exam.report.page import page
-from taskspec.exam.report.tables import write_scores
-from taskspec.files import write_text
+from taskspec.exam.report.rows import write_scores
 
 
 def _html(exam: Mapping[str, Any], path: Path) -> None:

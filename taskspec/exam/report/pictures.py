@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.exam.report import told
-from taskspec.exam.report.told import SeedCell, TaskRow
-from taskspec.extras import need
-from taskspec.files import safe_name, write_bytes
+from taskspec.base.extras import need
+from taskspec.base.files import safe_name, write_bytes
+from taskspec.exam.report import rows as told
+from taskspec.exam.report.rows import SeedCell, TaskRow
 
 PRINTED, TWINS, QUIET = "#0072B2", "#CC79A7", "#6b7785"
 """Colours of Okabe and Ito: of tasks as printed, of twins; and of what stands beside."""

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taskspec import ids, registry
-from taskspec.bibliography import Reference, beside
-from taskspec.diagnostics import Collector, Diagnostic, SpecError, suggest
-from taskspec.exam.rules.check import RuleChecker
-from taskspec.exam.rules.vocabulary import RuleNames
+from taskspec import registry
+from taskspec.base import ids
+from taskspec.base.bibliography import Reference, beside
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
+from taskspec.exam.rules.check import RuleChecker, RuleNames
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse_into
 from taskspec.source import Document, read_file
-from taskspec.task.schema import (
+from taskspec.task.schema.experiments import (
     DiagnosisEntry,
     ExamDocument,
     FindingEntry,

@@ -15,13 +15,14 @@ reals become ints by saturating at +-(2**31 - 1), nan becomes 0. An index is mov
 
 from __future__ import annotations
 
-from taskspec.lang.operators import arithmetic, composed, elementary, logic, reductions, rounding, vectors
+from taskspec.lang.operators import arithmetic, composed, elementary, logic, reductions, structure
+from taskspec.lang.operators import arithmetic as rounding
 from taskspec.lang.operators.entry import Function as Function
 from taskspec.lang.operators.entry import Infix as Infix
 from taskspec.lang.operators.entry import Operator as Operator
 
 TABLE: tuple[Operator, ...] = (
-    *arithmetic.TABLE, *elementary.TABLE, *rounding.TABLE, *logic.TABLE, *reductions.TABLE, *vectors.TABLE,
+    *arithmetic.TABLE, *elementary.TABLE, *rounding.ROUNDING, *logic.TABLE, *reductions.TABLE, *structure.TABLE,
 )  # fmt: skip
 OPERATORS: dict[str, Operator] = {o.name: o for o in TABLE}
 """Operators whose result type follows from the types of their arguments alone, by name."""

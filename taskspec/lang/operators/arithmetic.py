@@ -1,15 +1,34 @@
-"""Arithmetic of numbers, and the smaller and larger of two."""
+"""Arithmetic of numbers, minimum and maximum, rounding, and conversion to ints."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
-from taskspec.lang.operators import bounding, linearity
-from taskspec.lang.operators.entry import Array, Function, Infix, Kernel, Operator, Scalar, applies
-from taskspec.lang.operators.levels import Brackets, Level
-from taskspec.lang.operators.samples import INTS, NANS, PAIRS, ZEROS
-from taskspec.lang.operators.signatures import arithmetic, real
+from taskspec.lang.operators import bounding, signatures
+from taskspec.lang.operators.entry import (
+    INTS,
+    MIXED,
+    NANS,
+    PAIRS,
+    REALS,
+    ZEROS,
+    Array,
+    Brackets,
+    Function,
+    Infix,
+    Kernel,
+    Level,
+    Operator,
+    Scalar,
+    applies,
+)
+from taskspec.lang.operators.signatures import arithmetic, as_they_are, real, to_integer, truth
+from taskspec.lang.types import INT_MAX
+
+# ---------- arithmetic
+# Arithmetic of numbers, and the smaller and larger of two.
 
 Number = Any  # bool, int, float or Fraction
 
@@ -70,20 +89,20 @@ TABLE = (
         name="add", rule=arithmetic, reference=lambda a, b: a + b, samples=PAIRS + NANS,
         scalar=Scalar("({0} + {1})"), array=Array("({0} + {1})"),
         bounds=lambda a, n: (a[0].low + a[1].low, a[0].high + a[1].high), finite=bounding.bounded,
-        linear=linearity.every, rational=True, whole=True, wraps=True,
+        linear=signatures.every, rational=True, whole=True, wraps=True,
         infix=Infix("+", "add", 5, "{0} + {1}", "Sum.", Brackets(Level.SUM, (Level.SUM,), lead=True)),
     ),
     Operator(
         name="sub", rule=arithmetic, reference=lambda a, b: a - b, samples=PAIRS + NANS,
         scalar=Scalar("({0} - {1})"), array=Array("({0} - {1})"),
         bounds=lambda a, n: (a[0].low - a[1].high, a[0].high - a[1].low), finite=bounding.bounded,
-        linear=linearity.every, rational=True, whole=True, wraps=True,
+        linear=signatures.every, rational=True, whole=True, wraps=True,
         infix=Infix("-", "sub", 5, "{0} - {1}", "Difference.", Brackets(Level.SUM, (Level.SUM, Level.BIG), lead=True)),
     ),
     Operator(
         name="mul", rule=arithmetic, reference=lambda a, b: a * b, samples=PAIRS + NANS,
         scalar=Scalar("({0} * {1})"), array=Array("({0} * {1})"),
-        bounds=bounding.product, finite=bounding.bounded, linear=linearity.one, rational=True, whole=True, wraps=True,
+        bounds=bounding.product, finite=bounding.bounded, linear=signatures.one, rational=True, whole=True, wraps=True,
         infix=Infix(
             "*", "mul", 6, r"{0} \cdot {1}", "Product.", Brackets(Level.PRODUCT, (Level.PRODUCT, Level.FACTOR), lead=True)
         ),
@@ -91,13 +110,13 @@ TABLE = (
     Operator(
         name="neg", rule=arithmetic, reference=lambda a: -a, samples=((3,), (-2.5,), (0,), (math.nan,)),
         scalar=Scalar("(-{0})"), array=Array("(-{0})"),
-        bounds=lambda a, n: (-a[0].high, -a[0].low), linear=linearity.every, rational=True, whole=True, wraps=True,
+        bounds=lambda a, n: (-a[0].high, -a[0].low), linear=signatures.every, rational=True, whole=True, wraps=True,
     ),
     Operator(
         name="div", rule=real, reference=div, samples=PAIRS + ZEROS + NANS,
         scalar=Scalar("({0} / {1} if {1} else div({0}, {1}))", divides="({0} / {1})", names={"div": div}),
         array=Array("({0} / {1})"), kernel=Kernel("({0} / {1})"),
-        bounds=bounding.quotient, finite=bounding.divided, linear=linearity.unless_second, rational=True,
+        bounds=bounding.quotient, finite=bounding.divided, linear=signatures.unless_second, rational=True,
         infix=Infix(
             "/", "div", 6, r"\frac{{0}}{{1}}", "Real division; two ints give an exact fraction.",
             Brackets(Level.FACTOR, (Level.SCOPE,), lead=True),
@@ -163,5 +182,58 @@ TABLE = (
         array=Array("xp.maximum({0}, {1})", real="rt.max2({0}, {1})", nonzero="xp.fmax({0}, {1})"),
         kernel=Kernel(real="max2({0}, {1})", whole="select({0} >= {1}, {0}, {1})"),
         bounds=bounding.extreme(max), whole=True,
+    ),
+)  # fmt: skip
+
+
+# ---------- rounding
+# Rounding, and conversion of conditions and ints.
+
+
+def _saturating(function: Callable[[Any], int]) -> Callable[[Any], int]:
+    """To the nearest int that every backend holds; nan becomes 0."""
+
+    def saturated(x: Any) -> int:
+        if -INT_MAX <= x <= INT_MAX:
+            return function(x)
+        return 0 if x != x else INT_MAX if x > 0 else -INT_MAX
+
+    return saturated
+
+
+floor, ceil, round_ = _saturating(math.floor), _saturating(math.ceil), _saturating(round)
+
+
+ROUNDING = (
+    Operator(
+        name="floor", rule=to_integer, promote=as_they_are, reference=floor, samples=REALS,
+        scalar=Scalar("floor({0})", names={"floor": floor}), array=Array("rt.to_int(xp.floor({0}))"),
+        bounds=bounding.to_int(floor), rounds=True,
+        function=Function("floor", ("x",), r"\lfloor {0} \rfloor", "Rounded down to an int.", ((2.7,), (-2.1,), (MIXED,)),
+                          applies("floor")),
+    ),
+    Operator(
+        name="ceil", rule=to_integer, promote=as_they_are, reference=ceil, samples=REALS,
+        scalar=Scalar("ceil({0})", names={"ceil": ceil}), array=Array("rt.to_int(xp.ceil({0}))"),
+        bounds=bounding.to_int(ceil), rounds=True,
+        function=Function("ceil", ("x",), r"\lceil {0} \rceil", "Rounded up to an int.", ((2.2,), (-2.9,)), applies("ceil")),
+    ),
+    Operator(
+        name="round", rule=to_integer, promote=as_they_are, reference=round_,
+        samples=(*REALS, (0.5,), (1.5,), (-2.5,)),
+        scalar=Scalar("round_({0})", names={"round_": round_}), array=Array("rt.to_int(xp.round({0}))"),
+        bounds=bounding.to_int(round_), rounds=True,
+        function=Function("round", ("x",), r"\operatorname{round}({0})", "Nearest int, halves to even.", ((2.5,), (-2.6,)),
+                          applies("round")),
+    ),
+    Operator(
+        name="to_int", rule=truth, promote=as_they_are, reference=int, samples=((True,), (False,)),
+        scalar=Scalar("(1 if {0} else 0)"), array=Array("rt.as_int({0})"), kernel=Kernel("i32({0})"), bounds=bounding.same,
+    ),
+    Operator(
+        name="to_real", rule=real, promote=as_they_are, reference=float,
+        samples=((True,), (False,), (3,), (-4,)),
+        scalar=Scalar("float({0})"), array=Array("rt.as_real({0})"), kernel=Kernel("f64({0})"), bounds=bounding.same,
+        linear=signatures.every, whole=True,
     ),
 )  # fmt: skip

@@ -13,8 +13,7 @@ import numpy as np
 
 from taskspec.lang.ir import Apply, Const
 from taskspec.lang.operators.entry import stays_finite
-from taskspec.lang.ranges import EVERYTHING, HUGE, INF, Args, Interval, Range
-from taskspec.lang.types import Kind
+from taskspec.lang.types import EVERYTHING, HUGE, INF, Args, Interval, Kind, Range
 
 Bounds = Callable[[Args, Apply], Interval]
 _FACTORS = 10_000

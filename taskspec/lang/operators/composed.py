@@ -5,10 +5,18 @@ from __future__ import annotations
 import math
 
 from taskspec.lang.ir import Const, Node
-from taskspec.lang.operators.entry import Function, Infix, no_axes, of_first
-from taskspec.lang.operators.levels import Brackets, Level
-from taskspec.lang.operators.nodes import NodeMaker
-from taskspec.lang.operators.samples import INTS, MIXED, ROWS
+from taskspec.lang.operators.entry import (
+    INTS,
+    MIXED,
+    ROWS,
+    Brackets,
+    Function,
+    Infix,
+    Level,
+    NodeMaker,
+    no_axes,
+    of_first,
+)
 from taskspec.lang.types import INT, Kind, Refused, Type
 
 

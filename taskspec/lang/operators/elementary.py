@@ -7,11 +7,20 @@ from collections.abc import Callable
 from typing import Any
 
 from taskspec.lang.operators import bounding
-from taskspec.lang.operators.entry import Array, Function, Kernel, Operator, Scalar, applies
-from taskspec.lang.operators.levels import Brackets, Level
-from taskspec.lang.operators.samples import PAIRS, REALS
+from taskspec.lang.operators.entry import (
+    PAIRS,
+    REALS,
+    Array,
+    Brackets,
+    Function,
+    Kernel,
+    Level,
+    Operator,
+    Scalar,
+    applies,
+)
 from taskspec.lang.operators.signatures import real
-from taskspec.lang.ranges import EVERYTHING, INF, Args, Interval
+from taskspec.lang.types import EVERYTHING, INF, Args, Interval
 
 _PLACES = ((0.5,), (-2.0,))
 

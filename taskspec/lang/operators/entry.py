@@ -1,16 +1,84 @@
-"""What an entry of the operator table says."""
+"""An entry of the table of operators: its fields, binding strength, sample inputs, and the nodes that it may ask for."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from enum import IntEnum
+from typing import Any, Protocol
 
-from taskspec.lang.ir import Apply, Node
-from taskspec.lang.operators.levels import ENCLOSED, Brackets
-from taskspec.lang.operators.nodes import NodeMaker
+from taskspec.lang.ir import Apply, Const, Node
 from taskspec.lang.operators.signatures import Promote, TypeRule, to_result
-from taskspec.lang.ranges import EVERYTHING, Args, Interval
+from taskspec.lang.types import EVERYTHING, Args, Interval, Kind, Shape, Type
+
+# ---------- nodes
+# What entries of the table of operators ask of whoever makes nodes (`lang.builder`).
+
+
+class NodeMaker(Protocol):
+    """Makes nodes; each method is that of `lang.builder.Builder`."""
+
+    def const(self, value: Any, type: Type) -> Const: ...
+
+    def scalar(self, value: Any) -> Const: ...
+
+    def apply(self, name: str, *args: Node) -> Node: ...
+
+    def structure(self, name: str, args: Sequence[Node], static: tuple[int, ...] = ()) -> Node: ...
+
+    def cast(self, node: Node, kind: Kind) -> Node: ...
+
+    def stretch(self, node: Node, shape: Shape) -> Node: ...
+
+    def position(self, index: Node, length: int) -> Node: ...
+
+    def check_size(self, shape: Shape) -> None: ...
+
+
+# ---------- levels
+# How tightly notation binds, which decides where brackets stand.
+
+
+class Level(IntEnum):
+    """How tightly notation binds, from what runs on as far as it can to what needs no brackets anywhere."""
+
+    SCOPE = 0
+    OR = 1
+    AND = 2
+    NOT = 3
+    RELATION = 4
+    EXTREME = 5  # the sides of relations
+    REMAINDER = 6  # below sums: readers take a remainder of all that stands left of it
+    SUM = 7
+    BIG = 8
+    PRODUCT = 9
+    FACTOR = 10
+    POWER = 11
+    ATOM = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Brackets:
+    """How tightly an operator binds, and its operands at least; the last entry holds for all further operands.
+
+    `lead` says that the first operand may begin with a sign.
+    """
+
+    own: int
+    operands: tuple[int, ...]
+    lead: bool = False
+
+    def operand(self, i: int) -> int:
+        return self.operands[min(i, len(self.operands) - 1)]
+
+
+ENCLOSED = Brackets(Level.ATOM, (Level.SCOPE,))
+"""Whatever stands between delimiters of its own, as the arguments of most functions do."""
+
+
+# ---------- entry
+# What an entry of the operator table says.
 
 Build = Callable[[NodeMaker, list[Node]], Node]
 Linear = Callable[[Sequence[bool]], bool]
@@ -118,7 +186,7 @@ class Array:
 class Kernel:
     """The form in compiled kernels, without branches. `real` and `whole` as in `Scalar`.
 
-    `names` are functions of Python's `math` that the templates call; others are in `taskspec.backends.numba.operators`.
+    `names` are functions of Python's `math` that the templates call; others are in `taskspec.backends.numba.runtime`.
     """
 
     template: str | None = None
@@ -174,3 +242,22 @@ class Operator:
     """Whether all of NumPy, the C library and Numba give the same digits."""
     function: Function | None = None
     infix: Infix | None = None
+
+
+# ---------- samples
+# Inputs on which every form of an operator is compared with its reference.
+
+PAIRS = ((1, 2), (-7, 2), (7, -2), (0, 5), (-3, -3), (1.5, -0.25), (0.0, 3.0), (-2.5, 0.75), (2, 0.5))
+ZEROS = ((1, 0), (0, 0), (-4, 0), (1.0, 0.0), (0.0, 0.0), (-1.0, 0.0))
+NANS = ((math.nan, 1.0), (1.0, math.nan), (math.nan, math.nan), (math.inf, 1.0), (-math.inf, math.nan))
+REALS = (
+    (0.0,), (0.5,), (-1.25,), (3.7,), (-100.0,), (math.inf,), (-math.inf,), (math.nan,), (1e9,), (2.5,), (-0.5,),
+)  # fmt: skip
+LOGIC = ((True, True), (True, False), (False, True), (False, False))
+VECTORS = (((3, 1, 2),), ((1, 1, 0, 1),), ((5,),), ((2.5, -1.0, 2.5, 0.0),), ((-1.0, math.inf, -math.inf),))
+NAN_VECTORS = (((math.nan, 1.0, 3.0),), ((1.0, math.nan, 3.0, 3.0),), ((math.nan, math.nan),))
+MASKS = (((True, False, True),), ((False,),), ((True, True),))
+INTS, MIXED = (3, -1, 2), (0.5, -2.0, 1.5)
+"""Vectors as arguments of functions."""
+ROWS = ((1, 2), (3, -1))
+"""A matrix as one."""

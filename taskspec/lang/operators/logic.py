@@ -4,10 +4,22 @@ from __future__ import annotations
 
 from typing import Any
 
-from taskspec.lang.operators import bounding, linearity
-from taskspec.lang.operators.entry import Array, Function, Infix, Kernel, Operator, Scalar, applies
-from taskspec.lang.operators.levels import Brackets, Level
-from taskspec.lang.operators.samples import INTS, LOGIC, NANS, PAIRS
+from taskspec.lang.operators import bounding, signatures
+from taskspec.lang.operators.entry import (
+    INTS,
+    LOGIC,
+    NANS,
+    PAIRS,
+    Array,
+    Brackets,
+    Function,
+    Infix,
+    Kernel,
+    Level,
+    Operator,
+    Scalar,
+    applies,
+)
 from taskspec.lang.operators.signatures import (
     as_they_are,
     but_the_first,
@@ -64,7 +76,7 @@ TABLE = (
         name="where", rule=choose, promote=but_the_first, reference=where,
         samples=((True, 1, 2), (False, 1, 2), (True, 1.5, -2.0), (False, 1.5, -2.0)),
         scalar=Scalar("({1} if {0} else {2})"), array=Array("xp.where({0}, {1}, {2})"), kernel=Kernel("select({0}, {1}, {2})"),
-        bounds=lambda args, node: bounding.union(args[1:], node), linear=linearity.unless_first, whole=True,
+        bounds=lambda args, node: bounding.union(args[1:], node), linear=signatures.unless_first, whole=True,
         function=Function(
             "where", ("condition", "x", "y"), r"\begin{cases}{1} & \text{if } {0}\\ {2} & \text{otherwise}\end{cases}",
             "x where the condition holds, else y; element by element.", ((True, 1, 2.5), ((True, False, True), INTS, 0)),

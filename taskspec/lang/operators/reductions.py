@@ -8,11 +8,24 @@ from functools import reduce
 from typing import Any
 
 from taskspec.lang.ir import Node
-from taskspec.lang.operators import bounding, linearity
-from taskspec.lang.operators.entry import Array, Build, Function, Operator, Scalar, applies, no_axes
-from taskspec.lang.operators.levels import Brackets, Level
-from taskspec.lang.operators.nodes import NodeMaker
-from taskspec.lang.operators.samples import INTS, MASKS, MIXED, NAN_VECTORS, VECTORS
+from taskspec.lang.operators import bounding, signatures
+from taskspec.lang.operators.entry import (
+    INTS,
+    MASKS,
+    MIXED,
+    NAN_VECTORS,
+    VECTORS,
+    Array,
+    Brackets,
+    Build,
+    Function,
+    Level,
+    NodeMaker,
+    Operator,
+    Scalar,
+    applies,
+    no_axes,
+)
 from taskspec.lang.operators.signatures import as_they_are, conditions, number, reduction
 from taskspec.lang.types import Kind
 
@@ -77,7 +90,7 @@ TABLE = (
         name="sum", rule=reduction(number), reference=sum_,
         samples=VECTORS, elementwise=False,
         scalar=Scalar("sum_({0})", chain=(" + ", "0"), names={"sum_": sum_}), array=Array("rt.sum({0})"),
-        bounds=bounding.total, finite=bounding.bounded, linear=linearity.every, whole=True, wraps=True,
+        bounds=bounding.total, finite=bounding.bounded, linear=signatures.every, whole=True, wraps=True,
         function=Function("sum", ("x",), r"\textstyle\sum {0}", "Sum of all elements.", ((INTS,), (MIXED,), ((True, False),)),
                           applies("sum"), brackets=_BIG, axes=no_axes, whole=True),
     ),

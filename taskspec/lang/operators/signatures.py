@@ -1,10 +1,13 @@
-"""Type rules of operators, and what their arguments are promoted to."""
+"""Type rules of operators, promotion of their arguments, and where results are linear in them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
 from taskspec.lang.types import Kind, Type, join
+
+# ---------- signatures
+# Type rules of operators, and what their arguments are promoted to.
 
 TypeRule = Callable[[tuple[Type, ...]], Type | str]
 """Result type from argument types, or a sentence that says what is wrong."""
@@ -123,3 +126,25 @@ def to_numbers(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
 
 def but_the_first(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
     return [kinds[0], *([result] * (len(kinds) - 1))]
+
+
+# ---------- linearity
+# Where a value is linear in what its arguments are linear in.
+
+
+def every(below: Sequence[bool]) -> bool:
+    """Sums, and what only chooses elements."""
+    return True
+
+
+def one(below: Sequence[bool]) -> bool:
+    """Products: of two dependent factors a square may come."""
+    return sum(below) == 1
+
+
+def unless_second(below: Sequence[bool]) -> bool:
+    return not below[1]
+
+
+def unless_first(below: Sequence[bool]) -> bool:
+    return not below[0]

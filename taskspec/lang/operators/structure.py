@@ -1,22 +1,38 @@
-"""Operators that only move elements about: building, slicing and indexing vectors. Part of the operator table.
-
-Their result type follows from static arguments as well, so they have a reference on tuples here, and each backend
-arranges elements in its own way. `index`, `put` and `swap` take indices that are in range (`Builder.position`).
-Vectors are nested by rows; flat tuples are row-major.
-"""
+"""Operators that move elements: building, slicing and indexing vectors, and vectors to vectors."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 from taskspec.lang.ir import Apply
-from taskspec.lang.operators import bounding, linearity
-from taskspec.lang.operators.entry import Linear, never
-from taskspec.lang.ranges import Args, Interval
-from taskspec.lang.types import Kind, Type, join
+from taskspec.lang.operators import bounding, signatures
+from taskspec.lang.operators.entry import (
+    INTS,
+    MIXED,
+    NAN_VECTORS,
+    VECTORS,
+    Array,
+    Function,
+    Linear,
+    Operator,
+    Scalar,
+    applies,
+    never,
+    of_first,
+)
+from taskspec.lang.operators.signatures import as_they_are, number, vector
+from taskspec.lang.types import Args, Interval, Kind, Type, join
+
+# ---------- structure
+# Operators that only move elements about: building, slicing and indexing vectors. Part of the operator table.
+#
+# Their result type follows from static arguments as well, so they have a reference on tuples here, and each backend
+# arranges elements in its own way. `index`, `put` and `swap` take indices that are in range (`Builder.position`).
+# Vectors are nested by rows; flat tuples are row-major.
 
 Flat = tuple[Any, ...]
 
@@ -41,7 +57,7 @@ class Structure:
     reference: Callable[[Sequence[Flat], tuple[Type, ...], tuple[int, ...]], Flat]
     samples: tuple[tuple[tuple[Any, ...], tuple[int, ...]], ...]
     bounds: Callable[[Args, Apply], Interval] = bounding.same
-    linear: Linear = linearity.every
+    linear: Linear = signatures.every
 
 
 def _row(flat: Flat, shape: tuple[int, ...], i: int) -> Flat:
@@ -135,7 +151,7 @@ STRUCTURES: dict[str, Structure] = {
         Structure("index", _index_type, _index,
                   (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
                    ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ())),
-                  linear=linearity.unless_second),
+                  linear=signatures.unless_second),
         # The vector with the element at an index replaced.
         Structure("put", _put_type, _put,
                   (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
@@ -146,3 +162,57 @@ STRUCTURES: dict[str, Structure] = {
                   linear=never),
     )
 }  # fmt: skip
+
+
+# ---------- vectors
+# Vectors to vectors of the same length.
+
+Vector = Sequence[Any]
+
+
+def sort(x: Vector) -> list[Any]:
+    """Of reals, with nan last and zeros without a sign."""
+    return [x[i] or abs(x[i]) for i in argsort(x)]
+
+
+def argsort(x: Vector) -> list[int]:
+    return sorted(range(len(x)), key=lambda i: (x[i] != x[i], 0 if x[i] != x[i] else x[i]))
+
+
+def cumsum(x: Vector) -> list[Any]:
+    return list(accumulate(x))
+
+
+def _quick_sort(x: Vector) -> list[Any]:
+    ordered = sorted(v + 0.0 for v in x)
+    return sort(x) if any(v != v for v in ordered) else ordered
+
+
+def _quick_argsort(x: Vector) -> list[int]:
+    return argsort(x) if any(v != v for v in x) else sorted(range(len(x)), key=x.__getitem__)
+
+
+TABLE = (
+    Operator(
+        name="sort", rule=vector(lambda k: k), promote=as_they_are, reference=sort,
+        samples=VECTORS + NAN_VECTORS, elementwise=False,
+        scalar=Scalar("sort({0})", whole="sorted({0})", names={"sort": _quick_sort}), array=Array("rt.sort({0})"),
+        bounds=bounding.same, whole=True,
+        function=Function("sort", ("x",), r"\operatorname{sort}({0})", "Elements in ascending order.", ((INTS,), (MIXED,)),
+                          applies("sort"), axes=of_first, whole=True),
+    ),
+    Operator(
+        name="argsort", rule=vector(lambda k: Kind.INT), promote=as_they_are, reference=argsort,
+        samples=VECTORS + NAN_VECTORS, elementwise=False,
+        scalar=Scalar("argsort({0})", names={"argsort": _quick_argsort}), array=Array("rt.argsort({0})"), bounds=bounding.place,
+        function=Function("argsort", ("x",), r"\operatorname{argsort}({0})", "Indices that sort the vector.",
+                          ((INTS,), (MIXED,), ((1, 0, 1, 0),)), applies("argsort"), axes=of_first, whole=True),
+    ),
+    Operator(
+        name="cumsum", rule=vector(number), reference=cumsum, samples=VECTORS, elementwise=False,
+        scalar=Scalar("cumsum({0})", names={"cumsum": cumsum}), array=Array("rt.cumsum({0})"),
+        bounds=bounding.running, finite=bounding.bounded, whole=True, wraps=True,
+        function=Function("cumsum", ("x",), r"\operatorname{cumsum}({0})", "Running sums.", ((INTS,), (MIXED,)),
+                          applies("cumsum"), axes=of_first, whole=True),
+    ),
+)  # fmt: skip

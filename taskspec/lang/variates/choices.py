@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from taskspec import draws
+from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import Apply, Const, Draw, Node, plain
-from taskspec.lang.operators.nodes import NodeMaker
+from taskspec.lang.operators.entry import NodeMaker
 from taskspec.lang.types import Kind, Type
 from taskspec.lang.variates import outcomes
 from taskspec.lang.variates.entry import (
-    Array,
     Draws,
     Enumeration,
     Flat,
@@ -62,7 +62,7 @@ def _condition(draw: Draw, args: list[Flat], words: Words) -> Flat:
     return tuple(draws.bernoulli(w, float(p)) for w, p in zip(words, ps, strict=False))
 
 
-def _conditions(x: Draws, draw: Draw, args: Sequence[Array], words: Array) -> Array:
+def _conditions(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
     p = draw.args[0]
     if not isinstance(p, Const):
         return x.bernoullis(words, rows(x, draw, args[0]))
@@ -81,7 +81,7 @@ def _below(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) -> list[N
     ]
 
 
-def _condition_outcomes(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+def _condition_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
     p = outcomes.within(numbers.argument(draw, args[0]))
     pairs = zip(*(outcomes.each(x, draw.type.size) for x in (numbers.otherwise(draw, p), p)), strict=True)
     return outcomes.product(draw, [np.stack(pair) for pair in pairs], np.bool_)
@@ -99,7 +99,7 @@ def _outcome(draw: Draw, args: list[Flat], words: Words) -> Flat:
     return tuple(draws.weighted_categorical(w, [float(x) for x in args[0]]) for w in mine)
 
 
-def _outcomes(x: Draws, draw: Draw, args: Sequence[Array], words: Array) -> Array:
+def _outcomes(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
     p = draw.args[0]
     if isinstance(p, Const):
         return x.categoricals(words, _limits(p))
@@ -113,13 +113,13 @@ def _outcomes(x: Draws, draw: Draw, args: Sequence[Array], words: Array) -> Arra
 
 
 @lru_cache(maxsize=256)
-def _limits(p: Const) -> Array:
+def _limits(p: Const) -> AnyArray:
     """Thresholds of constant probabilities; sets of thousands of outcomes take a while, once."""
     return draws.reachable(draws.thresholds(p.flat))
 
 
 @lru_cache(maxsize=1024)
-def _row_limits(table: Const, row: tuple[float, ...]) -> tuple[Array, Array]:
+def _row_limits(table: Const, row: tuple[float, ...]) -> tuple[AnyArray, AnyArray]:
     """The `threshold_table` of a row of a table of probabilities, by the floats that were looked up."""
     return draws.threshold_table([_exact_rows(table)[row]])
 

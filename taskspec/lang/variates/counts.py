@@ -9,12 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from taskspec import draws
+from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import Const, Draw, Node
-from taskspec.lang.ranges import INF
-from taskspec.lang.types import Kind
+from taskspec.lang.types import INF, Kind
 from taskspec.lang.variates import outcomes
 from taskspec.lang.variates.entry import (
-    Array,
     Bounds,
     Draws,
     Enumeration,
@@ -40,7 +39,7 @@ def _most(draw: Draw, bounds: Bounds) -> float:
     return outcomes.power(max(1.0, bounds(draw.args[0])[1]), draw.type.size)
 
 
-def _index_outcomes(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+def _index_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
     found = []
     for counts in outcomes.each(args[0], draw.type.size):
         k = np.arange(int(counts.max()))[:, None]
@@ -81,7 +80,7 @@ def _poisson(draw: Draw, args: list[Flat], words: Words) -> Flat:
     return tuple(draws.poisson(words[step * i : step * (i + 1)], float(r), bound) for i, r in enumerate(rates))
 
 
-def _poissons(x: Draws, draw: Draw, args: Sequence[Array], words: Array) -> Array:
+def _poissons(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
     rate, bound, size = draw.args[0], poisson_bound(draw), draw.type.size
     if bound is not None:
         grouped = x.xp.moveaxis(words.reshape(size, -1, words.shape[-1]), 1, 0)
@@ -115,13 +114,13 @@ def poisson_terms(highest: Node) -> int:
     return int(rate + 10 * math.sqrt(rate) + 25)
 
 
-def _poisson_outcomes(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+def _poisson_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
     terms = poisson_terms(draw.args[-1])
     found = [poisson_row(rate, terms) for rate in outcomes.each(numbers.argument(draw, args[0]), draw.type.size)]
     return outcomes.product(draw, found, np.int64)
 
 
-def poisson_row(rates: Array, terms: int) -> Array:
+def poisson_row(rates: AnyArray, terms: int) -> AnyArray:
     """Probabilities (K, N) of counts below `terms`: products of ratios up and down from the mode, over their total."""
     rates = np.where(rates > 0, rates, 0.0)
     mode, step = np.floor(rates), np.arange(1.0, terms)[:, None]
@@ -142,7 +141,7 @@ def _permutation(draw: Draw, args: list[Flat], words: Words) -> Flat:
     return tuple(i for k in range(0, draw.type.size, n) for i in draws.permutation(words[k : k + n]))
 
 
-def _permutations(x: Draws, draw: Draw, args: Sequence[Array], words: Array) -> Array:
+def _permutations(x: Draws, draw: Draw, args: Sequence[AnyArray], words: AnyArray) -> AnyArray:
     grouped = x.xp.moveaxis(words.reshape(-1, draw.type.shape[-1], words.shape[-1]), 1, 0)
     return x.xp.moveaxis(x.permutations(grouped), 0, 1)
 
@@ -152,7 +151,9 @@ def _permutation_count(draw: Draw, bounds: Bounds) -> float:
     return outcomes.power(math.factorial(min(n, 170)), draw.type.size // n)
 
 
-def _permutation_outcomes(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+def _permutation_outcomes(
+    draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic
+) -> tuple[AnyArray, AnyArray]:
     *outer, n = draw.type.shape
     one = np.array(list(itertools.permutations(range(n))), dtype=np.int64)
     every = list(itertools.product(range(len(one)), repeat=math.prod(outer)))

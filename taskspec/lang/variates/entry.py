@@ -8,13 +8,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import Draw, Node
-from taskspec.lang.operators.nodes import NodeMaker
-from taskspec.lang.ranges import EVERYTHING, Args, Interval
-from taskspec.lang.types import Kind
+from taskspec.lang.operators.entry import NodeMaker
+from taskspec.lang.types import EVERYTHING, Args, Interval, Kind
 
-Array = Any
-"""An array of NumPy or of JAX."""
 Flat = tuple[Any, ...]
 Words = Sequence[int]
 Bounds = Callable[[Node], Interval]
@@ -29,27 +27,27 @@ class Draws(Protocol):
 
     xp: Any
 
-    def uniforms(self, words: Array, /) -> Array: ...
+    def uniforms(self, words: AnyArray, /) -> AnyArray: ...
 
-    def exponentials(self, words: Array, /) -> Array: ...
+    def exponentials(self, words: AnyArray, /) -> AnyArray: ...
 
-    def normals(self, words: Array, n: int, /) -> Array: ...
+    def normals(self, words: AnyArray, n: int, /) -> AnyArray: ...
 
-    def dirichlets(self, words: Array, alphas: Array, /) -> Array: ...
+    def dirichlets(self, words: AnyArray, alphas: AnyArray, /) -> AnyArray: ...
 
-    def gammas(self, words: Array, alphas: Array, /) -> Array: ...
+    def gammas(self, words: AnyArray, alphas: AnyArray, /) -> AnyArray: ...
 
-    def bernoullis(self, words: Array, p: Array, /) -> Array: ...
+    def bernoullis(self, words: AnyArray, p: AnyArray, /) -> AnyArray: ...
 
-    def indices(self, words: Array, n: Array, /) -> Array: ...
+    def indices(self, words: AnyArray, n: AnyArray, /) -> AnyArray: ...
 
-    def categoricals(self, words: Array, thresholds: Any, /) -> Array: ...
+    def categoricals(self, words: AnyArray, thresholds: Any, /) -> AnyArray: ...
 
-    def weighted_categoricals(self, words: Array, weights: Array, /) -> Array: ...
+    def weighted_categoricals(self, words: AnyArray, weights: AnyArray, /) -> AnyArray: ...
 
-    def poissons(self, words: Array, rate: Array, bound: float, /) -> Array: ...
+    def poissons(self, words: AnyArray, rate: AnyArray, bound: float, /) -> AnyArray: ...
 
-    def permutations(self, words: Array, /) -> Array: ...
+    def permutations(self, words: AnyArray, /) -> AnyArray: ...
 
 
 class LaneWriter(Protocol):
@@ -74,7 +72,7 @@ class LaneWriter(Protocol):
 class KernelWriter(Protocol):
     """What writes a draw into a compiled kernel (`taskspec.backends.numba.kernel`), without branches.
 
-    Statements may use the functions of `taskspec.backends.numba.basics` and `taskspec.backends.numba.draws`.
+    Statements may use the functions of `taskspec.backends.numba.runtime` and `taskspec.backends.numba.draws`.
     """
 
     lines: list[str]
@@ -101,16 +99,16 @@ class KernelWriter(Protocol):
 class ProbabilityArithmetic(Protocol):
     """The arithmetic in which probabilities are worked out: floats, or rationals."""
 
-    def argument(self, draw: Draw, arg: Array) -> Array:
+    def argument(self, draw: Draw, arg: AnyArray) -> AnyArray:
         """The first argument of a draw, rates and probabilities, (*shape, N)."""
 
-    def otherwise(self, draw: Draw, p: Array) -> Array:
+    def otherwise(self, draw: Draw, p: AnyArray) -> AnyArray:
         """One minus the probabilities of conditions (*shape, N) that are the first argument of a draw, within 0 and 1."""
 
-    def ratio(self, part: Array, whole: Array) -> Array:
+    def ratio(self, part: AnyArray, whole: AnyArray) -> AnyArray:
         """Ints divided by ints."""
 
-    def times(self, a: Array, b: Array) -> Array:
+    def times(self, a: AnyArray, b: AnyArray) -> AnyArray:
         """The product of two probabilities of which neither is 0."""
 
 
@@ -126,7 +124,7 @@ class Enumeration:
     """
 
     count: Callable[[Draw, Bounds], float]
-    table: Callable[[Draw, list[Array], ProbabilityArithmetic], tuple[Array, Array]]
+    table: Callable[[Draw, list[AnyArray], ProbabilityArithmetic], tuple[AnyArray, AnyArray]]
     steps: Callable[[Draw], int] = lambda draw: 6 * draw.type.size
     chances: Callable[[Draw], int] = lambda draw: draw.type.size
     tail: bool = False
@@ -160,7 +158,7 @@ class Variate:
 
     name: str
     kind: Kind
-    many: Callable[[Draws, Draw, Sequence[Array], Array], Array] | None
+    many: Callable[[Draws, Draw, Sequence[AnyArray], AnyArray], AnyArray] | None
     one: Callable[[Draw, list[Flat], Words], Flat] | None = None
     words: Callable[[Draw], int] = one_each
     bounds: Callable[[Draw, Args], Interval] = lambda draw, args: EVERYTHING
@@ -180,7 +178,7 @@ def stretched(flat: Flat, size: int) -> Flat:
     return flat * size if len(flat) == 1 and size != 1 else flat
 
 
-def rows(x: Draws, draw: Draw, arg: Array) -> Array:
+def rows(x: Draws, draw: Draw, arg: AnyArray) -> AnyArray:
     """An argument with one row for each element of a draw: (size, N or 1)."""
     flat = arg.reshape(-1, arg.shape[-1])
     return x.xp.broadcast_to(flat, (draw.type.size, flat.shape[1]))

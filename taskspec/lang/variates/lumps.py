@@ -1,4 +1,4 @@
-"""What stands for draws in exact models where nothing tells their outcomes apart (`taskspec.exact.model.lump`)."""
+"""What stands for draws in exact models where nothing tells their outcomes apart (`taskspec.model.lump`)."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from collections import Counter
 
 import numpy as np
 
+from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import Const, Draw
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import outcomes
 from taskspec.lang.variates.counts import poisson_row, poisson_terms
-from taskspec.lang.variates.entry import Array, Bounds, Enumeration, ProbabilityArithmetic, Variate
+from taskspec.lang.variates.entry import Bounds, Enumeration, ProbabilityArithmetic, Variate
 
 
-def _total(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+def _total(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
     """How many of some conditions hold: of each, its draw's chance, and whether it holds with it, and without it."""
     p, *ends = outcomes.within(numbers.argument(draw, args[0])), *args[1:]
     q = numbers.otherwise(draw, p)
@@ -28,7 +29,7 @@ def _total(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tup
     return np.arange(len(row)), row
 
 
-def _arrangement(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+def _arrangement(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
     """What may stand in some places of a permutation, as far as its values are told apart; elsewhere, any of them."""
     alike, places = (a[:, 0] for a in args)
     kinds, counts = np.unique(alike, return_counts=True)
@@ -61,7 +62,7 @@ def _most(draw: Draw) -> int:
     return int(most.value)
 
 
-def _capped(draw: Draw, args: list[Array], numbers: ProbabilityArithmetic) -> tuple[Array, Array]:
+def _capped(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
     """Counts up to one that has the chances of all from there on."""
     most, terms, found = _most(draw), poisson_terms(draw.args[-2]), []
     for rate in outcomes.each(numbers.argument(draw, args[0]), draw.type.size):

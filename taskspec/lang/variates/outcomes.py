@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from taskspec.base.arrays import Array
 from taskspec.lang.ir import Draw
 
-Array = np.ndarray[Any, Any]
 FAINTEST = 5e-324
 """What possible outcomes weigh at least, so that a product of small probabilities does not make them impossible."""
 

@@ -7,9 +7,8 @@ from fractions import Fraction
 
 from taskspec import draws
 from taskspec.lang.ir import Draw, Node
-from taskspec.lang.operators.nodes import NodeMaker
-from taskspec.lang.ranges import INF
-from taskspec.lang.types import REAL, Kind
+from taskspec.lang.operators.entry import NodeMaker
+from taskspec.lang.types import INF, REAL, Kind
 from taskspec.lang.variates.entry import Flat, KernelWriter, Variate, Words, groups, rows, stretched
 
 NORMAL_REACH = 6.67

@@ -1,21 +1,59 @@
-"""The value of a draw from its words: one draw at a time on Python numbers, or many by NumPy, to the bit the same."""
+"""The random words that each draw takes, and the value of a draw from its words."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from taskspec import draws
+from taskspec.base.arrays import Array
 from taskspec.lang.batch import DTYPES
-from taskspec.lang.ir import Draw
+from taskspec.lang.ir import Draw, Node
+from taskspec.lang.ir import draws as draws_below
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.entry import Flat, Words
-from taskspec.lang.variates.layout import WordLayout, words_of
 
-Array = np.ndarray[Any, Any]
+# ---------- layout
+# Which random words a draw takes: the words of a phase, dealt out to its draws in the order they were written.
+#
+# A step and a reset are phases of their own. Each has a `WordLayout` (`Task.step_words`, `Task.reset_words`) over all the draws
+# that its sections write, those included whose values turn out not to matter: what a word is for depends on the text of the spec
+# alone, and on no simplification.
+
+
+def words_of(draw: Draw) -> int:
+    """How many words a draw takes."""
+    return VARIATES[draw.base].words(draw)
+
+
+@dataclass(frozen=True)
+class WordLayout:
+    """The draws of a phase and the first word of each, by site; `count` words in all."""
+
+    draws: tuple[Draw, ...]
+    first: dict[int, int]
+    count: int
+
+    @classmethod
+    def of(cls, roots: Iterable[Node]) -> WordLayout:
+        """The layout of the draws that some expressions are made of."""
+        return cls.dealt(draws_below(roots))
+
+    @classmethod
+    def dealt(cls, draws: Iterable[Draw]) -> WordLayout:
+        """Words for each of the draws, in the order of their sites."""
+        found, first, count = tuple(sorted(draws, key=lambda d: d.site)), {}, 0
+        for draw in found:
+            first[draw.site] = count
+            count += words_of(draw)
+        return cls(found, first, count)
+
+
+# ---------- sample
+# The value of a draw from its words: one draw at a time on Python numbers, or many by NumPy, to the bit the same.
 
 
 def sampler(layout: WordLayout, words: Words) -> Callable[[Draw, list[Flat]], Flat]:

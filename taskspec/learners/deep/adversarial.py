@@ -8,17 +8,15 @@ import jax
 import jax.numpy as jnp
 import optax
 
+from taskspec.base.arrays import AnyArray
 from taskspec.learners.case import LearnerCase
-from taskspec.learners.configurations import Adversarial
-from taskspec.learners.deep.engine import Schedule, of_seed, trained
 from taskspec.learners.deep.nets import says
 from taskspec.learners.deep.ppo import PolicyNet
 from taskspec.learners.deep.reinforce import Learning, Update, begun, played, policies, rounds, update_of, world_of
 from taskspec.learners.deep.rewards import Looks, RewardNets, RewardOf, looks, shown_looks
-from taskspec.learners.deep.world import Played, World, complete
-from taskspec.learners.policies import NetPolicy
-
-Array = Any
+from taskspec.learners.deep.world import Played, Schedule, World, complete, of_seed, trained
+from taskspec.learners.learned import NetPolicy
+from taskspec.learners.settings import Adversarial
 
 
 class Contest(NamedTuple):
@@ -28,7 +26,7 @@ class Contest(NamedTuple):
     nets: RewardNets
     optimiser: Any
     recent: Looks | None
-    count: Array
+    count: AnyArray
 
 
 class Discriminator:
@@ -39,11 +37,11 @@ class Discriminator:
         self.reward = RewardOf(config.reward, world, config.policy.discount)
         self._adam = optax.adam(config.reward.learning_rate)
 
-    def init(self, key: Array) -> tuple[RewardNets, Any]:
+    def init(self, key: AnyArray) -> tuple[RewardNets, Any]:
         nets = self.reward.init(key)
         return nets, self._adam.init((nets.theta, nets.phi))
 
-    def logit(self, nets: RewardNets, actor: PolicyNet, at: Looks) -> Array:
+    def logit(self, nets: RewardNets, actor: PolicyNet, at: Looks) -> AnyArray:
         """l (...): above 0 for what looks like the expert."""
         found = self.reward(nets, at)
         if not self.config.minus_log_policy:
@@ -52,7 +50,7 @@ class Discriminator:
         log = self.world.head.log_prob(says(actor.net, at.seen), spread, at.action)
         return found - jax.lax.stop_gradient(log) * (1 - at.gone)
 
-    def pay(self, nets: RewardNets, actor: PolicyNet, at: Looks) -> Array:
+    def pay(self, nets: RewardNets, actor: PolicyNet, at: Looks) -> AnyArray:
         """What the policy is paid for steps (...)."""
         if self.config.pay == "f":
             return self.reward(nets, at)
@@ -65,7 +63,7 @@ class Discriminator:
             case _:
                 return found
 
-    def loss(self, trainable: Any, nets: RewardNets, actor: PolicyNet, own: Looks, shown: Looks) -> Array:
+    def loss(self, trainable: Any, nets: RewardNets, actor: PolicyNet, own: Looks, shown: Looks) -> AnyArray:
         """The cross-entropy of telling steps of the learner from steps that were shown, (N, ...) each."""
         nets = nets._replace(theta=trainable[0], phi=trainable[1])
         mine, theirs = self.logit(nets, actor, own), self.logit(nets, actor, shown)
@@ -74,11 +72,11 @@ class Discriminator:
         return error - self.config.entropy * (jax.nn.softplus(both) - both * jax.nn.sigmoid(both)).mean()
 
     def update(
-        self, nets: RewardNets, optimiser: Any, actor: PolicyNet, draw: Any, key: Array
+        self, nets: RewardNets, optimiser: Any, actor: PolicyNet, draw: Any, key: AnyArray
     ) -> tuple[RewardNets, Any]:
         """The nets after the updates of a round, on steps of the learner and of the expert that `draw` gives of a key."""
 
-        def once(carry: Any, key: Array) -> tuple[Any, None]:
+        def once(carry: Any, key: AnyArray) -> tuple[Any, None]:
             nets, optimiser = carry
             own, shown = draw(key)
             nets = self.reward.watched(nets, jnp.concatenate([own.seen, shown.seen]))
@@ -99,7 +97,7 @@ class Contending:
         self.judge = Discriminator(config, update.world)
         self.each = update.steps * update.experience.lanes
 
-    def init(self, key: Array) -> Contest:
+    def init(self, key: AnyArray) -> Contest:
         first, second = jax.random.split(key)
         learning = begun(self.policy, first)
         recent = None
@@ -109,10 +107,10 @@ class Contending:
             recent = Looks(*(jnp.zeros((self.config.kept, *x.shape[1:]), x.dtype) for x in shapes))
         return Contest(learning, *self.judge.init(second), recent, jnp.int32(0))
 
-    def advance(self, contest: Contest, key: Array, shown: Looks) -> Contest:
+    def advance(self, contest: Contest, key: AnyArray, shown: Looks) -> Contest:
         keys = jax.random.split(key, self.config.every + 1)
 
-        def round_(learning: Learning, key: Array) -> tuple[Learning, Played]:
+        def round_(learning: Learning, key: AnyArray) -> tuple[Learning, Played]:
             first, second = jax.random.split(key)
             walk, steps = played(self.policy, learning, first)
             pay = self.judge.pay(contest.nets, learning.policy.actor, looks(steps))
@@ -127,7 +125,7 @@ class Contending:
         nets, optimiser = self.judge.update(contest.nets, contest.optimiser, learning.policy.actor, draw, keys[0])
         return Contest(learning, nets, optimiser, recent, count)
 
-    def _kept(self, contest: Contest, own: Looks) -> tuple[Looks | None, Array]:
+    def _kept(self, contest: Contest, own: Looks) -> tuple[Looks | None, AnyArray]:
         """Recent steps with those of a round in the place of the oldest."""
         if contest.recent is None:
             return None, contest.count
@@ -136,12 +134,12 @@ class Contending:
         kept = Looks(*(old.at[places].set(new) for old, new in zip(contest.recent, own, strict=True)))
         return kept, contest.count + size
 
-    def _drawing(self, own: Looks, valid: Array, count: Array, shown: Looks) -> Any:
+    def _drawing(self, own: Looks, valid: AnyArray, count: AnyArray, shown: Looks) -> Any:
         """A function of a key to as many steps of the learner as of the expert."""
         size = self.config.batch or self.each
         weight = valid.reshape(-1)
 
-        def draw(key: Array) -> tuple[Looks, Looks]:
+        def draw(key: AnyArray) -> tuple[Looks, Looks]:
             first, second = jax.random.split(key)
             theirs = jax.random.randint(second, (size,), 0, len(shown.gone))
             if self.config.kept:

@@ -1,16 +1,22 @@
-"""Small fully connected nets: pairs of weights (inputs, outputs) and biases (outputs,), one for each layer."""
+"""Small fully connected nets, observations and actions as vectors, and policies as distributions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-Array = Any
-Net = tuple[tuple[Array, Array], ...]
-Weights = Callable[[Array, int, int, bool], Array]
+from taskspec.base.arrays import AnyArray
+from taskspec.learners.case import Vectors
+
+# ---------- nets
+# Small fully connected nets: pairs of weights (inputs, outputs) and biases (outputs,), one for each layer.
+
+Net = tuple[tuple[AnyArray, AnyArray], ...]
+Weights = Callable[[AnyArray, int, int, bool], AnyArray]
 """A matrix of a key, of how many inputs and outputs, and whether it is the last."""
 _FUNCTIONS = {"relu": jax.nn.relu, "tanh": jnp.tanh}
 
@@ -18,18 +24,18 @@ _FUNCTIONS = {"relu": jax.nn.relu, "tanh": jnp.tanh}
 def orthogonal(last: float) -> Weights:
     """Orthogonal matrices, times the square root of 2, the last one times `last`."""
 
-    def made(key: Array, inputs: int, outputs: int, is_last: bool) -> Array:
+    def made(key: AnyArray, inputs: int, outputs: int, is_last: bool) -> AnyArray:
         return jax.nn.initializers.orthogonal(last if is_last else 2**0.5)(key, (inputs, outputs), jnp.float32)
 
     return made
 
 
-def xavier(key: Array, inputs: int, outputs: int, is_last: bool) -> Array:
+def xavier(key: AnyArray, inputs: int, outputs: int, is_last: bool) -> AnyArray:
     """Uniform numbers, whose variance suits both directions."""
     return jax.nn.initializers.glorot_uniform()(key, (inputs, outputs), jnp.float32)
 
 
-def net(key: Array, inputs: int, hidden: Sequence[int], outputs: int, weights: Weights = xavier) -> Net:
+def net(key: AnyArray, inputs: int, hidden: Sequence[int], outputs: int, weights: Weights = xavier) -> Net:
     """A net with biases of 0."""
     sizes = (inputs, *hidden, outputs)
     keys = jax.random.split(key, len(sizes) - 1)
@@ -39,9 +45,82 @@ def net(key: Array, inputs: int, hidden: Sequence[int], outputs: int, weights: W
     )
 
 
-def says(layers: Net, x: Array, activation: str = "tanh") -> Array:
+def says(layers: Net, x: AnyArray, activation: str = "tanh") -> AnyArray:
     """What a net says of inputs (..., inputs): (..., outputs)."""
     *inner, (w, b) = layers
     for u, c in inner:
         x = _FUNCTIONS[activation](x @ u + c)
     return x @ w + b
+
+
+# ---------- spaces
+# Observations and actions as vectors, and policies as distributions over actions.
+
+LOG_2PI = float(np.log(2 * np.pi))
+
+
+@dataclass(frozen=True)
+class ActionHead:
+    """The distribution of an action, given what the net says (..., vectors.size): logits, or means.
+
+    Finite actions are int32 (..., K), of K independent categoricals; real ones float32 (..., D), of independent Gaussians whose
+    log-deviations (D,) are given beside it. Deviations are free parameters; for finite actions they have no elements.
+    """
+
+    vectors: Vectors
+
+    @property
+    def deviations(self) -> int:
+        return 0 if self.vectors.counts else self.vectors.size
+
+    def noise(self, key: AnyArray, shape: tuple[int, ...]) -> AnyArray:
+        """What `sample` draws from, (*shape, size)."""
+        draw = jax.random.gumbel if self.vectors.counts else jax.random.normal
+        return draw(key, (*shape, self.vectors.size), jnp.float32)
+
+    def sample(self, said: AnyArray, deviations: AnyArray, noise: AnyArray) -> AnyArray:
+        if not self.vectors.counts:
+            return said + jnp.exp(deviations) * noise
+        return jnp.stack([g.argmax(-1).astype(jnp.int32) for g in self._groups(said + noise)], -1)
+
+    def uniform(self, noise: AnyArray) -> AnyArray:
+        """An action at random, of the same noise; real ones are uniform within their bounds."""
+        if self.vectors.counts:
+            return self.sample(jnp.zeros_like(noise), jnp.zeros(0), noise)
+        low, high = jnp.array(self.vectors.low), jnp.array(self.vectors.high)
+        return low + (high - low) * jax.scipy.stats.norm.cdf(noise)
+
+    def log_prob(self, said: AnyArray, deviations: AnyArray, action: AnyArray) -> AnyArray:
+        """(...): of actions (..., K)."""
+        if not self.vectors.counts:
+            z = (action - said) * jnp.exp(-deviations)
+            return (-0.5 * (z**2 + LOG_2PI) - deviations).sum(-1)
+        logs = [jax.nn.log_softmax(g) for g in self._groups(said)]
+        return sum(jnp.take_along_axis(g, action[..., k, None], -1)[..., 0] for k, g in enumerate(logs))
+
+    def entropy(self, said: AnyArray, deviations: AnyArray) -> AnyArray:
+        if not self.vectors.counts:
+            return jnp.broadcast_to((deviations + 0.5 * (1 + LOG_2PI)).sum(), said.shape[:-1])
+        logs = [jax.nn.log_softmax(g) for g in self._groups(said)]
+        return sum(-(jnp.exp(g) * g).sum(-1) for g in logs)
+
+    def divergence(self, old: tuple[AnyArray, AnyArray], new: tuple[AnyArray, AnyArray]) -> AnyArray:
+        """Kullback-Leibler, of the new distribution from the old one: (...)."""
+        if not self.vectors.counts:
+            ratio = jnp.exp(2 * (old[1] - new[1]))
+            distance = (old[0] - new[0]) ** 2 * jnp.exp(-2 * new[1])
+            return 0.5 * (ratio + distance - 1).sum(-1) + (new[1] - old[1]).sum()
+        before, after = ([jax.nn.log_softmax(g) for g in self._groups(said)] for said in (old[0], new[0]))
+        return sum((jnp.exp(a) * (a - b)).sum(-1) for a, b in zip(before, after, strict=True))
+
+    def played(self, action: AnyArray) -> AnyArray:
+        """Actions (N, K) as programs take them, lanes last."""
+        v = self.vectors
+        if v.counts:
+            return action[:, 0] + v.start if v.single else action.T
+        shown = jnp.clip(action, jnp.array(v.low), jnp.array(v.high)).T
+        return shown.reshape(*v.shape, -1)
+
+    def _groups(self, said: AnyArray) -> list[AnyArray]:
+        ends = np.cumsum(self.vectors.counts)[:-1].tolist()
+        return jnp.split(said, ends, axis=-1)

@@ -1,4 +1,4 @@
-"""Proximal policy optimisation (Schulman et al., 2017), as Stable Baselines 2 has it."""
+"""Proximal policy optimisation (Schulman et al., 2017), as Stable Baselines 2 has it, and advantages."""
 
 from __future__ import annotations
 
@@ -8,19 +8,71 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from taskspec.learners.configurations import Ppo
-from taskspec.learners.deep.advantages import advantages, critic_inputs, judged, mean, standardised
+from taskspec.base.arrays import AnyArray
 from taskspec.learners.deep.nets import Net, net, orthogonal, says
 from taskspec.learners.deep.world import Act, Played, Walk, World, complete, round_length
+from taskspec.learners.settings import Ppo
 
-Array = Any
+# ---------- advantages
+# What actions are worth, from what followed.
+
+
+def judged(world: World, steps: Played, walk: Walk, sees_time: bool) -> AnyArray:
+    """What a critic sees of steps and of where they led, (T + 1, E, D)."""
+    return jnp.concatenate([_seen(world, *steps[:3], sees_time), _last(world, walk, sees_time)[None]])
+
+
+def critic_inputs(world: World, sees_time: bool) -> int:
+    return world.seen.size + world.absorbs + (sees_time and world.horizon is not None)
+
+
+def _last(world: World, walk: Walk, sees_time: bool) -> AnyArray:
+    return _seen(world, walk.seen, walk.gone, walk.state.time, sees_time)
+
+
+def _seen(world: World, seen: AnyArray, gone: AnyArray, time: AnyArray, sees_time: bool) -> AnyArray:
+    parts = [seen]
+    if world.absorbs:
+        parts.append(gone[..., None])
+    if sees_time and world.horizon is not None:
+        parts.append((time / world.horizon).astype(jnp.float32)[..., None])
+    return jnp.concatenate(parts, -1)
+
+
+def advantages(rewards: AnyArray, values: AnyArray, ended: AnyArray, discount: float, trace: float) -> AnyArray:
+    """Generalised advantages (T, E), of rewards (T, E) and values (T + 1, E); the end of an episode is worth 0."""
+    lasts = discount * (1 - ended)
+    errors = rewards + lasts * values[1:] - values[:-1]
+
+    def back(later: AnyArray, now: tuple[AnyArray, AnyArray]) -> tuple[AnyArray, AnyArray]:
+        error, last = now
+        found = error + trace * last * later
+        return found, found
+
+    return jax.lax.scan(back, jnp.zeros_like(errors[0]), (errors, lasts), reverse=True)[1]
+
+
+def standardised(values: AnyArray, weight: AnyArray) -> AnyArray:
+    """With mean 0 and deviation 1 over those that count."""
+    total = jnp.maximum(weight.sum(), 1.0)
+    centred = values - (values * weight).sum() / total
+    return centred / (jnp.sqrt((centred**2 * weight).sum() / total) + 1e-8)
+
+
+def mean(values: AnyArray, weight: AnyArray) -> AnyArray:
+    """The mean over those that count."""
+    return (values * weight).sum() / jnp.maximum(weight.sum(), 1.0)
+
+
+# ---------- ppo
+# Proximal policy optimisation (Schulman et al., 2017), as Stable Baselines 2 has it.
 
 
 class PolicyNet(NamedTuple):
     """A policy: its net, and the log-deviations of real actions."""
 
     net: Net
-    deviations: Array
+    deviations: AnyArray
 
 
 class ActorCritic(NamedTuple):
@@ -42,14 +94,14 @@ class PpoUpdate:
             optax.clip_by_global_norm(config.gradient_norm), optax.adam(config.learning_rate, eps=1e-5)
         )
 
-    def init(self, key: Array) -> ActorCritic:
+    def init(self, key: AnyArray) -> ActorCritic:
         actor, critic = jax.random.split(key)
         found = begun_actor(actor, self.world, self.config.hidden)
         inputs = critic_inputs(self.world, self.experience.critic_sees_time)
         judge = net(critic, inputs, self.config.hidden, 1, orthogonal(1.0))
         return ActorCritic(found, judge, self._adam.init((found, judge)))
 
-    def update(self, held: ActorCritic, steps: Played, walk: Walk, rewards: Array, key: Array) -> ActorCritic:
+    def update(self, held: ActorCritic, steps: Played, walk: Walk, rewards: AnyArray, key: AnyArray) -> ActorCritic:
         """The policy after a round of steps (T, E, ...), paid `rewards` (T, E), that led to `walk`."""
         config = self.config
         seen = judged(self.world, steps, walk, self.experience.critic_sees_time)
@@ -63,10 +115,10 @@ class PpoUpdate:
         data = (flat.seen, flat.action, flat.weight, old, judged_as, gains.reshape(-1), values[:-1].reshape(-1))
         return self._epochs(held, data, key)
 
-    def _epochs(self, held: ActorCritic, data: Any, key: Array) -> ActorCritic:
+    def _epochs(self, held: ActorCritic, data: Any, key: AnyArray) -> ActorCritic:
         size = len(data[0])
 
-        def batch(carry: Any, chosen: Array) -> tuple[Any, None]:
+        def batch(carry: Any, chosen: AnyArray) -> tuple[Any, None]:
             nets, optimiser = carry
             slope = jax.grad(self.loss)(nets, *(x[chosen] for x in data))
             change, optimiser = self._adam.update(slope, optimiser, nets)
@@ -81,14 +133,14 @@ class PpoUpdate:
     def loss(
         self,
         nets: Any,
-        seen: Array,
-        action: Array,
-        weight: Array,
-        old: Array,
-        judged: Array,
-        gains: Array,
-        values: Array,
-    ) -> Array:
+        seen: AnyArray,
+        action: AnyArray,
+        weight: AnyArray,
+        old: AnyArray,
+        judged: AnyArray,
+        gains: AnyArray,
+        values: AnyArray,
+    ) -> AnyArray:
         """What is made smaller, over a minibatch: each (N, ...)."""
         (actor, critic), config, head = nets, self.config, self.world.head
         said = says(actor.net, seen)
@@ -105,7 +157,7 @@ class PpoUpdate:
         return -better - config.entropy * spread + config.value_weight * 0.5 * error.mean()
 
 
-def begun_actor(key: Array, world: World, hidden: tuple[int, ...]) -> PolicyNet:
+def begun_actor(key: AnyArray, world: World, hidden: tuple[int, ...]) -> PolicyNet:
     """A policy whose actions are nearly as likely as each other; deviations are 1."""
     head = world.head
     return PolicyNet(net(key, world.seen.size, hidden, head.vectors.size, orthogonal(0.01)), jnp.zeros(head.deviations))

@@ -8,18 +8,15 @@ import jax
 import jax.numpy as jnp
 import optax
 
+from taskspec.base.arrays import AnyArray
 from taskspec.lang.ir import draws
 from taskspec.learners.case import LearnerCase
-from taskspec.learners.configurations import Comparing
-from taskspec.learners.deep.engine import Schedule, of_seed, trained
-from taskspec.learners.deep.novelty import Curiosity, Novel
 from taskspec.learners.deep.ppo import PpoUpdate, acting
 from taskspec.learners.deep.reinforce import Learning, begun, played, policies, rounds, world_of
-from taskspec.learners.deep.rewards import Looks, RewardNets, RewardOf, looks
-from taskspec.learners.deep.world import Played, World
-from taskspec.learners.policies import NetPolicy
-
-Array = Any
+from taskspec.learners.deep.rewards import Curiosity, Looks, Novel, RewardNets, RewardOf, looks
+from taskspec.learners.deep.world import Played, Schedule, World, of_seed, trained
+from taskspec.learners.learned import NetPolicy
+from taskspec.learners.settings import Comparing
 
 
 class Pairs(NamedTuple):
@@ -29,9 +26,9 @@ class Pairs(NamedTuple):
     """
 
     at: Looks
-    live: Array
-    better: Array
-    weight: Array
+    live: AnyArray
+    better: AnyArray
+    weight: AnyArray
 
 
 class Survey(NamedTuple):
@@ -41,7 +38,7 @@ class Survey(NamedTuple):
     nets: RewardNets
     optimiser: Any
     kept: Pairs | None
-    count: Array
+    count: AnyArray
     novel: Novel | None
 
 
@@ -67,7 +64,7 @@ class Asking:
         """How many are compared in a round, at most."""
         return self.config.episodes * (1 if self.alike else self.judge.length) // 2
 
-    def init(self, key: Array) -> Survey:
+    def init(self, key: AnyArray) -> Survey:
         first, second, third = jax.random.split(key, 3)
         learning, nets = begun(self.policy, first), self.reward.init(second)
         kept = None
@@ -77,14 +74,14 @@ class Asking:
         novel = None if self.curious is None else self.curious.init(third)
         return Survey(learning, nets, self._adam.init((nets.theta, nets.phi)), kept, jnp.int32(0), novel)
 
-    def asked(self, learning: Learning, key: Array) -> tuple[Pairs, Played]:
+    def asked(self, learning: Learning, key: AnyArray) -> tuple[Pairs, Played]:
         """The pairs of a round, of episodes that the policy plays anew, and their steps (T, E, ...)."""
         begin, noise, coins = jax.random.split(key, 3)
         world, act = self.judge, acting(self.judge, learning.policy.actor)
         chances = jax.random.bernoulli(coins, self.config.random, (world.length, self.config.episodes))
         noises = world.head.noise(noise, chances.shape)
 
-        def step(walk: Any, drawn: tuple[Array, Array]) -> Any:
+        def step(walk: Any, drawn: tuple[AnyArray, AnyArray]) -> Any:
             noise, at_random = drawn
             return world.step(walk, jnp.where(at_random[:, None], world.head.uniform(noise), act(walk.seen, noise)))
 
@@ -92,13 +89,13 @@ class Asking:
         live = jnp.cumprod(jnp.concatenate([jnp.ones_like(steps.ended[:1]), 1 - steps.ended[:-1]]), axis=0)
         return self.compared(steps, live), steps
 
-    def compared(self, steps: Played, live: Array) -> Pairs:
+    def compared(self, steps: Played, live: AnyArray) -> Pairs:
         """Neighbours among episodes; where these differ in length, among their steps, as long segments do not fit into all."""
         world = self.judge
         gains = steps.reward * live * jnp.float32(world.task.discount) ** steps.time
         order = None if self.alike else jnp.argsort(1 - live.T.reshape(-1), stable=True)
 
-        def paired(x: Array) -> Array:
+        def paired(x: AnyArray) -> AnyArray:
             rows = jnp.swapaxes(x, 0, 1)
             rows = rows if order is None else rows.reshape(-1, 1, *x.shape[2:])[order]
             return rows[: 2 * self.pairs].reshape(self.pairs, 2, *rows.shape[1:])
@@ -110,7 +107,7 @@ class Asking:
         weight = lives.max(-1).min(-1) * jnp.where(same & self.config.total, 0.0, 1.0)
         return Pairs(at, lives, better, weight)
 
-    def loss(self, trainable: Any, nets: RewardNets, pairs: Pairs) -> Array:
+    def loss(self, trainable: Any, nets: RewardNets, pairs: Pairs) -> AnyArray:
         """Minus the log-likelihood of the comparisons (Bradley and Terry)."""
         nets = nets._replace(theta=trainable[0], phi=trainable[1])
         sums = (self.reward(nets, pairs.at) * pairs.live).sum(-1)
@@ -119,7 +116,7 @@ class Asking:
         total = (each * pairs.weight).sum()
         return total if self.config.total else total / jnp.maximum(pairs.weight.sum(), 1.0)
 
-    def advance(self, survey: Survey, key: Array, _: Any) -> Survey:
+    def advance(self, survey: Survey, key: AnyArray, _: Any) -> Survey:
         ask, draw, play, improve = jax.random.split(key, 4)
         learning = survey.learning
         pairs, steps = self.asked(learning, ask)
@@ -137,19 +134,19 @@ class Asking:
         policy = self.policy.update(learning.policy, own, walk, pay, improve)
         return Survey(Learning(policy, walk), nets, optimiser, kept, count, novel)
 
-    def _kept(self, survey: Survey, pairs: Pairs) -> tuple[Pairs | None, Array]:
+    def _kept(self, survey: Survey, pairs: Pairs) -> tuple[Pairs | None, AnyArray]:
         if survey.kept is None:
             return None, survey.count
         places = (survey.count + jnp.arange(self.pairs)) % self.config.kept
         kept = jax.tree.map(lambda old, new: old.at[places].set(new), survey.kept, pairs)
         return kept, survey.count + self.pairs
 
-    def _fitted(self, survey: Survey, pairs: Pairs, count: Array, key: Array) -> tuple[RewardNets, Any]:
+    def _fitted(self, survey: Survey, pairs: Pairs, count: AnyArray, key: AnyArray) -> tuple[RewardNets, Any]:
         """The reward after the gradient steps of a round."""
         config = self.config
         known = jnp.minimum(count, config.kept) if config.kept else self.pairs
 
-        def once(carry: Any, key: Array) -> tuple[Any, None]:
+        def once(carry: Any, key: AnyArray) -> tuple[Any, None]:
             nets, optimiser = carry
             now, some = (nets.theta, nets.phi), pairs
             if config.batch:

@@ -1,4 +1,4 @@
-"""Nets that say how good a step is, and what they see of it."""
+"""Nets that score a step, and random network distillation (Burda et al., 2018)."""
 
 from __future__ import annotations
 
@@ -7,25 +7,28 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 
+from taskspec.base.arrays import AnyArray
 from taskspec.data import Demonstrations
-from taskspec.learners.configurations import Reward
 from taskspec.learners.deep.nets import Net, net, says
 from taskspec.learners.deep.world import Played, World
-from taskspec.learners.rewards import LearnedReward
+from taskspec.learners.learned import LearnedReward
+from taskspec.learners.settings import Novelty, Reward
 
-Array = Any
+# ---------- rewards
+# Nets that say how good a step is, and what they see of it.
 
 
 class Looks(NamedTuple):
     """Steps (N, ...) as discriminators and rewards see them (see `Played`)."""
 
-    seen: Array
-    gone: Array
-    action: Array
-    taken: Array
-    next_seen: Array
-    next_gone: Array
+    seen: AnyArray
+    gone: AnyArray
+    action: AnyArray
+    taken: AnyArray
+    next_seen: AnyArray
+    next_gone: AnyArray
 
 
 class RewardNets(NamedTuple):
@@ -33,9 +36,9 @@ class RewardNets(NamedTuple):
 
     theta: Net
     phi: Net | None
-    mean: Array
-    variance: Array
-    count: Array
+    mean: AnyArray
+    variance: AnyArray
+    count: AnyArray
 
 
 def looks(steps: Played) -> Looks:
@@ -64,7 +67,7 @@ class RewardOf:
     def __init__(self, config: Reward, world: World, discount: float) -> None:
         self.config, self.world, self.discount = config, world, discount
 
-    def init(self, key: Array) -> RewardNets:
+    def init(self, key: AnyArray) -> RewardNets:
         first, second = jax.random.split(key)
         config, state = self.config, self.world.seen.size + self.world.absorbs
         inputs = state + (self.world.head.vectors.size if config.inputs == "state, action" else 0)
@@ -72,7 +75,7 @@ class RewardOf:
         size = self.world.seen.size
         return RewardNets(net(first, inputs, config.hidden, 1), phi, jnp.zeros(size), jnp.ones(size), jnp.float32(0))
 
-    def __call__(self, nets: RewardNets, at: Looks) -> Array:
+    def __call__(self, nets: RewardNets, at: Looks) -> AnyArray:
         """f (...) of steps (..., D)."""
         state = self._state(nets, at.seen, at.gone)
         inputs = state if self.config.inputs == "state" else jnp.concatenate([state, at.taken], -1)
@@ -83,14 +86,14 @@ class RewardOf:
         ahead, here = (says(nets.phi, x, self.config.activation)[..., 0] for x in (after, state))
         return found + self.discount * ahead - here
 
-    def _state(self, nets: RewardNets, seen: Array, gone: Array) -> Array:
+    def _state(self, nets: RewardNets, seen: AnyArray, gone: AnyArray) -> AnyArray:
         if self.config.scaled:
             seen = self.world.seen.scaled(seen)
         if self.config.standardised:
             seen = (seen - nets.mean) / jnp.maximum(jnp.sqrt(nets.variance), 0.1)
         return seen if not self.world.absorbs else jnp.concatenate([seen * (1 - gone)[..., None], gone[..., None]], -1)
 
-    def watched(self, nets: RewardNets, seen: Array) -> RewardNets:
+    def watched(self, nets: RewardNets, seen: AnyArray) -> RewardNets:
         """The nets, with the mean and variance of more observations (N, D) in theirs."""
         if not self.config.standardised:
             return nets
@@ -117,3 +120,54 @@ class RewardOf:
 
 def _arrays(layers: Net) -> tuple[Any, ...]:
     return tuple((np.asarray(w, np.float64), np.asarray(b, np.float64)) for w, b in layers)
+
+
+# ---------- novelty
+# Random network distillation (Burda et al., 2018): what a net has not learned yet of a random one is new.
+
+
+class Novel(NamedTuple):
+    """The net that learns and the random one, and the running mean and variance of how far they are apart."""
+
+    learner: Net
+    target: Net
+    optimiser: Any
+    mean: AnyArray
+    variance: AnyArray
+
+
+class Curiosity:
+    """How a bonus for what is new is begun, learned and paid."""
+
+    def __init__(self, config: Novelty, world: World) -> None:
+        self.config, self.world = config, world
+        self._adam = optax.adam(config.learning_rate)
+
+    def init(self, key: AnyArray) -> Novel:
+        inputs = self.world.seen.size + self.world.head.vectors.size
+        nets = [net(k, inputs, self.config.hidden, self.config.outputs) for k in jax.random.split(key)]
+        return Novel(nets[0], nets[1], self._adam.init(nets[0]), jnp.float32(0), jnp.float32(1))
+
+    def apart(self, learner: Net, target: Net, at: Looks) -> AnyArray:
+        """How far the nets are apart on steps (...), the mean square of their outputs' differences."""
+        inputs = jnp.concatenate([self.world.seen.scaled(at.seen), at.taken], -1)
+        return ((says(learner, inputs, "relu") - says(target, inputs, "relu")) ** 2).mean(-1)
+
+    def fitted(self, novel: Novel, at: Looks) -> Novel:
+        """After a gradient step on what was seen."""
+        slope = jax.grad(lambda n: self.apart(n, novel.target, at).mean())(novel.learner)
+        change, optimiser = self._adam.update(slope, novel.optimiser)
+        return novel._replace(learner=optax.apply_updates(novel.learner, change), optimiser=optimiser)
+
+    def bonus(self, novel: Novel, at: Looks) -> tuple[AnyArray, Novel]:
+        """What steps (T, E) are paid, standardised by averages that move with each of them."""
+        errors, rate = self.apart(novel.learner, novel.target, at), self.config.rate
+
+        def once(carry: tuple[AnyArray, AnyArray], error: AnyArray) -> tuple[tuple[AnyArray, AnyArray], AnyArray]:
+            mean, variance = carry
+            mean = (1 - rate) * mean + rate * error
+            variance = (1 - rate) * variance + rate * (error - mean) ** 2
+            return (mean, variance), (error - mean) / (jnp.sqrt(variance) + 1e-8)
+
+        (mean, variance), scaled = jax.lax.scan(once, (novel.mean, novel.variance), errors.reshape(-1))
+        return self.config.weight * scaled.reshape(errors.shape), novel._replace(mean=mean, variance=variance)

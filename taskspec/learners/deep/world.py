@@ -1,4 +1,4 @@
-"""A task as learners with nets act in it: vectors in place of observations, and rounds of a fixed number of steps."""
+"""A task as learners with nets act in it, and training of all seeds of a block at once."""
 
 from __future__ import annotations
 
@@ -8,26 +8,29 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from taskspec.backends.jax import State, compile_jax
-from taskspec.backends.jax.pack import acted, observed
+from taskspec.backends.jax.program import acted, observed
+from taskspec.base.arrays import AnyArray
+from taskspec.base.progress import tell
 from taskspec.lang.ir import Const
-from taskspec.learners.configurations import Experience
-from taskspec.learners.deep.spaces import ActionHead
-from taskspec.learners.refusals import cannot_learn
-from taskspec.learners.vectors import Vectors
+from taskspec.learners.case import LearnerCase, Vectors, cannot_learn
+from taskspec.learners.deep.nets import ActionHead
+from taskspec.learners.settings import Experience
 from taskspec.modifiers import modify
 from taskspec.task.task import Task
 
-Array = Any
+# ---------- world
+# A task as learners with nets act in it: vectors in place of observations, and rounds of a fixed number of steps.
 
 
 class Walk(NamedTuple):
     """Where the lanes of a learner are: the program's state, what is seen of it (E, D), and whether all is over (E,)."""
 
     state: State
-    seen: Array
-    gone: Array
+    seen: AnyArray
+    gone: AnyArray
 
 
 class Played(NamedTuple):
@@ -38,23 +41,23 @@ class Played(NamedTuple):
     `weight` is 0.0 for steps that do not count.
     """
 
-    seen: Array
-    gone: Array
-    time: Array
-    action: Array
-    taken: Array
-    next_seen: Array
-    next_gone: Array
-    reward: Array
-    ended: Array
-    weight: Array
+    seen: AnyArray
+    gone: AnyArray
+    time: AnyArray
+    action: AnyArray
+    taken: AnyArray
+    next_seen: AnyArray
+    next_gone: AnyArray
+    reward: AnyArray
+    ended: AnyArray
+    weight: AnyArray
 
     def flat(self) -> Played:
         """One axis in the place of the first two."""
         return Played(*(x.reshape(-1, *x.shape[2:]) for x in self))
 
 
-Act = Callable[[Array, Array], Array]
+Act = Callable[[AnyArray, AnyArray], AnyArray]
 """Actions (E, K) of what is seen (E, D) and of noise (E, size)."""
 
 
@@ -95,14 +98,14 @@ class World:
             return 1
         return cannot_learn(f"episodes of {self.task.id} have no horizon", "give the task one")
 
-    def begin(self, key: Array, lanes: int) -> Walk:
+    def begin(self, key: AnyArray, lanes: int) -> Walk:
         """New episodes."""
         words = jax.random.bits(key, (2, lanes), jnp.uint32)
         program = compile_jax(self.task)
         state, seen = program.reset(words)
         return Walk(state, self._vectors(seen), jnp.zeros(lanes))
 
-    def step(self, walk: Walk, action: Array) -> tuple[Walk, Played]:
+    def step(self, walk: Walk, action: AnyArray) -> tuple[Walk, Played]:
         """A step of every lane; an episode that ends begins anew."""
         program = compile_jax(self.task)
         after, result = program.step(walk.state, acted(program.action, self.head.played(action)))
@@ -122,12 +125,12 @@ class World:
         )  # fmt: skip
         return following, told
 
-    def walk(self, walk: Walk, act: Act, key: Array, steps: int) -> tuple[Walk, Played]:
+    def walk(self, walk: Walk, act: Act, key: AnyArray, steps: int) -> tuple[Walk, Played]:
         """So many steps of every lane: (T, E, ...)."""
         noise = self.head.noise(key, (steps, len(walk.seen)))
         return jax.lax.scan(lambda w, n: self.step(w, act(w.seen, n)), walk, noise)
 
-    def _vectors(self, seen: Any) -> Array:
+    def _vectors(self, seen: Any) -> AnyArray:
         shown = observed(compile_jax(self.task).observation, seen)
         return self.seen(jnp.moveaxis(shown, -1, 0))
 
@@ -139,6 +142,71 @@ def round_length(world: World, experience: Experience) -> int:
     return -(-experience.steps // world.length) * world.length
 
 
-def complete(steps: Played) -> Array:
+def complete(steps: Played) -> AnyArray:
     """1.0 for steps (T, E) of episodes whose ends are among them; 0.0 for those of the last one where it was cut."""
     return jnp.flip(jax.lax.cummax(jnp.flip(steps.ended, 0), axis=0), 0)
+
+
+# ---------- engine
+# Training: all seeds of a block at once, in chunks of rounds.
+
+CHUNKS = 10
+"""How often it is told how far training is, and a point of the learning curve is shown; the last, shorter one is one more."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """How long it is trained.
+
+    Attributes:
+        rounds: of training.
+        steps: of the environment that a round is counted as.
+        comparisons: that are made in a round.
+        shown: the policies, one for each seed, of the state of all seeds: a point of the learning curve.
+    """
+
+    rounds: int
+    steps: int
+    comparisons: int = 0
+    shown: Callable[[Any], list[Any]] | None = None
+
+
+def trained(
+    case: LearnerCase,
+    init: Callable[[AnyArray], Any],
+    advance: Callable[[Any, AnyArray, Any], Any],
+    plan: Schedule,
+    shared: Any = (),
+) -> Any:
+    """The state of every seed in the end, seeds first.
+
+    Args:
+        init: the first state of a seed, of its key.
+        advance: the state after a round, of the state, the round's key, and what is `shared`.
+        shared: arrays that all seeds read.
+    """
+
+    def chunk(state: Any, keys: AnyArray, numbers: AnyArray, shared: Any) -> Any:
+        def one(state: Any, key: AnyArray) -> Any:
+            body = lambda s, n: (advance(s, jax.random.fold_in(key, n), shared), None)  # noqa: E731
+            return jax.lax.scan(body, state, numbers)[0]
+
+        return jax.vmap(one)(state, keys)
+
+    keys = jax.vmap(jax.random.key)(jnp.array(np.array(case.seeds, np.uint64).astype(np.uint32)))
+    halves = jax.vmap(jax.random.split)(keys)
+    state = jax.jit(jax.vmap(init))(halves[:, 0])
+    run, size = jax.jit(chunk, donate_argnums=0), max(1, plan.rounds // CHUNKS)
+    for first in range(0, plan.rounds, size):
+        tell(f"{case.task.name}: round {first:,} of {plan.rounds:,}, {len(case.seeds)} seeds")
+        numbers = np.arange(first, min(first + size, plan.rounds))
+        state = run(state, halves[:, 1], numbers, shared)
+        case.count(plan.steps * len(numbers), plan.comparisons * len(numbers))
+        if plan.shown is not None and numbers[-1] + 1 < plan.rounds:
+            case.show(*plan.shown(state))
+    return state
+
+
+def of_seed(state: Any, i: int) -> Any:
+    """The part of a state that belongs to one seed, as NumPy arrays."""
+    return jax.tree.map(lambda x: np.asarray(x[i]), state)

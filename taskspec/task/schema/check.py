@@ -11,17 +11,15 @@ from typing import Annotated, Any, Protocol, TypeVar, Union, get_args, get_origi
 
 from pydantic import BaseModel, ValidationError
 
-from taskspec.diagnostics import Collector, Diagnostic, Span, suggest
-from taskspec.limits import how_to_raise, limits
-from taskspec.scan import EXTENDS
+from taskspec.base.diagnostics import Collector, Diagnostic, Span, suggest
+from taskspec.base.limits import how_to_raise, limits
 from taskspec.source import Document, Path
+from taskspec.source.scan import EXTENDS
 from taskspec.task.merge import Merged, statement, variant_names
-from taskspec.task.schema import fields, problems
-from taskspec.task.schema.elsewhere import advice
-from taskspec.task.schema.models import FORMAT
-from taskspec.task.schema.problems import Problem
-from taskspec.task.schema.rest import removed, without
-from taskspec.task.schema.variants import CHANGES, LIST, Extension, Spec
+from taskspec.task.schema import problems, typed
+from taskspec.task.schema.models import CHANGES, FORMAT, LIST, Extension, Spec
+from taskspec.task.schema.partial import removed, without
+from taskspec.task.schema.problems import Problem, advice
 
 # What belongs where pydantic found something else, by the type of its error.
 _EXPECTED = {
@@ -183,7 +181,7 @@ def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Probl
     if loc and loc[-1] == "[key]":
         loc = loc[:-1]
     match error["type"]:
-        case fields.PROBLEMS:
+        case typed.PROBLEMS:
             yield from (problem.below(*loc) for problem in error["ctx"]["problems"])
         case "missing":
             yield _missing_key(loc)

@@ -6,10 +6,10 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from taskspec.scan import EXTENDS, REQUIRED
-from taskspec.task.schema.fields import FORM, NAMES
+from taskspec.source.scan import EXTENDS, REQUIRED
+from taskspec.task.schema.models import Extension, Spec
+from taskspec.task.schema.typed import FORM, NAMES
 from taskspec.task.schema.values import SPACES
-from taskspec.task.schema.variants import Extension, Spec
 
 
 def _ref(title: str) -> dict[str, Any]:

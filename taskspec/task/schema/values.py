@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, Literal, get_args
 
-from taskspec.diagnostics import CODES, suggest
+from taskspec.base.diagnostics import CODES, suggest
 from taskspec.task.schema.problems import Problem, kind, name, unknown_key, wrong_kind
 
 _FUNCTION = re.compile(r"([^()]*)\(([^()]*)\)")

@@ -1,0 +1,1 @@
+"""Tasks solved through a finite abstraction, whether it is faithful, and symmetries."""

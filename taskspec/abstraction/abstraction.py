@@ -1,0 +1,78 @@
+"""Tasks solved through a finite stand-in.
+
+An abstraction maps every state to one of a finite task with the same actions. It is faithful when
+rewards, ends and the distribution of the next mapped state depend on the mapped state alone; then
+values, and returns of policies of the mapped state, are those of the task itself. Whether it is,
+`faith` says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Collector
+from taskspec.lang.batch import evaluate
+from taskspec.lang.check import Checker
+from taskspec.lang.ir import Node
+from taskspec.model.extract import extract as model_of
+from taskspec.model.model import Model
+from taskspec.modifiers import stand_in as modified_stand_in
+from taskspec.registry import load
+from taskspec.rollout.rollout import reads_of
+from taskspec.task.context import assign
+from taskspec.task.derived import build_abstract
+from taskspec.task.task import Task, TaskLike
+
+State = Mapping[str, Array]
+
+
+@dataclass(frozen=True)
+class Abstraction:
+    """A task, its finite stand-in, and the nodes that map a state to the stand-in's, in order of its components."""
+
+    task: Task
+    stand_in: Task
+    nodes: tuple[Node, ...]
+
+    def map(self, state: State) -> dict[str, Array]:
+        """The mapped state, (*shape, lanes)."""
+        lanes = next(iter(state.values())).shape[-1]
+        values = evaluate(self.nodes, reads_of(state, {}, 0))
+        names = (c.name for c in self.stand_in.state)
+        return {n: np.broadcast_to(v, (*v.shape[:-1], lanes)) for n, v in zip(names, values, strict=True)}
+
+
+def extract(task: TaskLike, reachable: bool | None = None, limit: int | None = None) -> Model:
+    """The exact model of a finite task, or of its abstraction where the spec gives one: the model that scores rest on.
+
+    Args:
+        task: the task, its id or its path.
+        reachable: only states that episodes enter (True), or all declared ones (False); None takes
+            all where that is cheap.
+        limit: how many non-zeros the matrices may have, 12 bytes each; checked, as the time is, before it is spent.
+
+    Raises:
+        SpecError: (E712) when the task is not finite or too large; (E705) without scipy.
+    """
+    task = load(task)
+    found = abstraction(task)
+    return model_of(task if found is None else found.stand_in, reachable, limit)
+
+
+def abstraction(task: Task) -> Abstraction | None:
+    """The abstraction that a task declares, or None."""
+    if task.memory is not None or task.remembers:  # what is remembered is no function of the state that the map reads
+        task = replace(task, expert=None, memory=None)
+    written = task.surface.sections.get("abstraction")
+    as_written = build_abstract(task) if written else None
+    stand_in = None if as_written is None else modified_stand_in(task, as_written)
+    if stand_in is None or not isinstance(written, dict):
+        return None
+    checker, scope = Checker(task.builder, Collector()), task.surface.scopes["abstraction"]
+    nodes = [assign(checker, written[c.name], scope, c) for c in stand_in.state if c.name in written]
+    found = tuple(n for n in nodes if n is not None)
+    return Abstraction(task, stand_in, found) if len(found) == len(stand_in.state) else None

@@ -1,0 +1,222 @@
+"""Whether two finite tasks are the same up to a map of states, by looking at every step: weights, rewards and ends."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.lang.batch import evaluate
+from taskspec.lang.ir import Node, draws, reads
+from taskspec.lang.variates.outcomes import once
+from taskspec.model.extract import extract
+from taskspec.model.model import Model
+from taskspec.model.transitions import TIME, Steps, acted, branches, count
+from taskspec.solve.enclosure import Inexact, Reader
+from taskspec.solve.rational import Chances
+from taskspec.task.task import Task
+
+MOST = 400_000
+"""Outcomes of all steps together up to which tasks are compared."""
+MOST_ENTRIES = 2_000_000
+Law = dict[Any, Fraction]
+"""Probabilities of outcomes."""
+
+
+class Uncompared(Exception):
+    """Why the tasks could not be compared: a few words."""
+
+
+def difference(task: Task, nodes: Sequence[Node], stand_in: Task, with_expert: bool) -> str | None:
+    """Where a finite task differs from another one that its states are mapped to; None where it does not.
+
+    Args:
+        task, nodes: every state of the task that episodes enter, and what it is mapped to.
+        with_expert: whether the experts, given by expressions, are to agree as well.
+
+    Raises:
+        Uncompared: where they are too large, or probabilities are no rationals.
+        SpecError: (E712) where one of them has no exact model.
+    """
+    whole, other = extract(task, True, MOST_ENTRIES), extract(stand_in, True, MOST_ENTRIES)
+    if max(_size(whole), _size(other)) > MOST:
+        raise Uncompared("there are too many steps to compare")
+    try:
+        return _Comparison(whole, _mapped(whole, nodes, other), other).found(with_expert)
+    except Inexact:
+        raise Uncompared("probabilities are no rational numbers") from None
+
+
+def _size(model: Model) -> float:
+    """Outcomes of all steps together."""
+    steps = Steps(model.task)
+    return model.n_states * model.n_actions * steps.branching * _times(model, steps.uses_time)
+
+
+def _times(model: Model, is_timed: bool) -> int:
+    return (model.horizon or 1) if is_timed else 1
+
+
+def _mapped(whole: Model, nodes: Sequence[Node], other: Model) -> Array:
+    """The index in the other model of what each state (S,) is mapped to; -1 where that is no state of it."""
+    values = evaluate(nodes, whole.reads())
+    codes, outside = other.states.encode(values, whole.n_states)
+    index = np.minimum(np.searchsorted(other.codes, codes), other.n_states - 1)
+    missing = (other.codes[index] != codes) | (False if outside is None else outside)
+    return np.where(missing, -1, index)
+
+
+class _Comparison:
+    def __init__(self, whole: Model, mapped: Array, other: Model) -> None:
+        self.whole, self.mapped, self.other = whole, mapped, other
+        self.chances = Chances(Reader())
+
+    def found(self, with_expert: bool) -> str | None:
+        nowhere = (self.mapped < 0) & self.whole.entered
+        if nowhere.any():
+            state = self.whole.state_name(int(np.flatnonzero(nowhere)[0]))
+            return f"{state} is mapped to a state that the abstraction is never in"
+        return self._starts() or self._steps() or (self._experts() if with_expert else None)
+
+    def _starts(self) -> str | None:
+        mine, others = _first(self.whole, self.chances), _first(self.other, self.chances)
+        return self._apart(_merged(mine, lambda s: int(self.mapped[s])), others, "episodes start")
+
+    def _steps(self) -> str | None:
+        times = max(_times(m, Steps(m.task).uses_time) for m in (self.whole, self.other))
+        for t, acting in self._acting(times):
+            mine = _Laws.of(self.whole, t, self.chances, self.mapped)
+            others = _Laws.of(self.other, t, self.chances, np.arange(self.other.n_states))
+            rows = np.flatnonzero(np.tile(acting, self.whole.n_actions))
+            row = mine.differs(others, rows, self._row(rows))
+            if row is not None:
+                action, state = divmod(row, self.whole.n_states)
+                where = f"in {self.whole.state_name(state)} with {self.whole.action_name(action)}"
+                words = self._differing(mine.law(row), others.law(self._row(row)))
+                return f"{where}{f' at t = {t}' if times > 1 else ''} {words}"
+        return None
+
+    def _acting(self, times: int) -> Iterator[tuple[int, Array]]:
+        """Times to look at, and the states (S,) in which episodes act then: all at once where the time does not matter."""
+        return self.whole.levels() if times > 1 else iter([(0, self.whole.acting)])
+
+    def _row(self, row: Any) -> Any:
+        """The rows of the other model that rows a*S + s of the task are mapped to."""
+        action, state = np.divmod(row, self.whole.n_states)
+        return action * self.other.n_states + self.mapped[state]
+
+    def _experts(self) -> str | None:
+        nodes = [node for m in (self.whole, self.other) for node in _expert(m)]
+        for t, acting in self._acting(_times(self.whole, TIME in reads(nodes))):
+            mine, others = (_Laws.of_expert(m, t, self.chances) for m in (self.whole, self.other))
+            rows = np.flatnonzero(acting)
+            state = mine.differs(others, rows, self.mapped[rows])
+            if state is not None:
+                return f"in {self.whole.state_name(state)} the experts act in different ways"
+        return None
+
+    def _differing(self, mine: Law, others: Law) -> str | None:
+        for outcome in mine.keys() | others.keys():
+            if mine.get(outcome, 0) != others.get(outcome, 0):
+                p, q = float(mine.get(outcome, 0)), float(others.get(outcome, 0))
+                return f"it gives another reward, end or next state: one has probability {p:.6g}, and {q:.6g} in the abstraction"
+        return None
+
+    def _apart(self, mine: Law, others: Law, what: str) -> str | None:
+        for state in sorted(mine.keys() | others.keys()):
+            if mine.get(state, 0) != others.get(state, 0):
+                p, q = float(mine.get(state, 0)), float(others.get(state, 0))
+                return (
+                    f"{what} in {self.other.state_name(state)} with probability {p:.6g}, and {q:.6g} in the abstraction"
+                )
+        return None
+
+
+def _merged(law: Law, name: Any) -> Law:
+    found: Law = {}
+    for outcome, p in law.items():
+        found[name(outcome)] = found.get(name(outcome), Fraction(0)) + p
+    return found
+
+
+def _first(model: Model, chances: Chances) -> Law:
+    codes, weights = Steps(model.task).starts(chances)
+    return dict(zip(np.searchsorted(model.codes, codes).tolist(), weights, strict=True))
+
+
+@dataclass(frozen=True)
+class _Laws:
+    """What can follow each row a*S + s: (mapped) next states, ends, rewards, in order, and their probabilities.
+
+    Those of row r are entries `first[r]` to `first[r + 1]`. Of experts, rows are states, and what follows are actions.
+    """
+
+    first: Array
+    to: Array
+    ends: Array
+    reward: Array
+    weight: Array
+
+    @classmethod
+    def of(cls, model: Model, t: int, chances: Chances, mapped: Array) -> _Laws:
+        steps, n, parts = Steps(model.task), model.n_states, []
+        for a in range(model.n_actions):
+            for found in steps.outcomes(model.codes, np.array([a]), t, chances):
+                at = np.arange(n) if found.origin is None else found.origin
+                to = mapped[np.minimum(np.searchsorted(model.codes, found.code), n - 1)]
+                values = (a * n + at, to, found.terminal, found.reward, found.weight)
+                parts.append(tuple(np.broadcast_to(v, (len(at),)) for v in values))
+        return cls._ordered(parts, n * model.n_actions)
+
+    @classmethod
+    def of_expert(cls, model: Model, t: int, chances: Chances) -> _Laws:
+        nodes, given, parts = _expert(model), model.reads(t), []
+        if count(draws(nodes), {}) > MOST:
+            raise Uncompared("the expert draws from too many outcomes")
+        for branch in branches(draws(nodes), given, model.n_states, chances):
+            action, at = acted(model.actions, nodes, given, branch, model.n_states)
+            parts.append(tuple(np.broadcast_to(v, (len(at),)) for v in (at, action, False, 0.0, branch.weight)))
+        return cls._ordered(parts, model.n_states)
+
+    @classmethod
+    def _ordered(cls, parts: Sequence[tuple[Array, ...]], rows: int) -> _Laws:
+        row, to, ends, reward, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
+        order = np.lexsort((reward, ends, to, row))
+        row, to, ends, reward, weight = (x[order] for x in (row, to, ends, reward, weight))
+        fresh = np.ones(len(row), np.bool_)
+        fresh[1:] = (np.diff(row) != 0) | (np.diff(to) != 0) | (ends[1:] != ends[:-1]) | (reward[1:] != reward[:-1])
+        start = np.flatnonzero(fresh)
+        first = np.searchsorted(row[start], np.arange(rows + 1))
+        total = weight if len(start) == len(row) else np.add.reduceat(weight, start)
+        return cls(first, to[start], ends[start], reward[start], total)
+
+    def differs(self, others: _Laws, rows: Array, theirs: Array) -> int | None:
+        """The first of some rows whose law is not that of a row of others."""
+        counts = np.diff(self.first)[rows]
+        apart = counts != np.diff(others.first)[theirs]
+        if not apart.any():
+            own, other = _ranges(self.first[rows], counts), _ranges(others.first[theirs], counts)
+            wrong = np.zeros(len(own), np.bool_)
+            for name in ("to", "ends", "reward", "weight"):
+                wrong |= once(operator.ne, getattr(self, name)[own], getattr(others, name)[other]).astype(np.bool_)
+            apart = np.bincount(np.repeat(np.arange(len(rows)), counts), wrong, len(rows)) > 0
+        return int(rows[np.flatnonzero(apart)[0]]) if apart.any() else None
+
+    def law(self, row: int) -> Law:
+        here = range(int(self.first[row]), int(self.first[row + 1]))
+        return {(self.to[i].item(), self.ends[i].item(), self.reward[i].item()): self.weight[i] for i in here}
+
+
+def _ranges(first: Array, counts: Array) -> Array:
+    """The numbers first, first + 1, ... of each range, one range after the other."""
+    return np.asarray(np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts))
+
+
+def _expert(model: Model) -> tuple[Node, ...]:
+    assert isinstance(model.task.expert, tuple)
+    return model.task.expert

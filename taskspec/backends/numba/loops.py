@@ -1,0 +1,358 @@
+"""The loops over lanes of a Numba program as source, and the memory that they work on."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from taskspec.backends.emit.lane import LaneValue
+from taskspec.backends.emit.source import literal, without_unused
+from taskspec.backends.lowering.hoist import compared, word_names
+from taskspec.backends.numba.kernel import EVERYTHING, KernelLane
+from taskspec.backends.numpy.step import never
+from taskspec.backends.vector import Mode
+from taskspec.lang.ir import Const, Draw, Node, Role
+from taskspec.lang.types import INT_MAX, Kind, Type
+from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates.sample import WordLayout as WordLayout
+from taskspec.lang.variates.sample import words_of
+from taskspec.task.spaces import Segment, SpaceLayout
+from taskspec.task.task import Component, Task
+
+# ---------- kernelmemory
+# What a Numba program keeps in memory, and where: a vector of addresses, rows of elements, blocks of lanes.
+
+SCRATCH = 1 << 16
+"""Bytes of random words of a block, about: what a first-level cache and a part of the second hold."""
+BLOCK = 1024
+CHECKED_STEP, STEP, CHECK, RESET = range(4)
+"""What `kernel` is to do: check the actions and step; step, without the interpreter's lock; check the actions; reset."""
+GAP = 16
+"""Numbers between the rows of an array, see `Buffers.of`."""
+WHAT = 3
+"""The number of the field that says so."""
+BAD = -1
+"""What `kernel` gives where an action is not in the action space; nothing has changed then."""
+_ARRAYS = {Kind.BOOL: "flags", Kind.INT: "i64s", Kind.REAL: "f64s"}
+
+
+@dataclass
+class Memory:
+    """Where every array is: its number in the vector of addresses, in the order of `Engine.addresses`."""
+
+    fields: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        # Numbers: the range of lanes, how far apart rows are, what is to be done.
+        self.fields = ["start", "stop", "every", "what"]
+        self.fields += ["k0", "k1", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
+        self.fields += ["chosen", "lanes", "words", "reals"]
+
+    def at(self, name: str) -> str:
+        if name not in self.fields:
+            self.fields.append(name)
+        return f"m[{self.fields.index(name)}]"
+
+
+@dataclass(frozen=True)
+class MemoryRow:
+    """One element of all lanes: a row of an array in memory."""
+
+    name: str
+    array: str  # the array's name in `Memory`
+    row: int
+    kind: str  # the library's function that gives n numbers of it
+
+    def source(self, memory: Memory, first: str = "first", every: str = "every") -> str:
+        # Numba compiles a function once more for every literal that it is given, and not for what i64() returns.
+        offset = first if self.row == 0 else f"i64({self.row}) * {every} + {first}"
+        return f"{self.kind}({memory.at(self.array)}, {offset})"
+
+
+@dataclass
+class Program:
+    """A task's kernel while it is being written."""
+
+    task: Task
+    observation: SpaceLayout
+    action: SpaceLayout
+    mode: Mode
+    actions: str  # "i", "f" or "d": int64, float32 or float64
+    memory: Memory = field(default_factory=Memory)
+    constants: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        b = self.task.builder
+        self.step_words = self.task.step_words
+        self.step = compared(b, self.task.step_roots)
+        self.reset_words = self.task.reset_words
+        self.start = compared(b, self.task.reset_roots)
+        most = max(self.step_words.count, self.reset_words.count, 1)
+        self.block = max(64, min(BLOCK, SCRATCH // (8 * most) // 64 * 64))
+        self.rows, self.width = most + 2, self.block + GAP
+        self.states = self._component_rows("s", self.task.state)
+        self.seen, self.final = _seen_rows("seen", self.observation), _seen_rows("final", self.observation)
+        for i in range(len(self.task.state)):
+            self.memory.at(f"s{i}")
+        for i in range(len(self.observation.parts)):
+            self.memory.at(f"seen{i}")
+            self.memory.at(f"final{i}")
+
+    @staticmethod
+    def _component_rows(prefix: str, components: Sequence[Component]) -> list[list[MemoryRow]]:
+        return [
+            [MemoryRow(f"{prefix}{i}_{k}", f"{prefix}{i}", k, _ARRAYS[c.type.kind]) for k in range(c.type.size)]
+            for i, c in enumerate(components)
+        ]
+
+    @property
+    def inline_reset(self) -> bool:
+        """Whether lanes that end start again within the loop: where that is known and takes no draws."""
+        return self.mode == "same_step" and not self.reset_words.count
+
+
+def _seen_rows(prefix: str, layout: SpaceLayout) -> list[MemoryRow]:
+    """The rows of the arrays that hold observations."""
+    return [
+        MemoryRow(f"{prefix}{i}_{k}", f"{prefix}{i}", k, "i64s" if part.is_whole else "f32s")
+        for i, part in enumerate(layout.parts)
+        for k in range(math.prod(part.shape))
+    ]
+
+
+# ---------- kernelloop
+# The loops over lanes of a Numba program, as source: `check`, `advance` (the step of n lanes), `begin` (first states).
+
+SHOWN = 8
+"""Draws of this many elements or more that are observed as they are go to the observations in one piece."""
+Shown = dict[int, tuple[int, int]]
+"""What is shown in one piece: row of the observations -> number of the first word, and how many."""
+
+
+@dataclass
+class Loop:
+    """The body of a loop over lanes: statements, the rows that they name, and what is shown in one piece."""
+
+    program: Program
+    lane: KernelLane
+    values: list[LaneValue]
+    shown: Shown = field(default_factory=dict)  # row of observations -> first word, size
+
+
+def _loop(p: Program, roots: Sequence[Node], words: WordLayout, at: str, acting: bool) -> Loop:
+    """Emit roots; lane `j` is read, and random numbers of place `at`."""
+    names: dict[tuple[Role, str], LaneValue] = {(Role.TIME, "t"): LaneValue(["t"])}
+    for c, rows in zip(p.task.state, p.states, strict=True):
+        names[Role.STATE, c.name] = LaneValue([f"x_{r.name}" for r in rows])
+    for i, c in enumerate(p.task.action if acting else ()):
+        names[Role.ACTION, c.name] = LaneValue([f"a_{i}_{k}" for k in range(c.type.size)])
+    numbers = {d.site: [f"w{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    for draw in words.draws:
+        for name, number in zip(word_names(draw), numbers[draw.site], strict=True):
+            names[Role.VARIABLE, name] = LaneValue([f"i64({number})"])
+    lane = KernelLane(names, numbers, p.task.builder.certain, constants=p.constants, unrolled=EVERYTHING)
+    lane.reals = {d.site: [f"r{words.first[d.site] + k}" for k in range(words_of(d))] for d in words.draws}
+    shown = _shown(p, roots, words)
+    hidden = {len(roots) - len(p.observation.components) + i for i in shown}
+    kept = [_NOTHING if i in hidden else root for i, root in enumerate(roots)]
+    values = lane.emit(kept)
+    return Loop(p, lane, values, dict(shown.values()))
+
+
+_NOTHING: Node = Const(0, Type(Kind.INT))
+
+
+def _shown(p: Program, roots: Sequence[Node], words: WordLayout) -> dict[int, tuple[int, tuple[int, int]]]:
+    """Observed components that are long draws as they come: number of the component -> row, (first word, size)."""
+    found = {}
+    components = p.observation.components
+    for segment in p.observation.segments if len(p.observation.parts) == 1 else ():
+        node = roots[len(roots) - len(components) + segment.component]
+        plain = not segment.starts and segment.values is None and not p.observation.parts[0].is_whole
+        if plain and isinstance(node, Draw) and VARIATES[node.base].loop and segment.size >= SHOWN:
+            found[segment.component] = (segment.first, (words.first[node.site], segment.size))
+    return found
+
+
+def _observed(loop: Loop) -> dict[str, str]:
+    """What is stored in each row of the observations, by name without its prefix."""
+    layout = loop.program.observation
+    values = loop.values[len(loop.values) - len(layout.components) :]
+    out: dict[str, str] = {}
+    for segment in layout.segments:
+        if segment.first not in loop.shown:
+            cast = "i64" if layout.parts[segment.part].is_whole else "f32"
+            atoms = _numbers(loop, segment, values[segment.component].atoms or [])
+            for row, atom in enumerate(atoms, segment.first):
+                out[f"{segment.part}_{row}"] = loop.lane.assign(f"{cast}({atom})")
+    return out
+
+
+def _numbers(loop: Loop, segment: Segment, atoms: Sequence[str]) -> list[str]:
+    """The numbers of a segment, from the elements of its component."""
+    if segment.values is None:
+        return [
+            f"({a} - {start})" if start else a
+            for a, start in zip(atoms, segment.starts or (0,) * len(atoms), strict=True)
+        ]
+    held = loop.lane.assign(f"i32({atoms[segment.element]})")
+    return [f"({held} == {value})" for value in segment.values]
+
+
+def _stores(p: Program, loop: Loop) -> dict[MemoryRow, str]:
+    """The next value of every row of the state that changes."""
+    stored: dict[MemoryRow, str] = {}
+    for rows, value, c in zip(p.states, loop.values, p.task.state, strict=False):
+        for row, atom in zip(rows, value.atoms or (), strict=True):
+            if atom != f"x_{row.name}":
+                stored[row] = loop.lane.assign(f"f64({atom})" if c.type.kind is Kind.REAL else atom)
+    return stored
+
+
+# -- functions of a kernel ----------------------------------------------------------------------------------------
+
+
+def indent(lines: Sequence[str], by: int = 1) -> list[str]:
+    return [f"{'    ' * by}{line}" if line else "" for line in lines]
+
+
+def action_rows(p: Program) -> list[tuple[str, str]]:
+    """For every element of an action: its name, and where it stands in the lanes-first array of actions."""
+    names = [f"a_{i}_{k}" for i, c in enumerate(p.task.action) for k in range(c.type.size)]
+    width = len(names)
+    return [(name, "j" if width == 1 else f"j * {width} + {k}") for k, name in enumerate(names)]
+
+
+def check(p: Program) -> list[str]:
+    """The number of actions that are not in the action space."""
+    lines = ["bad = 0", "for j in range(n):"]
+    places = action_rows(p)
+    for (name, place), (a, b) in zip(places, p.action.ends, strict=True):
+        lines.append(f"    {name} = actions[{place}]")
+        good = f"({name} >= {literal(a)}) & ({name} <= {literal(b)})"
+        lines.append(f"    bad += i64(({good}) == False)")
+    return ["@inner", "def check(n, actions):", *indent([*lines, "return bad"])]
+
+
+def _read_actions(p: Program) -> list[str]:
+    lines, places = [], iter(action_rows(p))
+    for c, segment in zip(p.task.action, p.action.segments, strict=True):
+        rounded = c.type.kind is not Kind.REAL and not p.action.parts[segment.part].is_whole
+        for start in segment.starts or (0,) * segment.size:
+            name, place = next(places)
+            raw = f"actions[{place}] + {start}" if start else f"actions[{place}]"
+            raw = f"np.rint({raw})" if rounded else raw
+            cast = {Kind.BOOL: "({} != 0)", Kind.INT: "i32({})", Kind.REAL: "f64({})"}[c.type.kind]
+            lines.append(f"{name} = {cast.format(raw)}")
+    return lines
+
+
+def _loads(p: Program, words: WordLayout, body: str, at: str) -> tuple[list[str], list[MemoryRow]]:
+    """Statements that read the rows which the body names, and these rows."""
+    lines, rows = [], []
+    used = set(re.findall(r"\b[A-Za-z_]\w*", body))
+    for state, c in zip(p.states, p.task.state, strict=True):
+        for k, row in enumerate(state):
+            if f"x_{row.name}" in used:
+                narrow = c.type.kind is Kind.INT and c.low[k] > -(2**31) and c.high[k] < 2**31
+                cast = "i32({})" if narrow else "({} != 0)" if c.type.kind is Kind.BOOL else "{}"
+                lines.append(f"x_{row.name} = " + cast.format(f"{row.name}[j]"))
+                rows.append(row)
+    for k in range(words.count + 1):
+        for prefix, array, kind in (("w", "words", "u32s"), ("r", "reals", "f32s")):
+            if f"{prefix}{k}" in used:
+                lines.append(f"{prefix}{k} = {prefix}_{k}[{at}]")
+                rows.append(MemoryRow(f"{prefix}_{k}", array, k, kind))
+    return lines, rows
+
+
+def advance(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
+    loop = _loop(p, p.step, p.step_words, "j", acting=True)
+    n = len(p.task.state)
+    state, seen = _stores(p, loop), _observed(loop)
+    reward = loop.lane.assign(f"f64({(loop.values[n].atoms or ['0'])[0]})")
+    terminal = (loop.values[n + 1].atoms or ["False"])[0]
+    ending, end = _ending(p, terminal)
+    results, stores, out_rows = _results(p, loop, state, seen, end)
+    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values(), reward, terminal])
+    body = [*lines, f"reward[j] = {reward}", *ending, *results, *stores]
+    loads, in_rows = _loads(p, p.step_words, "\n".join(body), "j")
+    rows = list(dict.fromkeys([*in_rows, *out_rows]))
+    arguments = ["n", "actions", "steps", "episodes", "time", "reward", "terminated", "truncated", "ended"]
+    text = [
+        "@apart",
+        f"def advance({', '.join([*arguments, *(r.name for r in rows)])}):",
+        *indent(["count = 0", "for j in range(n):"]),
+        *indent([f"t = {_time(p)}", *_read_actions(p), *loads, *body], 2),
+        *indent(["    count += i64(e)", "return count"]),
+    ]
+    return text, rows, loop.shown
+
+
+def _time(p: Program) -> str:
+    """The time as 32 bits hold it; without a horizon it stops at the largest."""
+    return "i32(time[j])" if p.task.horizon is not None else f"i32(min(time[j], {INT_MAX}))"
+
+
+def _ending(p: Program, terminal: str) -> tuple[list[str], str]:
+    """Statements that count the step and work out the flags; `e` says whether the episode has ended."""
+    late = "False" if p.task.horizon is None else f"(t + 1 >= {p.task.horizon})"
+    lines = [f"late = {late}", f"e = late | {terminal}" if not never(p.task.terminal) else "e = late"]
+    lines += ["steps[j] = u32(steps[j] + u32(1))", f"terminated[j] = {terminal}"]
+    return [*lines, "truncated[j] = late", "ended[j] = e"], "e"
+
+
+def _results(
+    p: Program, loop: Loop, state: dict[MemoryRow, str], seen: dict[str, str], end: str
+) -> tuple[list[str], list[str], list[MemoryRow]]:
+    """Statements that store the next state and what is seen of it; or the first state, where the episode has ended."""
+    rows = {r.name.removeprefix("seen"): r for r in p.seen}
+    finals = {r.name.removeprefix("final"): r for r in p.final}
+    used = [*state, *(rows[name] for name in seen)]
+    if not p.inline_reset:
+        stores = [f"{row.name}[j] = {value}" for row, value in state.items()]
+        stores += [f"{rows[name].name}[j] = {value}" for name, value in seen.items()]
+        return ["time[j] = i64(t + 1)"], stores, used
+    start = _loop(p, p.start, p.reset_words, "j", acting=False)
+    assert not start.lane.lines or p.start
+    first_state, first_seen = _stores(p, start), _observed(start)
+    constant = without_unused(start.lane.lines, [*first_state.values(), *first_seen.values()])
+    renamed = [_renamed(line) for line in constant]
+    again = ["time[j] = i64(select(e, 0, t + 1))", "episodes[j] = u32(episodes[j] + u32(e))"]
+    stores = [f"{row.name}[j] = select(e, {_renamed(first_state[row])}, {value})" for row, value in state.items()]
+    for row in first_state:
+        if row not in state:
+            stores.append(f"{row.name}[j] = select(e, {_renamed(first_state[row])}, x_{row.name})")
+            used.append(row)
+    for name, value in seen.items():
+        stores.append(f"{finals[name].name}[j] = {value}")
+        stores.append(f"{rows[name].name}[j] = select(e, {_renamed(first_seen[name])}, {value})")
+        used.append(finals[name])
+    return [*renamed, *again], stores, used
+
+
+def _renamed(text: str) -> str:
+    """Names of a loop's values, apart from those of another."""
+    return re.sub(r"\bv(\d+)\b", r"again\1", text)
+
+
+def begin(p: Program) -> tuple[list[str], list[MemoryRow], Shown]:
+    loop = _loop(p, p.start, p.reset_words, "i", acting=False)
+    state, seen = _stores(p, loop), _observed(loop)
+    rows = {r.name.removeprefix("seen"): r for r in p.seen}
+    lines = without_unused(loop.lane.lines, [*state.values(), *seen.values()])
+    body = [*lines, *(f"{row.name}[j] = {value}" for row, value in state.items())]
+    body += [f"{rows[name].name}[j] = {value}" for name, value in seen.items()]
+    body += ["time[j] = 0", "episodes[j] = u32(episodes[j] + u32(1))"]
+    loads, in_rows = _loads(p, p.reset_words, "\n".join(body), "i")
+    used = list(dict.fromkeys([*in_rows, *state, *(rows[name] for name in seen)]))
+    text = [
+        "@inner",
+        f"def begin({', '.join(['m', 'lanes', 'time', 'episodes', *(r.name for r in used)])}):",
+        *indent(["for i in range(m):"]),
+        *indent(["j = u64(lanes[i])", *loads, *body], 2),
+    ]
+    return text, used, loop.shown

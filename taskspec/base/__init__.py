@@ -1,0 +1,1 @@
+"""What everything else rests on: diagnostics, limits, files, ids, optional packages."""

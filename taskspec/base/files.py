@@ -1,0 +1,150 @@
+"""Files: their names, and how they are written: whole or not at all, beside their place, to disk, and only then into it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from taskspec.base.diagnostics import Diagnostic, SpecError
+
+LONGEST = 100
+"""Bytes of a name that is taken from a spec or an experiment; more stands in the file's name beside it."""
+_KEPT = re.compile(r"[^\w .,=+()-]")
+_RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])(\..*)?", re.IGNORECASE)
+"""What Windows takes for a device, whatever stands behind a dot."""
+
+
+def safe_name(text: str) -> str:
+    """Return a text as a part of a file's name that means the same on every system, in the folder where it is put.
+
+    A text that is such a name is returned as it is. Of others, letters that may not be are replaced, and a hash of the text
+    is added: different texts have different names.
+    """
+    clean = _KEPT.sub("-", text).encode(errors="replace")[:LONGEST].decode(errors="ignore").strip("-. ")
+    if clean == text and not _RESERVED.fullmatch(clean) and clean:
+        return clean
+    digest = hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:8]
+    return f"{'_' if _RESERVED.fullmatch(clean) else ''}{clean or 'unnamed'}-{digest}"
+
+
+def write_text(place: Path, text: str, new: bool = False) -> None:
+    """Write a text in UTF-8, with the line ends that it has (see `whole`)."""
+    with whole(place, new) as path:
+        path.write_text(text, encoding="utf-8", newline="")
+
+
+def write_bytes(place: Path, content: bytes) -> None:
+    """Write a file (see `whole`)."""
+    with whole(place) as path:
+        path.write_bytes(content)
+
+
+@contextmanager
+def whole(place: Path, new: bool = False) -> Iterator[Path]:
+    """A path to write a file at, which goes to its place when all went well; otherwise what is there stays.
+
+    Args:
+        place: where the file is to be. Folders are made if need be.
+        new: whether it is an error if it exists.
+
+    Raises:
+        SpecError: E716, it cannot be written, or exists.
+    """
+    with refused(place):
+        file = Unfinished(place, new)
+        try:
+            yield file.path
+            file.finish()
+        except BaseException:
+            file.discard()
+            raise
+
+
+@contextmanager
+def whole_folder(place: Path, mark: str) -> Iterator[Path]:
+    """A new folder to write files into, which goes to its place when all went well; otherwise what is there stays.
+
+    Args:
+        place: where the folder is to be. A folder that is there is replaced if it holds a file called `mark`, or nothing.
+
+    Raises:
+        SpecError: E716, it cannot be written, or something else is there.
+    """
+    with refused(place):
+        place = place.resolve()
+        if place.exists() and not (place.is_dir() and ((place / mark).is_file() or not any(place.iterdir()))):
+            raise _failure(f"{str(place)!r} already exists; it was not changed", "give another place")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        made, old = (place.with_name(f".{os.urandom(8).hex()}") for _ in range(2))
+        made.mkdir()
+        try:
+            yield made
+            if place.exists():
+                place.replace(old)
+            made.replace(place)
+        finally:
+            shutil.rmtree(made, ignore_errors=True)
+            shutil.rmtree(old, ignore_errors=True)
+
+
+@contextmanager
+def refused(place: Path) -> Iterator[None]:
+    """What the system refuses to write is a message.
+
+    Raises:
+        SpecError: E716.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise _failure(f"cannot write {str(place)!r}: {error.strerror or error}") from error
+
+
+class Unfinished:
+    """A file that is being written, at `path`, beside its place, with the permissions that it has there or would have.
+
+    A link leads on to its file. What is no regular file, such as a terminal, is written to where it is.
+    """
+
+    def __init__(self, place: Path, new: bool = False) -> None:
+        self._place, self._new = place if new else place.resolve(), new
+        self._place.parent.mkdir(parents=True, exist_ok=True)
+        if new:
+            self._reserve()
+        self._direct = self._place.exists() and not self._place.is_file()
+        self.path = self._place if self._direct else self._place.with_name(f".{os.urandom(8).hex()}{place.suffix}")
+        if not self._direct:
+            self.path.touch(exist_ok=False)
+            with suppress(FileNotFoundError):
+                self.path.chmod(stat.S_IMODE(self._place.stat().st_mode))
+
+    def finish(self) -> None:
+        """Move the file to its place."""
+        if not self._direct:
+            with self.path.open("rb+") as file:
+                os.fsync(file.fileno())
+            self.path.replace(self._place)
+
+    def discard(self) -> None:
+        """Leave everything as it was."""
+        if not self._direct:
+            self.path.unlink(missing_ok=True)
+        if self._new:
+            self._place.unlink(missing_ok=True)
+
+    def _reserve(self) -> None:
+        try:
+            self._place.touch(exist_ok=False)
+        except FileExistsError:
+            message = f"{str(self._place)!r} already exists; it was not changed"
+            raise _failure(message, "give another place") from None
+
+
+def _failure(message: str, hint: str | None = None) -> SpecError:
+    return SpecError([Diagnostic("E716", None, message, hint)])

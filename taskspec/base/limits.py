@@ -1,0 +1,166 @@
+"""What a spec may cost: every limit in one table, checked before the cost is spent.
+
+The environment variable `TASKSPEC_LIMITS` changes them, `TASKSPEC_LIMITS=seconds=60,candidates=1e7`; the message of each says so.
+Where something is refused for want of time, the time is worked out beforehand from how much there is to do, at a nominal
+rate: what is refused does not depend on the machine.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
+
+from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+
+VARIABLE = "TASKSPEC_LIMITS"
+HOPELESS = 1e12
+
+
+def _limit(value: int, what: str, fixed: bool = False) -> int:
+    return field(default=value, metadata={"what": what, "fixed": fixed})
+
+
+def _fixed(value: int, what: str) -> int:
+    """A limit of the programs that rest on it: nothing changes it."""
+    return _limit(value, what, fixed=True)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limits by name; the language reference prints what each is about."""
+
+    file: int = _limit(1_000_000, "bytes of a file")
+    values: int = _limit(100_000, "values in a file")
+    depth: int = _fixed(100, "nesting of values in a file")
+    digits: int = _fixed(300, "digits of a number")
+    variants: int = _limit(200, "variants of a spec")
+    claims: int = _limit(500, "claims of a task, each counted for all parameter values that it is checked for")
+    characters: int = _limit(20_000, "characters of an expression")
+    brackets: int = _fixed(100, "nesting of brackets")
+    operators: int = _fixed(150, "nesting of operators")
+    expansions: int = _limit(50_000, "expressions that definitions and comprehensions write out")
+    expressions: int = _limit(250_000, "expressions in all, each as often as it is written out")
+    operations: int = _limit(200_000, "operations of a task")
+    bits: int = _fixed(256, "bits of a constant")
+    elements: int = _limit(2_000_000, "elements of a vector")
+    width: int = _limit(20_000, "elements of the state, of the action and of the observation, each")
+    candidates: int = _limit(1_000_000, "candidates of a set")
+    unrolled: int = _limit(10_000, "elements of a comprehension that reads the state")
+    cells: int = _limit(65_536, "cells of a table")
+    one_hot: int = _limit(1_000_000, "elements of a one-hot observation")
+    poisson: int = _fixed(100_000, "rate of `Poisson`")
+    trials: int = _fixed(1_000, "trials of `Binomial`")
+    waiting: int = _fixed(10_000, "trials of `Geometric` with a constant probability; otherwise as of `Binomial`")
+    horizon: int = _fixed(2**31 - 2, "steps of an episode")
+    points: int = _limit(2_000_000, "state-action pairs that `check` tries one by one")
+    outcomes: int = _limit(1_000_000, "outcomes of one step")
+    transitions: int = _limit(20_000_000, "transitions of an exact model")
+    episodes: int = _limit(1_000_000, "episodes that are simulated for one claim, or of one policy in an experiment")
+    lanes: int = _limit(2**24, "environments that are stepped together")
+    instances: int = _limit(100_000, "instances of an experiment")
+    seconds: int = _limit(10, "seconds of each exact analysis of a task")
+    compiling: int = _limit(60, "seconds that Numba may take to compile a task, unless it was compiled before")
+    megabytes: int = _limit(1_000, "megabytes of each array")
+
+
+@lru_cache(maxsize=1)
+def limits() -> Limits:
+    """The limits that hold.
+
+    Raises:
+        SpecError: (E713) when the environment variable cannot be understood.
+    """
+    return changed(Limits(), os.environ.get(VARIABLE, ""))
+
+
+@contextmanager
+def also(text: str) -> Iterator[None]:
+    """Within the block, limits are changed on top of what the environment says, for processes that it starts, too.
+
+    Raises:
+        SpecError: (E713) when the text cannot be understood.
+    """
+    before = os.environ.get(VARIABLE, "")
+    both = f"{before},{text}"
+    changed(Limits(), both)
+    try:
+        _set(both)
+        yield
+    finally:
+        _set(before)
+
+
+def written() -> str:
+    """Return the limits that hold, as `also` takes them: results that rest on limits are kept with these."""
+    now = limits()
+    return ",".join(f"{row.name}={getattr(now, row.name)}" for row in table() if not row.fixed)
+
+
+def _set(text: str) -> None:
+    os.environ[VARIABLE] = text
+    limits.cache_clear()
+
+
+def changed(present: Limits, text: str) -> Limits:
+    """Limits with those replaced that a text names: `seconds=60,candidates=1e7`."""
+    known, found = [row.name for row in table() if not row.fixed], {}
+    for part in filter(None, (p.strip() for p in text.split(","))):
+        name, _, value = (p.strip() for p in part.partition("="))
+        if name not in known:
+            is_fixed = any(row.name == name for row in table())
+            message = f"the limit '{name}' cannot be changed" if is_fixed else f"there is no limit '{name}'"
+            raise _misused(message, suggest(name, known) or f"there are: {', '.join(known)}")
+        found[name] = _number(value)
+        if found[name] < 0:
+            raise _misused(f"'{part}' gives no number", f"{name}={getattr(present, name)}")
+    return replace(present, **found)
+
+
+def _number(text: str) -> int:
+    """A whole number, which may be written `1e7`; -1 for anything else."""
+    try:
+        return int(float(text))
+    except (ValueError, OverflowError):
+        return -1
+
+
+def _misused(message: str, hint: str) -> SpecError:
+    return SpecError([Diagnostic("E713", None, f"{VARIABLE}: {message}", hint)])
+
+
+@dataclass(frozen=True)
+class LimitRow:
+    """A limit as it is printed."""
+
+    name: str
+    value: int
+    what: str
+    fixed: bool
+
+
+def table() -> tuple[LimitRow, ...]:
+    """Every limit with its default."""
+    return tuple(LimitRow(f.name, f.default, **f.metadata) for f in fields(Limits))  # type: ignore[arg-type]
+
+
+def how_to_raise(name: str, needed: float) -> str | None:
+    """The hint of a message about a limit: what to set so that as much as this is allowed; None where that is hopeless."""
+    return None if needed > HOPELESS else f"{VARIABLE}={name}={_rounded(needed)} allows it"
+
+
+def _rounded(needed: float) -> str:
+    """A number of two digits that is at least so much."""
+    if needed < 1000:
+        return str(int(-(-needed // 1)))
+    digits = len(str(int(needed))) - 2
+    return f"{-int(-needed // 10**digits)}e{digits}"
+
+
+def count(number: int) -> str:
+    """A number with its digits in groups, or the power of ten that it is near when it has many."""
+    if abs(number) < 10**15:
+        return f"{number:,}"
+    return f"about 10^{int(abs(number).bit_length() * 0.30103)}"

@@ -1,0 +1,170 @@
+"""Warnings about actions without effect, actions with two names, and experts that are none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.diagnostics import Collector
+from taskspec.check.case import SAME, Linted
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Node, Read, Role, reads, rewrite, walk
+from taskspec.model.model import Model
+from taskspec.model.reach import differs, groups
+from taskspec.model.space import shown
+from taskspec.rollout.rollout import at_random, is_bounded
+from taskspec.scores.pomdp_bounds import yardsticks
+from taskspec.scores.returns import Return
+from taskspec.task.task import Component, Soft, Task
+
+# ---------- actions
+# Actions without effect, and experts that are none.
+
+
+def inert(case: Linted, collector: Collector) -> None:
+    """W505: a component of the action that changes nothing."""
+    read = reads((*case.task.next, case.task.reward, case.task.terminal))
+    for c in case.task.action:
+        if c.is_finite and c.counts == (1,) * c.type.size:
+            continue
+        if (Role.ACTION, c.name) not in read:
+            collector.add("W505", case.key("action", c.name), f"the action '{c.name}' is read nowhere")
+        elif case.model is not None and case.model.acting.any() and differs(case.model, c.name)[0] is False:
+            message = f"the action '{c.name}' changes neither the next state nor the reward, in any state"
+            collector.add("W505", case.key("action", c.name), message)
+
+
+def expert(case: Linted, collector: Collector) -> None:
+    """W507: an expert below the optimum, or no better than random actions where that is all there is to compare with."""
+    found, optimal = case.results.expert, case.results.optimal
+    if found is None or isinstance(case.task.expert, Soft) or _says_so(case.task):
+        return
+    if optimal is None:
+        _no_better(case, found, collector)
+        return
+    best, whose = optimal.value, ""
+    if case.task.memory is not None and (seen := yardsticks(case.results)) is not None:
+        if seen.remembering is None:
+            whose = ", which knows the state"
+        else:
+            best, whose = seen.remembering.value, " of those who remember what they see"
+    gap = best - found.value
+    if gap > SAME * max(1.0, abs(best)):
+        message = f"the expert returns {_shown(found)}, which is {gap:.6g} below the optimum of {best:.10g}{whose}"
+        collector.add("W507", case.key("expert"), message)
+
+
+def _no_better(case: Linted, found: Return, collector: Collector) -> None:
+    """By simulation: an expert that is one returns more, on average, than random actions do."""
+    results = case.results
+    random = results.random if is_bounded(case.task) else results.estimated(at_random(case.task), 200)
+    if random is not None and random.value >= found.value:
+        message = f"the expert returns {_shown(found)} on average, and random actions {_shown(random)}"
+        notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]
+        collector.add("W507", case.key("expert"), message, None, notes)
+
+
+def _shown(value: Return) -> str:
+    return f"{value.value:.10g}"
+
+
+def _says_so(task: Task) -> bool:
+    return any(_compares_expert(claim.expr) for claim in task.claims)
+
+
+def _compares_expert(expr: s.Expr) -> bool:
+    if isinstance(expr, s.Logical):
+        return any(_compares_expert(part) for part in expr.operands)
+    if not isinstance(expr, s.Compare):
+        return False
+    names = {n.id for n in s.names(expr) if isinstance(n, s.Name)}
+    return {"expert_return", "optimal_return"} <= names and any(op in ("<", ">", "!=") for op, _ in expr.rest)
+
+
+# ---------- twins
+# Actions with two names.
+
+FEW = 32
+"""Values of an action up to which all pairs are compared."""
+MOST = 200_000
+"""Operations that are worked out, once for each value."""
+ROUNDING = 1e-12
+
+
+def twins(case: Linted, collector: Collector) -> None:
+    """W520: two values of an action that do the same in every state."""
+    for c in case.task.action:
+        count = c.counts[0] if c.is_finite and c.type.is_scalar else 0
+        if not 2 < count <= FEW:
+            continue  # of two values that are the same, W505 speaks
+        if case.model is None and len(list(walk(_step(case.task)))) * count > MOST:
+            continue
+        same = _by_model(case.model, c) if case.model is not None else _by_form(case.task, c)
+        found = _classes(count, same)
+        for alike in found if len(found) > 1 else ():  # if all do the same, so W505 says
+            names = [shown(c, np.asarray(int(c.low[0]) + number)) for number in alike]
+            if len(names) > 1:
+                message = f"{c.name} = {', '.join(names[:-1])} and {names[-1]} do the same in every state"
+                collector.add("W520", case.key("action", c.name), message)
+
+
+def _classes(count: int, same: Callable[[int, int], bool]) -> list[list[int]]:
+    """The numbers below `count`, those that are the same together."""
+    found: list[list[int]] = []
+    for number in range(count):
+        known = next((alike for alike in found if same(alike[0], number)), None)
+        if known is None:
+            found.append([number])
+        else:
+            known.append(number)
+    return found
+
+
+def _step(task: Task) -> tuple[Node, ...]:
+    return (*task.next, task.reward, task.terminal)
+
+
+def _by_form(task: Task, c: Component) -> Callable[[int, int], bool]:
+    """Compares what is left of a step once the value is known: equal forms are one node."""
+    b, roots = task.builder, _step(task)
+
+    def chosen(value: int) -> tuple[Node, ...]:
+        def leaf(node: Node) -> Node | None:
+            is_it = isinstance(node, Read) and (node.role, node.name) == (Role.ACTION, c.name)
+            return b.scalar(value) if is_it else None
+
+        return rewrite(roots, leaf, b.remake)
+
+    forms = [chosen(int(c.low[0]) + number) for number in range(c.counts[0])]
+    return lambda one, other: all(a is b for a, b in zip(forms[one], forms[other], strict=True))
+
+
+def _by_model(model: Model, c: Component) -> Callable[[int, int], bool]:
+    """Compares all that the values do in the states in which episodes act."""
+    table, acting = groups(model, c.name), np.flatnonzero(model.acting)
+
+    def rows(number: int) -> Any:
+        return (table[:, number][:, None] * model.n_states + acting[None, :]).reshape(-1)
+
+    def same(one: int, other: int) -> bool:
+        a, b = rows(one), rows(other)
+        return all(_is_zero(found) for step in _steps(model) for found in _gaps(step, a, b))
+
+    return same
+
+
+def _steps(model: Model) -> list[Any]:
+    return list({id(step): step for step in model.steps}.values())
+
+
+def _gaps(step: Any, a: Any, b: Any) -> Iterator[Any]:
+    yield step.reward[a] - step.reward[b]
+    for matrix in (step.going, step.ending):
+        if matrix is not None:
+            yield (matrix[a] - matrix[b]).data
+
+
+def _is_zero(found: Any) -> bool:
+    return not len(found) or bool(np.abs(found).max() <= ROUNDING)

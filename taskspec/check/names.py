@@ -1,0 +1,210 @@
+"""Warnings about names that nothing depends on or that print alike, idle errata, and accepted warnings."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from taskspec.base.diagnostics import Collector, Diagnostic, Span
+from taskspec.check.case import Linted
+from taskspec.printers import plain
+from taskspec.printers.names import of_task
+from taskspec.task.merge import before, merge
+from taskspec.task.task import Task
+
+# ---------- names
+# Which names of a spec nothing depends on: words of its expressions, followed from the sections that decide the task.
+
+NAMED = ("parameters", "constants", "definitions", "noise")
+ROOTS = (
+    "state", "action", "observation", "horizon", "terminal", "discount", "initial", "dynamics", "reward",
+    "absorbing_reward", "memory", "expert", "abstraction", "symmetries",
+)  # fmt: skip
+PROSE = frozenset({"doc", "symbol", "symbols", "message"})
+INSTANCE_SEED = "instance_seed"
+_WORD = re.compile(r"[^\W\d]\w*")
+
+
+def unused_names(case: Linted, collector: Collector) -> None:
+    """W506: parameters, constants, definitions and noise that nothing depends on."""
+    for section, name in unused(case.task):
+        what = {"parameters": "parameter", "constants": "constant", "definitions": "definition"}.get(section, "noise")
+        collector.add("W506", case.key(section, name), f"nothing uses the {what} '{name}'")
+
+
+def unused(task: Task) -> list[tuple[str, str]]:
+    """Section and written name of everything that no part of the task depends on, in order."""
+    data = task.written
+    entries = {(section, str(name)): value for section in NAMED for name, value in (data.get(section) or {}).items()}
+    entries.pop(("parameters", "require"), None)
+    defined = {name.partition("(")[0].strip(): (section, name) for section, name in entries}
+    wanted = {word for section in ROOTS for word in _words(data.get(section))}
+    wanted |= set(_words((data.get("parameters") or {}).get("require")))
+    wanted.add(INSTANCE_SEED)
+    followed = _followed(wanted, {word: entries[place] for word, place in defined.items()})
+    return [place for word, place in defined.items() if word not in followed]
+
+
+def mentioned(task: Task, section: str, name: str | None = None) -> set[str]:
+    """Every word of a section (or of one of its entries), and of the definitions, constants and noises that it names."""
+    value = task.written.get(section)
+    if name is not None:
+        value = value.get(name) if isinstance(value, dict) else None
+    return followed(task, set(_words(value)))
+
+
+def followed(task: Task, found: set[str]) -> set[str]:
+    """Some words, and every word of the definitions, constants and noises that they name."""
+    data = task.written
+    entries = {
+        str(written).partition("(")[0].strip(): inner
+        for part in NAMED[1:]
+        for written, inner in (data.get(part) or {}).items()
+    }
+    wanted = set(found)
+    _followed(wanted, entries)
+    return wanted
+
+
+def _followed(wanted: set[str], entries: Mapping[str, Any]) -> set[str]:
+    """The entries that some words lead to, through other entries; the words found on the way join `wanted`."""
+    followed: set[str] = set()
+    while fresh := (wanted & entries.keys()) - followed:
+        for word in fresh:
+            followed.add(word)
+            wanted |= set(_words(entries[word])) - {word}
+    return followed
+
+
+def _words(value: Any) -> Iterator[str]:
+    """Every word in the expressions of a section, keys included, prose excluded."""
+    match value:
+        case str():
+            yield from _WORD.findall(value)
+        case dict():
+            for key, inner in value.items():
+                if key not in PROSE:
+                    yield from _words(str(key))
+                    yield from _words(inner)
+        case list():
+            for inner in value:
+                yield from _words(inner)
+        case _:
+            return
+
+
+# ---------- symbols
+# Names that look like others: on a page, or by letters of another alphabet.
+
+_KINDS = {
+    "parameters": "parameter", "constants": "constant", "definitions": "definition", "noise": "noise", "state": "component",
+    "action": "action",
+}  # fmt: skip
+
+
+def printed_alike(case: Linted, collector: Collector) -> None:
+    """W524: two names with one symbol, or a name and a label; labels of different components may share theirs."""
+    notation = of_task(case.task)
+    seen: dict[str, str] = {}
+    for section, written, name in _names(case):
+        symbol, what = plain(notation.symbol(name)), f"the {_KINDS[section]} '{name}'"
+        if symbol in seen:
+            _add(case, collector, (section, written), symbol, seen[symbol], what)
+        seen.setdefault(symbol, what)
+    for section, components in (("state", case.task.state), ("action", case.task.action)):
+        for c in components:
+            for label, tree in notation.labels.get(c.name, {}).items():
+                if (symbol := plain(tree)) in seen:
+                    _add(case, collector, (section, c.name), symbol, seen[symbol], f"the label '{label}' of '{c.name}'")
+
+
+ALIKE = str.maketrans(
+    "\u0430\u0435\u043e\u0440\u0441\u0443\u0445\u0455\u0456\u0458\u04bb\u051b\u051d\u0501"  # Cyrillic, small
+    "\u0410\u0412\u0415\u041a\u041c\u041d\u041e\u0420\u0421\u0422\u0423\u0425\u0405\u0406\u0408"  # and capital
+    "\u03bf\u0391\u0392\u0395\u0396\u0397\u0399\u039a\u039c\u039d\u039f\u03a1\u03a4\u03a5\u03a7\u0585",  # Greek; Armenian
+    "aeopcyxsijhqwdABEKMHOPCTYXSIJoABEZHIKMNOPTYXo",
+)
+"""Letters of other alphabets that are drawn like Latin ones, which they stand for here."""
+
+
+def foreign_letters(case: Linted, collector: Collector) -> None:
+    """W527: a name that nobody can tell from one in Latin letters."""
+    names = [((section, written), name) for section, written, name in _names(case)]
+    for section, components in (("state", case.task.state), ("action", case.task.action)):
+        labels = [((section, c.name), str(label)) for c in components if c.domain for label in c.domain.labels]
+        names += labels
+    for place, name in names:
+        latin = name.translate(ALIKE)
+        if latin != name and latin.isascii():
+            letter = next(a for a, b in zip(name, latin, strict=True) if a != b)
+            message = f"'{name}' is not '{latin}': its '{letter}' is {unicodedata.name(letter)}, U+{ord(letter):04X}"
+            collector.add("W527", case.key(*place), message, "write it in Latin letters, here and where it is used")
+
+
+def _names(case: Linted) -> Iterator[tuple[str, str, str]]:
+    """Every name with the section that declares it, and how it is written there."""
+    spec = case.task.spec
+    parts = (spec.parameters.entries, spec.constants, spec.definitions, spec.noise, spec.state, spec.action)
+    for section, declared in zip(_KINDS, parts, strict=True):
+        for written in declared:
+            yield section, written, written.partition("(")[0].strip()
+
+
+def _add(case: Linted, collector: Collector, place: tuple[str, str], symbol: str, first: str, second: str) -> None:
+    message = f"pages print `{symbol}` for {first} and for {second}"
+    collector.add("W524", case.key(*place), message, "give one of them another `symbol`, or labels other `symbols`")
+
+
+# ---------- errata
+# Errata that nothing in the spec bears out.
+
+
+def idle_errata(case: Linted, collector: Collector) -> None:
+    """W521: an erratum of a variant about a section that is as it is without the variant."""
+    task, merged = case.task, case.merged
+    based = before(task.document, task.variant)
+    if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
+        return
+    for i, entry in enumerate(merged.data["errata"]):
+        for j, section in enumerate(entry.get("about") or ()):
+            if merged.data.get(section) == based.data.get(section):
+                message = f"this erratum is about `{section}`, which this variant does not change"
+                collector.add("W521", merged.span(("errata", i, "about", j)), message)
+
+
+# ---------- accept
+# Warnings that a spec accepts, each with a reason: they are set aside, and a reason for nothing is a warning itself.
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """A warning that the spec gives a reason for, and where it does."""
+
+    warning: Diagnostic
+    because: str
+    place: Span
+
+
+def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic], list[Accepted]]:
+    """What is left to report, and the warnings that the task accepts."""
+    reasons, merged = task.spec.accept, merge(task.document, task.variant)
+    accepted = [
+        Accepted(each, reasons[each.code], merged.key_span(("accept", each.code)))
+        for each in found
+        if each.severity == "warning" and each.code in reasons
+    ]
+    aside = [each.warning for each in accepted]
+    return [each for each in found if each not in aside], accepted
+
+
+def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
+    """W511: reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
+    reasons, merged = task.spec.accept, merge(task.document, task.variant)
+    unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
+    return [
+        Diagnostic("W511", merged.key_span(("accept", code)), f"there is no {code} to accept", "remove this entry")
+        for code in unneeded
+    ]

@@ -1,0 +1,316 @@
+"""Everything there is to say about a task, and its scores, in one call each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from taskspec.abstraction.faithful import unfaithful
+from taskspec.abstraction.symmetries import Kept, kept, not_kept
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
+from taskspec.base.display import html_table
+from taskspec.base.extras import install, is_installed
+from taskspec.base.files import write_text
+from taskspec.base.progress import tell
+from taskspec.check.names import Accepted, idle, set_aside
+from taskspec.check.table import sense
+from taskspec.model.model import misused
+from taskspec.model.points import Method
+from taskspec.modifiers import is_as_written
+from taskspec.registry import load
+from taskspec.rules.claims import Verdict, verdicts
+from taskspec.rules.examples import wrong_examples
+from taskspec.scores.returns import EPISODES, Results, Return, normalised
+from taskspec.scores.saved import read
+from taskspec.soundness.soundness import check_ranges, examine
+from taskspec.task.task import Task, TaskLike
+
+if TYPE_CHECKING:
+    from taskspec.policies.values import Asking
+
+MODERATE = 4_000_000
+"""Entries up to which a model is extracted for warnings alone."""
+
+
+@dataclass(frozen=True)
+class Report:
+    """What `check` found.
+
+    `method` says how soundness was decided; `cases` are the other parameter values that were tried;
+    `skipped` says what could not be done, and why (None: nothing). `accepted` are the warnings that the
+    spec itself gives a reason for; they are not among the `diagnostics`.
+    """
+
+    task: Task
+    diagnostics: tuple[Diagnostic, ...]
+    method: Method
+    cases: tuple[Mapping[str, Any], ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+    skipped: str | None = None
+    results: Results | None = field(default=None, repr=False)
+    accepted: tuple[Accepted, ...] = ()
+    wrong_examples: frozenset[int] = frozenset()  # by number
+    symmetries: tuple[Kept, ...] = ()
+
+    @property
+    def errors(self) -> tuple[Diagnostic, ...]:
+        return tuple(d for d in self.diagnostics if d.severity == "error")
+
+    @property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        return tuple(d for d in self.diagnostics if d.severity == "warning")
+
+    @cached_property
+    def unlimited(self) -> Results:
+        """What is known of returns, on a model as large as limits allow: warnings alone are content with a moderate one."""
+        return Results(self.task) if self.results is None or self.results.limit is not None else self.results
+
+    def _repr_html_(self) -> str:
+        """What was found, and what became of the claims, for notebooks."""
+        found = [(f"{d.severity} {d.code}", d.span or "", d.message, d.hint or "") for d in self.diagnostics]
+        said = [(v.status, "", v.claim.text, v.detail) for v in self.verdicts]
+        caption = f"{self.task.id}: {len(self.errors)} errors, {len(self.warnings)} warnings"
+        return html_table(caption, ("", "where", "what", ""), [*found, *said])
+
+
+_SENSELESS = {"E404", "E406"}
+"""Without a first state, or with rewards that are no numbers, nothing that is said of episodes and returns means anything."""
+
+
+def check(
+    task: TaskLike,
+    *,
+    ranges: bool = True,
+    with_sense: bool = True,
+    claims: bool = True,
+    beside: Callable[[Task], Sequence[Diagnostic]] | None = None,
+) -> Report:
+    """Check a task: soundness always; other parameter values, sanity checks, claims and examples unless told otherwise.
+
+    `beside` gives the warnings that only other parts of the package can give (`ELSEWHERE`), None where these do not look; it is
+    asked about sound tasks alone, and the spec may accept its warnings like others. Never raises for a wrong task: everything
+    found is in the report.
+    """
+    task = load(task)
+    sound = examine(task)
+    found = list(sound.diagnostics)
+    cases: tuple[Mapping[str, Any], ...] = ()
+    if ranges and task.parameters:
+        others = check_ranges(task)
+        found += others.diagnostics
+        cases = others.cases
+    mirrored = tuple(kept(task, each) for each in task.symmetries) if is_as_written(task) else ()
+    found += not_kept(task, mirrored)
+    followed = list(wrong_examples(task)) if claims else []
+    found += [diagnostic for _, diagnostic in followed]
+    report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(followed)), symmetries=mirrored)
+    if not is_installed("scipy"):
+        skipped = f"sanity checks and claims need scipy: {install('exact')}" if with_sense or claims else None
+        return replace(report, diagnostics=in_order(found), skipped=skipped)
+    results = Results(task) if task.claims else Results(task, limit=MODERATE)
+    said: tuple[Verdict, ...] = ()
+    if with_sense and is_as_written(task) and not _SENSELESS & {d.code for d in sound.diagnostics}:
+        found += _sense(task, results)
+    if claims and not any(d.severity == "error" for d in sound.diagnostics):
+        said = tuple(verdicts(task, results))
+        found += [v.diagnostic for v in said if v.diagnostic is not None]
+    is_sound = not any(d.severity == "error" for d in sound.diagnostics)
+    looked = beside(task) if beside is not None and is_sound else ()
+    left, accepted = set_aside(task, [*found, *looked])
+    if with_sense and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
+        left += idle(task, accepted, () if beside is not None else ELSEWHERE)
+    return replace(report, diagnostics=in_order(left), verdicts=said, results=results, accepted=tuple(accepted))
+
+
+def at_defaults(task: Task) -> bool:
+    """Whether every parameter has its default."""
+    return all(p.value == p.default for p in task.parameters)
+
+
+def _sense(task: Task, results: Results) -> list[Diagnostic]:
+    try:
+        stand_in = results.abstraction
+    except SpecError as error:
+        return list(error.diagnostics)
+    problem = None if stand_in is None else unfaithful(stand_in, results.faith)
+    return [*sense(task, results), *([] if problem is None else [problem])]
+
+
+ELSEWHERE = ("W523",)
+"""Warnings about how a task is drawn."""
+RETURNS = ("optimal", "random", "worst", "expert")
+
+
+# -- scores ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Scores:
+    """The returns that a task's scores are measured between. None where one cannot be worked out."""
+
+    id: str
+    content_hash: str
+    parameters: Mapping[str, Any]
+    optimal: Return | None
+    random: Return | None
+    worst: Return | None
+    expert: Return | None
+    states: int | None = None
+    actions: int | None = None
+    why_not_exact: str | None = None
+    modifiers: tuple[str, ...] = ()
+
+    @property
+    def gap(self) -> float | None:
+        """How far the expert is below the optimum; None where one of them is not known exactly."""
+        if self.optimal is None or self.expert is None or not (self.optimal.exact and self.expert.exact):
+            return None
+        return self.optimal.value - self.expert.value
+
+    def normalise(self, value: float, floor: float | None = -1.0) -> float:
+        """A return as a score: 0 for random actions, 1 for the expert (the optimum where there is none)."""
+        top = self.expert or self.optimal
+        if top is None or self.random is None:
+            return float("nan")
+        return normalised(value, self.random.value, top.value, floor)
+
+    def record(self) -> dict[str, Any]:
+        """As plain data for JSON."""
+        returns = {name: getattr(self, name) for name in RETURNS}
+        told = {name: None if r is None else asdict(r) | {"status": r.status} for name, r in returns.items()}
+        return asdict(self) | told | {"parameters": dict(self.parameters), "gap": self.gap}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One flat row for each return that is known, as `pandas.DataFrame` takes them."""
+        known = [(name, found) for name in RETURNS if (found := getattr(self, name)) is not None]
+        return [
+            {**self.parameters, "id": self.id, "return": name, "value": r.value, "error": r.error, "status": r.status}
+            for name, r in known
+        ]
+
+    def _repr_html_(self) -> str:
+        """The returns, for notebooks."""
+        rows = [(row["return"], row["value"], row["error"], row["status"]) for row in self.rows()]
+        return html_table(self.id, ("return", "value", "error", "status"), rows)
+
+    def save(self, path: str | Path) -> None:
+        """Keep the scores in a JSON file, under the task's content hash."""
+        write_text(Path(path), json.dumps(self.record(), indent=2, default=str) + "\n")
+
+    @classmethod
+    def load(cls, path: str | Path, task: TaskLike) -> Scores:
+        """Scores from a file.
+
+        Raises:
+            SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it contains no scores.
+            StaleScores: when they were worked out for another version of the task.
+        """
+        task = load(task)
+        data = read(path, RETURNS)
+        if data["content_hash"] != task.content_hash or data["id"] != task.id:
+            raise StaleScores(f"E714: {path} holds scores of {data['id']} as it was; the task has changed since")
+        for name in RETURNS:
+            data[name] = None if data[name] is None else _return(data[name])
+        return cls(**data | {"modifiers": tuple(data["modifiers"])})
+
+
+def _return(record: Mapping[str, Any]) -> Return:
+    return Return(**{key: value for key, value in record.items() if key != "status"})
+
+
+class StaleScores(TaskspecError, ValueError):
+    """Scores in a file belong to another version of the task (E714)."""
+
+
+def scores(task: TaskLike | Results, episodes: int = EPISODES, seed: int = 0) -> Scores:
+    """Optimal, random, worst and expert return of a task: exact where it has a model, otherwise from episodes.
+
+    Of `Results`, which spare working out what is known already, episodes and seed are their own.
+    """
+    tell("the exact model")
+    results = task if isinstance(task, Results) else Results(load(task), episodes, seed)
+    task, model = results.task, results.model
+    return Scores(
+        task.id, task.content_hash, task.values, results.optimal, results.random, results.worst, results.expert,
+        None if model is None else int(model.entered.sum()), None if model is None else model.n_actions,
+        results.why_not, tuple(map(str, task.modifiers)),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Score:
+    """A policy's return and its place between random actions (0) and the expert (1).
+
+    `asked` says what the return rests on: the policy's "probabilities" of actions, its "actions" where they are always the same,
+    "samples" of them in episodes, or "returns" that were given. Only the first two can be exact.
+    """
+
+    value: Return
+    normalised: float
+    scores: Scores
+    asked: Asking | Literal["returns"]
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """The confidence interval of the normalised score."""
+        low, high = self.value.interval(confidence)
+        return self.scores.normalise(low), self.scores.normalise(high)
+
+
+def score(
+    task: TaskLike,
+    policy: Any = None,
+    *,
+    returns: Sequence[float] | None = None,
+    deterministic: bool | None = None,
+    episodes: int = EPISODES,
+    seed: int = 0,
+    known: Scores | None = None,
+) -> Score:
+    """The score of a policy, or of the returns of its episodes.
+
+    Args:
+        policy: a table of probabilities (S, A) or (T, S, A), or of actions (S,) or (T, S), in the order of the exact model; a
+            function from the state by component (arrays, batch axis last) and the time to actions by component; or an object
+            with `predict(observations, ...)`, as models of Stable-Baselines3 are. Where such an object tells probabilities, as
+            `action_probabilities(observations)` of shape (N, A) or as Stable-Baselines3 does, the stochastic policy is scored.
+        returns: of episodes, instead of a policy.
+        deterministic: True scores the deterministic version of an object with `predict`, False what it samples; None what the
+            policy is by itself.
+        episodes: how many, where the policy has to be simulated.
+        seed: of these episodes.
+        known: scores that were worked out before.
+
+    Raises:
+        SpecError: E706 for actions outside the action space, E712 where an exact model is needed and there is none, E713 for what
+            is no policy.
+    """
+    from taskspec.policies.values import policy_value
+
+    if (policy is None) == (returns is None):
+        misused("`score` takes a policy, or `returns=` of episodes")
+    task = load(task)
+    measured = known or scores(task, episodes, seed)
+    if returns is not None:
+        value = Return.estimated(_numbers(returns))
+        return Score(value, measured.normalise(value.value), measured, "returns")
+    found = policy_value(Results(task, episodes, seed), policy, deterministic)
+    return Score(found.value, measured.normalise(found.value.value), measured, found.asked)
+
+
+def _numbers(returns: Sequence[float]) -> Array:
+    try:
+        array = np.asarray(returns, np.float64)
+    except (TypeError, ValueError):
+        array = np.zeros((0, 0))
+    if array.ndim != 1 or not array.size:
+        misused("`returns` is a list of numbers, one for each episode")
+    if np.isnan(array).any():
+        misused(f"return number {int(np.isnan(array).argmax()) + 1} of {array.size} is nan")
+    return array

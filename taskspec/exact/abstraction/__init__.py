@@ -1,1 +1,0 @@
-"""Tasks solved through a finite stand-in, and whether that is faithful."""

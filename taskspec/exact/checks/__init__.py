@@ -1,1 +1,0 @@
-"""Soundness: do the equations define a task? Every check decided for all points, or tried on samples."""

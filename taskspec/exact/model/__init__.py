@@ -1,1 +1,0 @@
-"""The exact model of a finite task: its states, its transitions with their probabilities, its expected rewards."""

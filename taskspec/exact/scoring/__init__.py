@@ -1,1 +1,0 @@
-"""Expected returns of policies: exact, or estimated; and how sure a result is."""

@@ -1,0 +1,257 @@
+"""What a report shows of an exam in whichever form: a row for each task, and tables in Parquet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskspec.base import ids
+from taskspec.base.files import whole
+from taskspec.data.files import write_table
+from taskspec.exam.statistics import estimate, mean
+from taskspec.exam.verdicts import grade, side
+
+# ---------- tables
+# Scores of exams as a table in Parquet: a row for each seed on each task.
+
+COLUMNS = (
+    "task", "twin", "probe", "seed", "deterministic", "stochastic", "half", "return", "error", "steps", "demonstrations",
+    "comparisons", "seconds", "starc", "reward_regret",
+)  # fmt: skip
+"""Of a score, as `exam.json` calls them; learning curves are left to it."""
+
+
+def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
+    """Write the scores of exams, by the name of the learner, which is the first column.
+
+    Raises:
+        SpecError: E705 without pyarrow; E716, it cannot be written.
+    """
+    rows = [{"learner": name, **score} for name, exam in exams.items() for score in exam["scores"]]
+    with whole(path) as place:
+        write_table(place, {name: [row.get(name) for row in rows] for name in ("learner", *COLUMNS)})
+    return path
+
+
+# ---------- told
+# What a report shows of an exam, in whichever form: a row for each task, with the scores of its seeds.
+
+FLOOR = -1.0
+"""Where pictures cut scores off, as the paper does; numbers are told as they are."""
+SIGNS = {"masters": "✓", "unsure": "?", "fails": "✗"}
+Colour = tuple[int, int, int]
+_EXPERT: Colour = (0, 114, 178)
+_WORST: Colour = (213, 94, 0)
+_RANDOM: Colour = (247, 247, 244)
+NOT_RUN: Colour = (196, 200, 205)
+"""Colours of Okabe and Ito, which all eyes tell apart: of the expert, of who does worse than random, and between them."""
+
+
+@dataclass(frozen=True)
+class SeedCell:
+    """The scores of one learner on a task, or on its twins (mean over them): a number for each seed; `cannot` where it has none
+    because the learner is not for the task."""
+
+    scores: tuple[float, ...]
+    failed: int = 0
+    cannot: bool = False
+
+    @property
+    def mean(self) -> float | None:
+        return float(np.mean(self.scores)) if self.scores else None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % bootstrap interval of the mean; the mean itself, of one seed."""
+        if len(self.scores) < 2:
+            return (self.mean or 0.0,) * 2
+        return estimate(self.scores, mean, "report").interval
+
+    @property
+    def words(self) -> str:
+        """The mean as it is written in a cell; why there is none."""
+        return decimal(self.mean) if self.scores else "failed" if self.failed else "cannot" if self.cannot else ""
+
+
+@dataclass(frozen=True)
+class TaskRow:
+    """A task of an exam, with what was found on it; `curves` are points (steps, score) for each seed."""
+
+    id: str
+    about: Mapping[str, Any]
+    printed: SeedCell
+    twins: SeedCell
+    drawn: SeedCell
+    curves: tuple[tuple[tuple[float, float], ...], ...]
+
+    @property
+    def name(self) -> str:
+        return named(self.id)
+
+    @property
+    def capability(self) -> str:
+        return str(self.about.get("capability") or self.name)
+
+    @property
+    def constant(self) -> float | None:
+        """The score of the best action that is taken always."""
+        found = self.about.get("constant")
+        return None if found is None else float(found)
+
+    @property
+    def grade(self) -> str | None:
+        """Whether the task is mastered, as printed and as twins; None where it was not run."""
+        known = [cell for cell in (self.printed, self.twins) if cell.scores]
+        if not known:
+            return None
+        if any(len(cell.scores) < 2 for cell in known):
+            return "unsure"
+        lows, highs = zip(*(cell.interval for cell in known), strict=True)
+        return grade(min(lows), min(highs))
+
+    @property
+    def optimum(self) -> float | None:
+        """The score of the best policy."""
+        low, high, best = (self.about.get(key) for key in ("random", "expert", "optimal"))
+        return None if low is None or high is None or best is None or high == low else (best - low) / (high - low)
+
+
+def named(task: str) -> str:
+    """What a report calls a task of an exam: `NoisyObs`, or `NoisyObs, L=50` where several are asked."""
+    about = ids.parse(task)
+    name = about.name.partition("/")[2].rpartition("-v")[0] or about.name
+    return ", ".join([name, *(f"{key}={value}" for key, value in about.parameters.items()), *about.modifiers])
+
+
+def left_out(exam: Mapping[str, Any]) -> list[str]:
+    """The tasks that the learner is not made for, each with the reason."""
+    return [f"{named(task)}: {why}" for task, about in exam["tasks"].items() if (why := about.get("cannot"))]
+
+
+def rows(exam: Mapping[str, Any]) -> list[TaskRow]:
+    """The tasks of an exam, in its order."""
+    found = []
+    for task, about in exam["tasks"].items():
+        own = [record for record in exam["scores"] if record["task"] == task]
+        sides = {which: [r for r in own if side(r) == which] for which in ("printed", "twin")}
+        shown = [[(float(x), float(y)) for x, y in r["curve"] or () if y is not None] for r in sides["printed"]]
+        curves = tuple(tuple(points) for points in shown if points)
+        printed, drawn = (_cell(sides["printed"], entry) for entry in ("deterministic", "stochastic"))
+        if about.get("cannot"):
+            printed = SeedCell((), cannot=True)
+        found.append(TaskRow(task, about, printed, _cell(sides["twin"], "deterministic"), drawn, curves))
+    return found
+
+
+def _cell(records: Iterable[Mapping[str, Any]], entry: str) -> SeedCell:
+    by_seed: dict[int, list[float]] = {}
+    failed = set()
+    for record in records:
+        if record.get("error") is not None:
+            failed.add(record["seed"])
+        elif record.get(entry) is not None:
+            by_seed.setdefault(record["seed"], []).append(float(record[entry]))
+    return SeedCell(tuple(float(np.mean(by_seed[seed])) for seed in sorted(by_seed)), len(failed - by_seed.keys()))
+
+
+# -- words and colours ------------------------------------------------------------------------------------------------
+
+
+def headline(exam: Mapping[str, Any]) -> str:
+    """What was examined: `learns from demonstrations; 500,000 steps, 15 seeds`."""
+    source = " and ".join(exam["learns_from"]) or "nothing"
+    return f"learns from {source}; {exam['steps']:,} steps, {counted(len(exam['seeds']), 'seed')}"
+
+
+def finding(exam: Mapping[str, Any]) -> str:
+    """The verdicts in one sentence."""
+    graded: dict[str, list[str]] = {"masters": [], "unsure": [], "fails": []}
+    for capability, verdict in exam["verdicts"].items():
+        graded[verdict["verdict"]].append(capability)
+    told = [f"it {grade} {listed(graded[grade])}" for grade in ("masters", "fails") if graded[grade]]
+    told += [f"unsure: {listed(graded['unsure'])}"] if graded["unsure"] else []
+    text = "; ".join(told) or "nothing is known"
+    return f"{text[0].upper()}{text[1:]}."
+
+
+def listed(names: Sequence[str]) -> str:
+    """`a, b and c`."""
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def costs(exam: Mapping[str, Any]) -> str:
+    """What an exam took: `7,500,000 steps, 150,000 demonstrated transitions, 84 s`."""
+    cost = exam["cost"]
+    parts = [f"{int(cost.get('steps', 0)):,} steps"]
+    parts += [f"{int(n):,} demonstrated transitions"] if (n := cost.get("demonstrations", 0)) else []
+    parts += [f"{int(n):,} comparisons"] if (n := cost.get("comparisons", 0)) else []
+    return ", ".join([*parts, duration(float(cost.get("seconds", 0.0)))])
+
+
+def duration(seconds: float) -> str:
+    """`84 s`, `12 min`, `3.5 h`."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
+
+
+def counted(count: int, noun: str) -> str:
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def decimal(value: float | None) -> str:
+    """A score in two decimals, with a real minus sign; nothing for none."""
+    if value is None:
+        return ""
+    text = f"{value:.2f}"
+    return ("0.00" if text == "-0.00" else text).replace("-", "−")
+
+
+def interval(low: float | None, high: float | None) -> str:
+    """`0.81 to 0.95`; nothing for none, nor for one without a width."""
+    return "" if low is None or high is None or low == high else f"{decimal(low)} to {decimal(high)}"
+
+
+def colour(score: float) -> Colour:
+    """From that of who is worse than random by as much as the expert is better, over nearly white, to that of the expert."""
+    share = min(max(score, FLOOR), 1.0)
+    end = _EXPERT if share >= 0 else _WORST
+    red, green, blue = (round(a + (b - a) * abs(share)) for a, b in zip(_RANDOM, end, strict=True))
+    return red, green, blue
+
+
+def ink(background: Colour) -> str:
+    """Black or white: what can be read better on a colour."""
+    return "#ffffff" if _luminance(background) < 0.1791 else "#000000"
+
+
+def _luminance(background: Colour) -> float:
+    """Relative luminance, as contrast is defined by WCAG 2: above 0.1791 black has more of it than white."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (x / 255 for x in background)]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def hexadecimal(value: Colour) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*value)
+
+
+def cut(scores: Sequence[float]) -> list[float]:
+    """Scores as pictures show them."""
+    return [max(score, FLOOR) for score in scores]
+
+
+def steps(count: float) -> str:
+    """`250k`, `1.5M`."""
+    return f"{count:g}" if count < 1000 else f"{count / 1e3:g}k" if count < 1e6 else f"{count / 1e6:g}M"
+
+
+def mean_curve(curves: Sequence[Sequence[tuple[float, float]]]) -> tuple[list[float], list[float]]:
+    """The mean over seeds at the steps where all of them were looked at."""
+    known = [dict(curve) for curve in curves]
+    xs = sorted(set.intersection(*map(set, known)))
+    return xs, [float(np.mean([max(each[x], FLOOR) for each in known])) for x in xs]

@@ -1,0 +1,279 @@
+"""Which part of a transition graph is drawn, and in which order vertices stand in their columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from taskspec.figures.machine import Machine, Transition
+
+# ---------- elide
+# Which part of a transition graph is drawn: all of a small one, the ends of a long or wide family with dots between.
+
+Vertex = Hashable
+DOTS = "dots"
+LONG, WIDE, MANY = 5, 6, 16
+WHOLE, WHOLE_LONG, WHOLE_WIDE = 60, 16, 10
+"""As many states, layers, and states of a layer as a frame of an episode has room for, which leaves none out."""
+BACK = 3
+"""Layers that arrows may lead back among those left out; where they lead further, these are no family that dots stand for."""
+FIRSTS = 2
+"""So many states of several in which episodes start are tried as the first column."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """An arrow of the drawing. `actions` are merged; a chance vertex stands between an action and its outcomes."""
+
+    source: Vertex
+    target: Vertex
+    actions: tuple[int, ...] = ()
+    probability: float | None = None
+    reward: float | None = None
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Vertices by layer (distance from the start) and the arrows between them.
+
+    A vertex is the code of a state, `("chance", state, action)`, `("dots", 2)` for layers left out, or
+    `("dots", "column", vertex)` for vertices of one layer.
+    """
+
+    layers: tuple[tuple[Vertex, ...], ...]
+    arcs: tuple[Arc, ...]
+    elided: bool = False
+
+    @property
+    def vertices(self) -> list[Vertex]:
+        return [v for layer in self.layers for v in layer]
+
+
+def drawings(machine: Machine, marked: Collection[Vertex] = ()) -> Iterator[Drawing]:
+    """What may be drawn of a machine, the usual first; nothing when even its outline is too large.
+
+    An outline keeps the states in `marked`; the next one does not, as there may be no room for them.
+
+    The first column holds all states in which episodes start, or one of them from which the others are reached, which
+    comes first where several roles start apart.
+    """
+    arcs = _arcs(machine)
+    usual = _layers(machine.start, arcs)
+    ones = [_layers([v], arcs) for v in list(machine.start)[:FIRSTS]] if len(machine.start) > 1 else []
+    for layers in (*ones, usual) if machine.starters else (usual, *ones):
+        if _is_small(layers) and set(machine.start) <= {v for layer in layers for v in layer}:
+            yield Drawing(tuple(map(tuple, layers)), tuple(arcs))
+    if not _is_small(usual):
+        outlines = (_elided(usual, arcs, kept) for kept in dict.fromkeys((frozenset(marked), frozenset[Vertex]())))
+        yield from (x for x in outlines if x is not None)
+
+
+def whole(machine: Machine) -> Iterator[Drawing]:
+    """All states, where a frame has room for them."""
+    arcs = _arcs(machine)
+    layers = _layers(machine.start, arcs)
+    if len(machine.states) <= WHOLE and len(layers) <= WHOLE_LONG and max(map(len, layers)) <= WHOLE_WIDE:
+        yield Drawing(tuple(map(tuple, layers)), tuple(arcs))
+
+
+def _is_small(layers: list[list[Vertex]]) -> bool:
+    return sum(map(len, layers)) <= MANY and max(map(len, layers)) <= WIDE
+
+
+def _arcs(machine: Machine) -> list[Arc]:
+    """Arrows, those of several actions with one outcome merged."""
+    outcomes: dict[tuple[int, int], list[Transition]] = {}
+    for t in machine.transitions:
+        outcomes.setdefault((t.source, t.action), []).append(t)
+    direct: dict[tuple[int, int], list[Transition]] = {}
+    arcs: list[Arc] = []
+    for (source, action), found in outcomes.items():
+        if len(found) == 1:
+            direct.setdefault((source, found[0].target), []).append(found[0])
+            continue
+        chance = ("chance", source, action)
+        arcs.append(Arc(source, chance, (action,)))
+        arcs += [Arc(chance, t.target, (), t.probability, t.reward) for t in found]
+    for (source, target), found in direct.items():
+        rewards = {t.reward for t in found}
+        arcs.append(
+            Arc(source, target, tuple(t.action for t in found), None, rewards.pop() if len(rewards) == 1 else None)
+        )
+    order = {v: i for i, v in enumerate(machine.states)}
+    return sorted(arcs, key=lambda a: (order.get(_state(a.source), 0), a.actions[:1] or (-1,)))
+
+
+def _state(vertex: Vertex) -> int:
+    return vertex if isinstance(vertex, int) else int(vertex[1])  # type: ignore[index]
+
+
+def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
+    """Vertices by their distance from the start, in the order in which they are found."""
+    outgoing: dict[Vertex, list[Vertex]] = {}
+    for arc in arcs:
+        outgoing.setdefault(arc.source, []).append(arc.target)
+    layers: list[list[Vertex]] = [list(start)]
+    seen: set[Vertex] = set(layers[0])
+    while True:
+        new = dict.fromkeys(t for v in layers[-1] for t in outgoing.get(v, ()) if t not in seen)
+        if not new:
+            return layers
+        seen |= set(new)
+        layers.append(list(new))
+
+
+def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vertex]) -> Drawing | None:
+    """The first two layers and the last two, each cut to a few, with what is marked, and dots for what is left out."""
+    leaves_on = {a.source for a in arcs if a.target != a.source}
+
+    def goes_on(v: Vertex) -> bool:
+        return v in leaves_on
+
+    if len(layers) <= LONG:
+        kept = [_narrow(layer, goes_on, marked) for layer in layers]
+        return _cut(kept, arcs) if sum(map(len, kept)) <= 2 * MANY else None
+    depth, dots = len(layers) - 1, (DOTS, 2)
+    to_last = {a.source for a in arcs if a.target in layers[depth]}
+    before = [v for v in layers[depth - 1] if v in to_last]
+    if len(before) > WIDE or not before or len(layers[1]) > 3 * WIDE:
+        return None
+    inner = [v for layer in layers[2:depth] for v in layer if v in marked and v not in before]
+    middle = [v for v in layers[2] if not goes_on(v) and v not in inner]
+    through, ends = [v for v in inner if goes_on(v)], [v for v in inner if not goes_on(v)]
+    kept = [_narrow(layers[0], goes_on, marked), _narrow(layers[1], goes_on, marked),
+            [*_narrow([*middle, dots], lambda v: v == dots), *through],
+            _narrow(before, goes_on, marked), [*_narrow(layers[depth], goes_on, marked), *ends]]  # fmt: skip
+    shown = {v for layer in (*kept, middle, before) for v in layer}  # or stood for by the dots of a column
+    gone = {v: i for i, layer in enumerate(layers[2:depth]) for v in layer if v not in shown}
+    if any(a.source in gone and a.target in gone and gone[a.target] < gone[a.source] - BACK for a in arcs):
+        return None
+    out = (Arc(a.source, dots) for a in arcs if a.source in shown and a.target in gone)
+    back = (Arc(dots, a.target) for a in arcs if a.source in gone and a.target in shown)
+    return _cut(kept, arcs, list(dict.fromkeys((*out, *back))))
+
+
+def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool], marked: Collection[Vertex] = ()) -> list[Vertex]:
+    """A layer of a few vertices: those that lead on, the first and the last of the others, and what is marked."""
+    if len(layer) <= WIDE - 1:
+        return layer
+    main = [v for v in layer if goes_on(v)][:2]
+    others = [v for v in layer if v not in main]
+    held = [v for v in others[1:-1] if v in marked]
+    if len(others) - len(held) <= 2:
+        return layer
+    return [others[0], *held, (DOTS, "column", layer[0]), others[-1], *main]
+
+
+def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = None) -> Drawing | None:
+    """The drawing of some vertices; None when one of them would seem to lead nowhere, which it does not."""
+    shown = {v for layer in kept for v in layer}
+    inside = [a for a in arcs if a.source in shown and a.target in shown and a.source != a.target]
+    inside += links or ()
+    leading = {a.source for a in arcs if a.source in shown and a.source != a.target}
+    if not leading <= {a.source for a in inside}:
+        return None
+    return Drawing(tuple(map(tuple, kept)), tuple(inside), elided=True)
+
+
+# ---------- order
+# The order of vertices within the columns of a graph, so that few arrows cross.
+#
+# Barycentre sweeps (Sugiyama, Tagawa, Toda 1981), then exchanges within a column while they help. Arrows count as straight.
+
+DX, DY = 1.55, 1.05
+SWEEPS, TRIALS = 4, 1500
+CLOSE = 0.4
+"""An arrow nearer to the centre of a vertex than this passes over it."""
+Layers = tuple[tuple[Vertex, ...], ...]
+
+
+def ordered(drawing: Drawing) -> Drawing:
+    """The drawing with the vertices of its columns in a better order; as it is where no arrows cross."""
+    cost = _Cost(drawing)
+    best, least = drawing.layers, cost(drawing.layers)
+    if least < 1.0:
+        return drawing
+    for layers in _sweeps(drawing):
+        found = cost(layers)
+        if found < least:
+            best, least = layers, found
+    return replace(drawing, layers=_exchanged(best, least, cost))
+
+
+class _Cost:
+    """Crossings, twice the vertices that arrows pass over, and a little for length."""
+
+    def __init__(self, drawing: Drawing) -> None:
+        self.rank = {v: i for i, v in enumerate(drawing.vertices)}
+        pairs = {tuple(sorted((self.rank[a.source], self.rank[a.target]))) for a in drawing.arcs}
+        self.ends = np.array(sorted(p for p in pairs if p[0] != p[1]), dtype=np.int64).reshape(-1, 2)
+        a, b = self.ends[:, None, :, None], self.ends[None, :, None, :]
+        self.apart = np.triu(~(a == b).any((2, 3)))  # pairs of arrows without a common end
+        self.own = (np.arange(len(self.rank))[None, :, None] == self.ends[:, None, :]).any(2)
+
+    def __call__(self, layers: Layers) -> float:
+        at = np.empty((len(self.rank), 2))
+        for i, layer in enumerate(layers):
+            for k, v in enumerate(layer):
+                at[self.rank[v]] = DX * i, DY * (k - (len(layer) - 1) / 2)
+        a, b = at[self.ends[:, 0]], at[self.ends[:, 1]]
+        d = b - a
+
+        def side(p: np.ndarray) -> np.ndarray:
+            """On which side of each arrow (rows) points (columns) lie."""
+            return np.sign(
+                np.round(d[:, None, 0] * (p[:, 1] - a[:, None, 1]) - d[:, None, 1] * (p[:, 0] - a[:, None, 0]), 9)
+            )
+
+        opposite = side(a) * side(b) < 0
+        length = np.hypot(d[:, 0], d[:, 1])
+        to = at[None] - a[:, None]
+        t = np.clip((to * d[:, None]).sum(2) / length[:, None] ** 2, 0, 1)
+        off = to - t[..., None] * d[:, None]
+        over = (np.hypot(off[..., 0], off[..., 1]) < CLOSE) & ~self.own
+        return float((opposite & opposite.T & self.apart).sum() + 2 * over.sum() + length.sum() / 1000)
+
+
+def _free(layer: tuple[Vertex, ...]) -> bool:
+    """Whether the order of a column means nothing: dots stand for the vertices between their neighbours."""
+    return not any(isinstance(v, tuple) and v[0] == DOTS for v in layer)
+
+
+def _sweeps(drawing: Drawing) -> Iterator[Layers]:
+    """Columns ordered by the mean height of their neighbours, there and back."""
+    around: dict[Vertex, list[Vertex]] = {}
+    for arc in drawing.arcs:
+        around.setdefault(arc.source, []).append(arc.target)
+        around.setdefault(arc.target, []).append(arc.source)
+    layers = list(drawing.layers)
+    for sweep in range(SWEEPS):
+        for i in range(len(layers)) if sweep % 2 == 0 else reversed(range(len(layers))):
+            height = {v: k - (len(layer) - 1) / 2 for layer in layers for k, v in enumerate(layer)}
+            if _free(layers[i]):
+                mean = {
+                    v: sum(height[w] for w in (v, *around.get(v, ()))) / (1 + len(around.get(v, ()))) for v in layers[i]
+                }
+                layers[i] = tuple(sorted(layers[i], key=lambda v, mean=mean: mean[v]))  # type: ignore[misc]
+        yield tuple(layers)
+
+
+def _exchanged(layers: Layers, least: float, cost: _Cost) -> Layers:
+    """Two vertices of a column exchanged, as long as that is better, for so many trials."""
+    trials, better = 0, True
+    while better:
+        better = False
+        for i, layer in enumerate(layers):
+            for j in range(len(layer) if _free(layer) else 0):
+                for k in range(j + 1, len(layer)):
+                    trials += 1
+                    if trials > TRIALS:
+                        return layers
+                    changed = list(layers[i])
+                    changed[j], changed[k] = changed[k], changed[j]
+                    trial = (*layers[:i], tuple(changed), *layers[i + 1 :])
+                    found = cost(trial)
+                    if found < least - 1e-9:
+                        layers, least, better = trial, found, True
+    return layers

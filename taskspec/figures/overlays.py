@@ -1,0 +1,204 @@
+"""Overlays on figures: values, policies and occupancies, worked out by exact analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.abstraction.abstraction import Abstraction, abstraction, extract
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.exact import Model
+from taskspec.figures.marks import decimal
+from taskspec.figures.values import reads_of
+from taskspec.registry import load
+from taskspec.solve import plans, solve
+from taskspec.task.task import Task, TaskLike
+
+# ---------- overlay
+# What may be laid over a figure: a value, a policy or an occupancy for every state.
+
+State = Mapping[str, Any]
+PARTS = ("values", "policy", "occupancy")
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """Results by code of the state (`exact.space.Space` of the state's components).
+
+    `values` are written beside states; `policy` gives the indices of the actions taken, whose
+    transitions stand out; `occupancy` in [0, 1] shades the states that are visited. `legend` gives the scale of each of
+    them and says what it is; how it is drawn, a figure knows. Where a figure has no place for them, `told` says in words
+    what is known of a state.
+    """
+
+    values: Mapping[int, float] = field(default_factory=dict)
+    policy: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    occupancy: Mapping[int, float] = field(default_factory=dict)
+    legend: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    told: Callable[[State], Mapping[str, str]] | None = field(default=None, compare=False)
+    here: State | None = None  # the present state, for a frame of an episode
+    seen: Mapping[int, State] = field(default_factory=dict)  # states of that episode by time, the present one included
+
+    def chosen(self, code: int, action: int) -> bool:
+        return action in self.policy.get(code, ())
+
+    def only(self, part: str | None) -> Overlay:
+        """One of the three alone, or nothing but the present state."""
+        return Overlay(here=self.here, seen=self.seen, **({} if part is None else {part: getattr(self, part)}))
+
+
+# ---------- results
+# Overlays from exact analysis: optimal values, the optimal or the expert's policy, how often states are visited.
+
+OVERLAYS = ("values", "policy", "expert", "occupancy")
+"""Names of what can be laid over a figure."""
+MOST_TOLD = 3
+"""Actions that are named."""
+
+
+def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
+    """What to lay over a task's figure.
+
+    Args:
+        task: one that has an exact model, or an abstraction that has one: figures then say in words what it knows of the
+            state that they show.
+        names: of `values` (optimal, with the whole horizon left), `policy` (all optimal actions) or
+            `expert` (its actions), and `occupancy` (of the expert where there is one, else of an
+            optimal policy; the most visited state is 1). Values and actions are those of states in which
+            some episode acts.
+
+    Raises:
+        SpecError: for another name (E713), without an exact model (E712) or scipy (E705).
+    """
+    wanted = set(names)
+    for unknown in sorted(wanted - set(OVERLAYS)):
+        raise SpecError((Diagnostic("E713", None, f"'{unknown}' is not an overlay", f"use {', '.join(OVERLAYS)}"),))
+    if not wanted:
+        return Overlay()
+    task = load(task)
+    if task.modifiers:
+        message = "a figure shows a task without its modifiers, and results with them cannot be laid over it"
+        raise SpecError((Diagnostic("E713", None, message),))
+    known = _Known(task, extract(task), abstraction(task), wanted)
+    shown = {} if known.abstraction is not None else {part: getattr(known, part) for part in PARTS}
+    return Overlay(**shown, legend=dict(_legend(task, known)), told=known.told)
+
+
+def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
+    """What is laid over the figure: its scale, if it has one, and what it is."""
+    left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
+    wanted, whose = known.wanted, "an optimal policy's" if task.expert is None else "the expert's"
+    lacks = (
+        "" if not wanted & {"expert", "occupancy"} or known.acting is not None else ", for which there is no exact plan"
+    )
+    if "values" in wanted:
+        yield "values", ("", f"best return{left}")
+    if "policy" in wanted:
+        yield "policy", ("", f"best actions{left}")
+    if "expert" in wanted and not ("policy" in wanted and task.expert is None):
+        memory = "" if task.memory is None else ", whatever it remembers"
+        beside = ", as the best ones are" if "policy" in wanted and not lacks else ""
+        yield "expert" if "policy" in wanted else "policy", ("", f"{whose} actions at first{lacks or memory}{beside}")
+    if "occupancy" in wanted:
+        scale = f"up to {decimal(max(known.visits.values(), default=0.0))} per episode"
+        yield "occupancy", (scale, f"{whose} {'' if task.discount == 1 else 'discounted '}visits{lacks}")
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What an exact model knows of states, by code; the model may be that of an abstraction."""
+
+    task: Task
+    model: Model
+    abstraction: Abstraction | None
+    wanted: set[str]
+
+    @cached_property
+    def values(self) -> Mapping[int, float]:
+        return _values(self.model) if "values" in self.wanted else {}
+
+    @cached_property
+    def policy(self) -> Mapping[int, tuple[int, ...]]:
+        if "policy" in self.wanted:
+            return _policy(self.model, self.optimal(0))
+        if "expert" not in self.wanted or self.acting is None:
+            return {}
+        whole, plan = self.acting
+        found: dict[int, set[int]] = {}
+        for code, actions in _policy(whole, plan(0)).items():
+            found.setdefault(self._without_memory(whole, code), set()).update(actions)
+        return {code: tuple(sorted(actions)) for code, actions in found.items()}
+
+    @cached_property
+    def visits(self) -> Mapping[int, float]:
+        """How often each state is visited, by code, whatever is remembered there."""
+        found: dict[int, float] = {}
+        if self.acting is not None:
+            whole, plan = self.acting
+            for code, often in zip(whole.codes.tolist(), solve.occupancy(whole, plan).tolist(), strict=True):
+                code = self._without_memory(whole, code)
+                found[code] = found.get(code, 0.0) + often
+        return found
+
+    @cached_property
+    def occupancy(self) -> Mapping[int, float]:
+        """By code; the most visited state 1."""
+        if "occupancy" not in self.wanted:
+            return {}
+        most = max(self.visits.values(), default=0.0) or 1.0
+        return {code: often / most for code, often in self.visits.items()}
+
+    @cached_property
+    def optimal(self) -> plans.Plan:
+        return plans.optimal_plan(self.model)
+
+    @cached_property
+    def acting(self) -> tuple[Model, plans.Plan] | None:
+        """How the expert acts, or an optimal policy where there is none, and the model whose states say so.
+
+        They are those of the task with the memory of an expert that has one. None where the expert has no plan on a model.
+        """
+        if self.task.expert is None:
+            return self.model, self.optimal
+        try:
+            whole = self.model if self.task.memory is None else extract(self.task.remembering())
+        except SpecError:  # too many states with the memory
+            return None
+        plan = plans.expert_plan(whole)
+        return None if plan is None else (whole, plan)
+
+    def _without_memory(self, whole: Model, code: int) -> int:
+        """The code of a state without what is remembered there, whose digits are the last ones."""
+        return code // (whole.states.size // self.model.states.size)
+
+    def told(self, state: State) -> Mapping[str, str]:
+        """Of one state: its value, and the actions taken in it."""
+        task = self.model.task if self.abstraction is None else self.abstraction.task
+        arrays = {c.name: reads_of(task, state)[c.read] for c in task.state}
+        if self.abstraction is not None:
+            arrays = self.abstraction.map(arrays)
+        codes, outside = self.model.states.encode([arrays[c.name] for c in self.model.states.components], 1)
+        code, found = int(codes[0]), dict[str, str]()
+        if outside is not None and outside.any():
+            return found
+        if code in self.values:
+            found["values"] = decimal(self.values[code])
+        if code in self.policy:
+            some = [self.model.action_name(a) for a in self.policy[code]]
+            found["policy"] = "; ".join(some[:MOST_TOLD]) + ("; …" if len(some) > MOST_TOLD else "")
+        return found
+
+
+def _values(model: Model) -> dict[int, float]:
+    """Best returns by code of the states in which some episode acts: in others there is nothing to come."""
+    values = solve.solve(model).value
+    return dict(zip(model.codes[model.acting].tolist(), values[model.acting].tolist(), strict=True))
+
+
+def _policy(model: Model, table: np.ndarray[Any, Any]) -> dict[int, tuple[int, ...]]:
+    """Actions (A, S) of positive probability, by code of the states in which some episode acts."""
+    return {int(model.codes[i]): tuple(np.flatnonzero(table[:, i] > 0).tolist()) for i in np.flatnonzero(model.acting)}

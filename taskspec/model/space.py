@@ -1,0 +1,210 @@
+"""Finite domains as numbers: the code of each state and action, and sets of codes as sorted arrays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.lang.ir import Role
+from taskspec.lang.types import BOOLEAN_LABELS, Kind
+from taskspec.task.task import Component
+
+# ---------- codes
+# Sets of codes as sorted arrays of ints, each code once: by sorting, which is far faster than NumPy's hash tables.
+
+
+def distinct(codes: Array) -> Array:
+    """The codes of an array (N,), sorted, each once."""
+    found = np.sort(codes)
+    return found[np.append(True, found[1:] != found[:-1])] if len(found) else found
+
+
+def union(parts: Sequence[Array]) -> Array:
+    """The codes of several arrays, sorted, each once; of none, an empty array."""
+    return distinct(np.concatenate(parts)) if parts else np.zeros(0, np.int64)
+
+
+class Growing:
+    """A set of codes that grows: a few sorted arrays, each more than twice as long as the next one."""
+
+    def __init__(self) -> None:
+        self._parts: list[Array] = []
+        self.size = 0
+
+    def add(self, codes: Array) -> Array:
+        """Add sorted codes; gives those that are new."""
+        new = self.without(codes)
+        self.size += len(new)
+        if len(new):
+            self._parts.append(new)
+        while len(self._parts) > 1 and len(self._parts[-2]) <= 2 * len(self._parts[-1]):
+            self._parts[-2:] = [union(self._parts[-2:])]
+        return new
+
+    def without(self, codes: Array) -> Array:
+        """Those of some codes that are not in the set."""
+        for part in self._parts:
+            codes = without(codes, part)
+        return codes
+
+    def all(self) -> Array:
+        """The codes of the set, sorted."""
+        return union(self._parts)
+
+
+def holds(codes: Array, members: Array) -> Array:
+    """Which of some codes (N,) are among sorted ones."""
+    if not len(members):
+        return np.zeros(len(codes), np.bool_)
+    at = np.minimum(np.searchsorted(members, codes), len(members) - 1)
+    return np.asarray(members[at] == codes)
+
+
+def without(codes: Array, others: Array) -> Array:
+    """The codes that are not among sorted ones."""
+    return codes[~holds(codes, others)]
+
+
+# ---------- space
+# Finite domains as numbers: every state (or action) of a finite product has a code, and back.
+#
+# Codes count in mixed radix, the first element of the first component slowest, so that the code of a
+# single component with low = 0 is its value.
+
+Reads = Mapping[tuple[Role, str], Array]
+MAX_CODES = 2**62
+
+
+@dataclass(frozen=True)
+class Space:
+    """The values of some components, all finite.
+
+    `size` is how many combinations there are; arrays have the batch axis last, as in `lang.batch`.
+    """
+
+    components: tuple[Component, ...]
+    role: Role
+
+    @cached_property
+    def size(self) -> int:
+        return math.prod(n for c in self.components for n in c.counts)
+
+    @cached_property
+    def strides(self) -> tuple[tuple[int, ...], ...]:
+        """For each component, how far apart in code two neighbouring values of each element are."""
+        rest, result = self.size, []
+        for c in self.components:
+            row = []
+            for n in c.counts:
+                rest //= n
+                row.append(rest)
+            result.append(tuple(row))
+        return tuple(result)
+
+    def decode(self, codes: Array, names: frozenset[tuple[Role, str]] | None = None) -> dict[tuple[Role, str], Array]:
+        """Values (*shape, N) of the components (those in `names`) from codes (N,)."""
+        found = {}
+        for c, strides in zip(self.components, self.strides, strict=True):
+            key = (self.role, c.name)
+            if names is None or key in names:
+                found[key] = self._values(c, strides, codes)
+        return found
+
+    def _values(self, c: Component, strides: Sequence[int], codes: Array) -> Array:
+        parts = []
+        for low, count, stride in zip(c.low, c.counts, strides, strict=True):
+            digits = codes // stride if stride > 1 else codes
+            if stride * count < self.size:
+                digits = digits % count
+            parts.append(digits + int(low) if low else digits)
+        flat = np.array(parts) if c.type.shape else parts[0]
+        values = flat.reshape(*c.type.shape, codes.shape[-1])
+        return values.astype(np.bool_ if c.type.kind is Kind.BOOL else np.int64, copy=False)
+
+    def encode(self, values: Sequence[Array], lanes: int) -> tuple[Array, Array | None]:
+        """Codes (lanes,) of values (*shape, lanes or 1), and which of them lie outside (None: none does).
+
+        The code of a value outside is that of some value inside.
+        """
+        codes: Any = 0
+        outside: Any = None
+        for c, strides, value in zip(self.components, self.strides, values, strict=True):
+            rows = value.reshape(-1, value.shape[-1])
+            for row, low, count, stride in zip(rows, c.low, c.counts, strides, strict=True):
+                digits = row.astype(np.int64, copy=False) - int(low) if low else row.astype(np.int64, copy=False)
+                if digits.size and (digits.min() < 0 or digits.max() >= count):
+                    wrong = (digits < 0) | (digits >= count)
+                    outside = wrong if outside is None else outside | wrong
+                    digits = np.where(wrong, 0, digits)
+                codes = codes + (digits * stride if stride > 1 else digits)
+        codes = np.broadcast_to(codes, (lanes,))
+        return codes, None if outside is None else np.broadcast_to(outside, (lanes,))
+
+    def describe(self, code: int) -> str:
+        """A combination in words, as `x = 2, y = 0`."""
+        reads = self.decode(np.array([code]))
+        return ", ".join(f"{c.name} = {shown(c, reads[self.role, c.name][..., 0])}" for c in self.components)
+
+    def values_of(self, code: int) -> dict[str, Any]:
+        """A combination as plain data: labels for choices, numbers and nested lists otherwise."""
+        reads = self.decode(np.array([code]))
+        return {c.name: plain(c, reads[self.role, c.name][..., 0]) for c in self.components}
+
+
+def plain(c: Component, value: Array) -> Any:
+    """A value of a component as plain data, a choice as its label (or labels)."""
+    if c.domain is None:
+        return np.asarray(value).tolist()
+    return _labels(c, np.asarray(value).tolist())
+
+
+def _labels(c: Component, codes: Any) -> Any:
+    if isinstance(codes, list):
+        return [_labels(c, code) for code in codes]
+    assert c.domain is not None
+    if 0 <= codes < len(c.domain.labels):
+        return c.domain.labels[int(codes)]
+    return f"label number {codes}" if c.domain.values is None else "none of them"
+
+
+def shown(c: Component, value: Array) -> str:
+    """A value of a component in words: labels without quotes, reals to six digits."""
+    return words(plain(c, value))
+
+
+def words(value: Any) -> str:
+    match value:
+        case list():
+            inside = ", ".join(words(v) for v in value[:12])
+            return f"[{inside}{', ...' if len(value) > 12 else ''}]"
+        case bool():
+            return BOOLEAN_LABELS[value]
+        case float():
+            return f"{value:.6g}"
+        case _:
+            return str(value)
+
+
+def domain(c: Component) -> str:
+    """The values that a component can have, in words."""
+    if c.domain is not None:
+        labels = c.domain.labels
+        return f"one of {', '.join(labels[:8])}{', ...' if len(labels) > 8 else ''}"
+    low, high = set(c.low), set(c.high)
+    bottom = words(_number(min(low))) if len(low) == 1 else f"{words(_number(min(low)))} or more"
+    top = words(_number(max(high))) if len(high) == 1 else f"{words(_number(max(high)))} or less"
+    if len(low) > 1 or len(high) > 1:
+        return f"its own range for each element, within {bottom} ... {top}"
+    if math.inf in high:
+        return "a number" if -math.inf in low else f"at least {bottom}"
+    return f"at most {top}" if -math.inf in low else f"between {bottom} and {top}"
+
+
+def _number(value: float) -> int | float:
+    return int(value) if abs(value) < 1e15 and value == int(value) else value

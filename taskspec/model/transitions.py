@@ -1,0 +1,335 @@
+"""The outcomes of a step with their probabilities, at many points at once, and expected rewards."""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.limits import count as count_of
+from taskspec.base.limits import how_to_raise, limits
+from taskspec.lang import interval
+from taskspec.lang.batch import evaluate
+from taskspec.lang.builder import Builder
+from taskspec.lang.ir import Apply, Const, Draw, Node, Role, children, draws, reads, rewrite, walk
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.types import Range
+from taskspec.lang.variates import VARIATES
+from taskspec.lang.variates.entry import ProbabilityArithmetic
+from taskspec.lang.variates.outcomes import FAINTEST, both, once
+from taskspec.model.lump import lumped
+from taskspec.model.model import refuse
+from taskspec.model.space import MAX_CODES, Reads, Space, distinct
+from taskspec.task.task import Task
+
+# ---------- expectation
+# The expected reward where the reward itself is noisy: real draws that enter it linearly are replaced by their means.
+
+SMALL = 1e-100
+"""A product of such sizes may be too small for a float."""
+
+
+def is_faint(reward: Node, mean: Node) -> bool:
+    """Whether so small numbers went into the expectation of a reward that it may be 0 in floats, and is not."""
+    constants = (node for node in walk([reward, mean]) if isinstance(node, Const))
+    return reward is not mean and any(0 < abs(v) < SMALL for node in constants for v in node.flat)
+
+
+def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> Node:
+    """The reward with every draw that is not finite and enters linearly replaced by its mean.
+
+    Draws in `shared` also decide something else (the next state) and are left alone; so is a draw
+    that enters in any other way, and then the task has no exact model.
+    """
+    kept = {d.site for d in shared}
+    means = {
+        d.site: mean
+        for d in draws([reward])
+        if d.site not in kept and (mean := _mean(d, builder)) is not None and _is_linear(reward, d)
+    }
+
+    def leaf(node: Node) -> Node | None:
+        return means.get(node.site) if isinstance(node, Draw) else None
+
+    return rewrite([reward], leaf, builder.remake)[0] if means else reward
+
+
+def _mean(draw: Draw, builder: Builder) -> Node | None:
+    found = VARIATES[draw.base].mean
+    return (
+        None if found is None else builder.stretch(builder.cast(found(builder, draw), draw.type.kind), draw.type.shape)
+    )
+
+
+def _is_linear(root: Node, draw: Draw) -> bool:
+    """Whether the root is linear in the draw, whatever else it depends on."""
+    depends: dict[int, bool] = {}
+    for node in walk([root]):
+        below = [depends[id(c)] for c in children(node)]
+        if node is draw:
+            depends[id(node)] = True
+        elif not any(below):
+            depends[id(node)] = False
+        elif not (isinstance(node, Apply) and _keeps_linear(node.op, below)):
+            return False
+        else:
+            depends[id(node)] = True
+    return True
+
+
+def _keeps_linear(op: str, below: list[bool]) -> bool:
+    return (OPERATORS[op] if op in OPERATORS else STRUCTURES[op]).linear(below)
+
+
+# ---------- outcomes
+# Every outcome of the finite draws of some expressions, with its probability, over a batch of points.
+#
+# Draws are taken one after the other. Where the probabilities are the same at all points and there are
+# many, an outcome is one pass over the points with the drawn value held fixed; otherwise the points are
+# repeated, once for each outcome of positive probability.
+
+LOOP_FROM = 4096
+"""From this many points on, an outcome shared by all points is a pass of its own."""
+
+
+class Floats:
+    """Probabilities as float64."""
+
+    def argument(self, draw: Draw, arg: Array) -> Array:
+        p = draw.args[0]
+        if not isinstance(p, Const) or arg.all():
+            return arg
+        return np.array([max(float(v), FAINTEST) if v > 0 else float(v) for v in p.flat]).reshape(arg.shape)
+
+    def otherwise(self, draw: Draw, p: Array) -> Array:
+        written = draw.args[0]
+        if not isinstance(written, Const):
+            return np.asarray(1 - p)
+        exact = [float(1 - Fraction(v)) if 0 < v < 1 else 1 - one for v, one in zip(written.flat, p.flat, strict=True)]
+        return np.array(exact).reshape(p.shape)
+
+    def ratio(self, part: Array, whole: Array) -> Array:
+        return np.asarray(part / whole, dtype=np.float64)
+
+    def times(self, a: Array, b: Array) -> Array:
+        return both(a, b)
+
+
+FLOATS = Floats()
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Outcomes of the draws at some of the points.
+
+    `weight` is their probability, (M,) or (1,). `origin` gives the point of each, (M,), or is None
+    when there is exactly one for every point. `drawn` holds the values of the draws by site,
+    (*shape, M) or (*shape, 1).
+    """
+
+    weight: Array
+    origin: Array | None
+    drawn: Mapping[int, Array]
+    numbers: ProbabilityArithmetic = FLOATS
+
+    def sample(self, draw: Draw, args: list[Array]) -> Array:
+        return self.drawn[draw.site]
+
+    def place(self, reads: Reads) -> Reads:
+        """What is read at each outcome's point."""
+        if self.origin is None:
+            return reads
+        origin = self.origin
+        return {k: v if v.shape[-1] == 1 else v[..., origin] for k, v in reads.items()}
+
+
+def count(draws: Sequence[Draw], known: dict[int, Range]) -> float:
+    """An upper bound on the outcomes at one point; infinite where a draw is not finite."""
+    return math.prod(_outcomes(d, known) for d in draws)
+
+
+def _outcomes(draw: Draw, known: dict[int, Range]) -> float:
+    found = VARIATES[draw.base].outcomes
+    return math.inf if found is None else found.count(draw, lambda node: interval.bounds(node, known))
+
+
+def is_finite(draw: Draw) -> bool:
+    """Whether the outcomes can be enumerated. Those of a Poisson are, up to where a tail of 1e-20 is left."""
+    return VARIATES[draw.base].outcomes is not None
+
+
+def branches(
+    draws: Sequence[Draw], reads: Reads, lanes: int, numbers: ProbabilityArithmetic = FLOATS
+) -> Iterator[Branch]:
+    """All outcomes of the finite draws among `draws` (as `ir.draws` orders them) at `lanes` points."""
+    start = Branch(numbers.ratio(np.ones(1, np.int64), np.ones(1, np.int64)), None, {}, numbers)
+    yield from _expand([d for d in draws if is_finite(d)], reads, lanes, start)
+
+
+def _expand(draws: Sequence[Draw], reads: Reads, lanes: int, so_far: Branch) -> Iterator[Branch]:
+    if not draws:
+        yield so_far
+        return
+    draw, rest, times = draws[0], draws[1:], so_far.numbers.times
+    args = evaluate(draw.args, so_far.place(reads), so_far.sample)
+    found = VARIATES[draw.base].outcomes
+    assert found is not None
+    values, p = found.table(draw, args, so_far.numbers)
+    if p.shape[-1] == 1 and lanes >= LOOP_FROM and so_far.origin is None:
+        for k in np.flatnonzero(p[:, 0] > 0):
+            drawn = {**so_far.drawn, draw.site: values[k][..., None]}
+            yield from _expand(rest, reads, lanes, replace(so_far, weight=times(so_far.weight, p[k]), drawn=drawn))
+        return
+    if len(p) == 1:  # nothing is left to chance
+        drawn = {**so_far.drawn, draw.site: values[0][..., None]}
+        yield from _expand(rest, reads, lanes, replace(so_far, drawn=drawn))
+        return
+    yield from _expand(rest, reads, lanes, _repeated(so_far, draw, values, p, lanes))
+
+
+def _repeated(so_far: Branch, draw: Draw, values: Array, p: Array, lanes: int) -> Branch:
+    """Every point once for each outcome of positive probability, the outcomes of a point side by side."""
+    n = lanes if so_far.origin is None else len(so_far.origin)
+    possible = once(operator.gt, p, np.zeros_like(p)).astype(np.bool_)
+    point, outcome = np.nonzero(np.broadcast_to(possible.T, (n, len(p))))
+    chance = p[outcome, 0] if p.shape[-1] == 1 else p[outcome, point]
+    weight = so_far.numbers.times(_at(so_far.weight, point), chance)
+    drawn = {site: _at(v, point) for site, v in so_far.drawn.items()}
+    drawn[draw.site] = np.moveaxis(values[outcome], 0, -1)
+    return replace(so_far, weight=weight, origin=_at_origin(so_far.origin, point), drawn=drawn)
+
+
+def _at_origin(origin: Array | None, point: Array) -> Array:
+    return point if origin is None else origin[point]
+
+
+def _at(values: Array, point: Array) -> Array:
+    return values if values.shape[-1] == 1 else values[..., point]
+
+
+# ---------- transitions
+# One step of a finite task at many points at once: every outcome with its probability.
+
+TIME = (Role.TIME, "t")
+
+
+@dataclass(frozen=True)
+class Outcomes:
+    """What may happen at some of the points.
+
+    Each of `weight`, `code`, `outside` (None: nothing is outside), `reward` and `terminal` has M
+    entries, or one that stands for all. `origin` (M,) gives the point of each; None: one each.
+    """
+
+    weight: Array
+    origin: Array | None
+    code: Array
+    outside: Array | None
+    reward: Array
+    terminal: Array
+
+
+class Steps:
+    """The dynamics, reward and termination of a task whose states are finite, ready to be enumerated.
+
+    The reward is the expected one; `as_paid`: what is paid, with the draws that are only in it.
+    """
+
+    def __init__(self, task: Task, as_paid: bool = False) -> None:
+        self.task = task
+        self.states = Space(task.state, Role.STATE)
+        self.actions = Space(task.action, Role.ACTION)
+        decisive = draws((*task.next, task.terminal))
+        self.reward = task.reward if as_paid else expected(task.reward, task.builder, decisive)
+        self.is_faint = is_faint(task.reward, self.reward)
+        self.roots = lumped((*task.raw_next, self.reward, task.terminal), task.builder)
+        self.first = lumped(task.raw_initial, task.builder)
+
+    @cached_property
+    def draws(self) -> tuple[Draw, ...]:
+        return draws(self.roots)
+
+    @cached_property
+    def names(self) -> frozenset[tuple[Role, str]]:
+        return reads(self.roots)
+
+    @property
+    def uses_time(self) -> bool:
+        return TIME in self.names
+
+    @property
+    def ends(self) -> bool:
+        """Whether some step may terminate."""
+        return not (isinstance(self.task.terminal, Const) and not self.task.terminal.value)
+
+    @cached_property
+    def branching(self) -> float:
+        """An upper bound on the outcomes of one step; infinite where a draw is not finite."""
+        return count(self.draws, {})
+
+    def reads(self, states: Array, actions: Array, t: int | None) -> Reads:
+        """What is read at points (N,) or (1,) of codes."""
+        found = self.states.decode(states, self.names) | self.actions.decode(actions, self.names)
+        if self.uses_time:
+            found[TIME] = np.array([t], dtype=np.int64)
+        return found
+
+    def outcomes(
+        self, states: Array, actions: Array, t: int | None = None, numbers: ProbabilityArithmetic = FLOATS
+    ) -> Iterator[Outcomes]:
+        """Every outcome of acting in states (N,) by actions (N,) or (1,) at time t."""
+        lanes = len(states)
+        given = self.reads(states, actions, t)
+        for branch in branches(self.draws, given, lanes, numbers):
+            values = evaluate(self.roots, branch.place(given), branch.sample)
+            size = lanes if branch.origin is None else len(branch.origin)
+            code, outside = self.states.encode(values[:-2], size)
+            yield Outcomes(branch.weight, branch.origin, code, outside, values[-2], values[-1])
+
+    def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
+        """Codes (N,) of the first states and their probabilities (N,), each code once.
+
+        Raises:
+            SpecError: (E712) when there are too many, or more states than there are codes, or one is outside the state space.
+        """
+        found, most = count(draws(self.first), {}), limits().outcomes
+        if found > most:
+            message = f"the start has up to {found:,.0f} outcomes; the limit is {most:,}"
+            refuse(message, how_to_raise("outcomes", found))
+        if self.states.size > MAX_CODES:
+            refuse(f"there are {count_of(self.states.size)} states")
+        codes, weights = [], []
+        for branch in branches(draws(self.first), {}, 1, numbers):
+            values = evaluate(self.first, {}, branch.sample)
+            size = 1 if branch.origin is None else len(branch.origin)
+            code, outside = self.states.encode(values, size)
+            if outside is not None and outside.any():
+                refuse("an episode can start outside the state space")
+            codes.append(code)
+            weights.append(np.broadcast_to(branch.weight, (size,)))
+        every = np.concatenate(codes)
+        first = distinct(every)
+        return first, total(np.searchsorted(first, every), np.concatenate(weights), len(first))
+
+
+def total(which: Array, values: Array, size: int) -> Array:
+    """Sums (size,) of the values (N,) of each group, floats or rationals."""
+    if values.dtype != object:
+        return np.bincount(which, values, size)
+    sums = np.array([Fraction(0)] * size, dtype=object)
+    np.add.at(sums, which, values)
+    return sums
+
+
+def acted(actions: Space, nodes: Sequence[Node], given: Reads, branch: Branch, states: int) -> tuple[Array, Array]:
+    """Codes of the actions that expressions give in some states for an outcome of their draws, and the state of each."""
+    values = evaluate(nodes, branch.place(given), branch.sample)
+    at = np.arange(states) if branch.origin is None else branch.origin
+    return actions.encode(values, len(at))[0], at

@@ -1,0 +1,322 @@
+"""Lines of the sections that say what a task is: spaces, observations, dynamics, rewards, start, expert."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import groupby
+from typing import Any
+
+from taskspec.base.display import lettered
+from taskspec.lang import syntax as s
+from taskspec.pages.equations import Writing, is_draw, unchanged
+from taskspec.pages.prose import CodeSpan, Formula, Inline, Inlines, Text, inlines, listing
+from taskspec.printers import piecewise
+from taskspec.printers import tree as m
+from taskspec.printers.expressions import ExpressionWriter
+from taskspec.printers.names import expression
+from taskspec.printers.text import text
+from taskspec.task.names import signature
+from taskspec.task.schema.typed import ComponentEntry
+from taskspec.task.task import Component, Soft
+
+_SPACES = {
+    "dict": "as a dictionary of its components", "one_hot": "as one-hot vectors",
+    "multi_discrete": "as a vector of integers", "box": "as one vector of reals", "discrete": "as one integer",
+}  # fmt: skip
+_MANY = 40
+_OF_STEPS = ("dynamics", "reward", "terminal", "observation")
+"""Sections whose draws are made in every step."""
+
+
+Maker = Callable[[Writing], Iterator[Inlines]]
+"""Makes the lines of a section."""
+
+
+def formula(*items: m.Math) -> Formula:
+    return Formula(m.row(*items))
+
+
+# -- what it is made of -----------------------------------------------------------------------------------------------
+
+
+def parameters(w: Writing) -> Iterator[Inlines]:
+    """`L = 10`: what it is, and its range."""
+    for p in w.task.parameters:
+        content: list[Inline] = [formula(w.symbol(p.name), m.Sym("="), setting(w.values.get(p.name, p.value)))]
+        if w.symbol(p.name) not in (m.Ident(p.name), m.upright(p.name)):
+            content += [Text(" ("), CodeSpan(p.name), Text(")")]
+        content += [Text(", "), *inlines(p.doc)] if p.doc else []
+        yield (*content, *_range(w, p.name))
+
+
+def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
+    """Values of parameters that something is said of: `L = 3, B = 5; L = 6, B = 3`."""
+    found = [[formula(w.symbol(name), m.Sym("="), setting(x)) for name, x in case.items()] for case in given]
+    out: list[Inline] = []
+    for case in found:
+        out += [Text("; ")] if out else []
+        out += [piece for each in case for piece in (Text(", "), each)][1:]
+    return tuple(out)
+
+
+def setting(value: Any) -> m.Math:
+    """The value of a parameter."""
+    match value:
+        case bool():
+            return m.upright("true" if value else "false")
+        case int() | float():
+            digits = f"{abs(value):.10g}".replace("inf", "∞")
+            return m.Row((m.Sym("−"), m.Num(digits))) if value < 0 else m.Num(digits)
+        case _:
+            return m.Words(str(value))
+
+
+def _range(w: Writing, name: str) -> Inlines:
+    """The allowed values of a parameter, in brackets."""
+    entry = w.spec.parameters.entries[name]
+    low, high = entry.low, entry.high
+    if entry.values:
+        return (Text(" ("), Formula(w.domain(name, entry)), Text(")"))
+    match low, high:
+        case None, None:
+            return ()
+        case bottom, None:
+            return (Text(" (at least "), Formula(w.declared(bottom)), Text(")"))
+        case None, top:
+            return (Text(" (at most "), Formula(w.declared(top)), Text(")"))
+        case bottom, top:
+            return (Text(" ("), Formula(w.declared(bottom)), Text(" to "), Formula(w.declared(top)), Text(")"))
+
+
+def grids(w: Writing) -> Iterator[tuple[str, str]]:
+    """Text grids among the constants."""
+    for name, value in w.spec.constants.items():
+        if isinstance(value, Mapping) and "grid" in value:
+            text = value["grid"] if isinstance(value["grid"], str) else "\n".join(value["grid"])
+            legend = ", ".join(f"{lettered(k)} = {v}" for k, v in (value.get("legend") or {}).items())
+            yield f"{name} ({legend})", text
+
+
+def state(w: Writing) -> Iterator[Inlines]:
+    yield from _space(w, "S", w.spec.state, w.task.state)
+
+
+def actions(w: Writing) -> Iterator[Inlines]:
+    yield from _space(w, "A", w.spec.action, w.task.action)
+
+
+def _space(
+    w: Writing, letter: str, declared: Mapping[str, ComponentEntry], components: tuple[Component, ...]
+) -> Iterator[Inlines]:
+    """The set of states or of actions, then what its components are; a single one of which nothing is said is named at once."""
+    said = list(_components(w, declared, components))
+    name = () if said else (w.symbol(components[0].name), m.Sym("∈"))
+    yield (formula(*name, m.Ident(letter, "calligraphic"), m.Sym("="), w.space(declared)), *_numbered(components))
+    yield from said
+
+
+def _numbered(components: tuple[Component, ...]) -> Inlines:
+    """How labels are carried, where there are some."""
+    return (Text(", numbered from 0"),) if any(c.domain is not None for c in components) else ()
+
+
+def _components(
+    w: Writing, declared: Mapping[str, ComponentEntry], components: tuple[Component, ...]
+) -> Iterator[Inlines]:
+    """What each component is, and what its labels stand for."""
+    for c in components:
+        name = formula(w.symbol(c.name))
+        if len(components) > 1:
+            domain = (m.Sym("∈"), w.domain(c.name, declared[c.name]))
+            name = formula(w.symbol(c.name), *domain)
+        doc = inlines(c.doc)
+        labels = _labels(w, c)
+        if doc or labels or len(components) > 1:
+            yield (
+                name,
+                *((Text(": "), *doc) if doc else ()),
+                *((Text("; " if doc else ": "), *labels) if labels else ()),
+            )
+
+
+def _labels(w: Writing, c: Component) -> Inlines:
+    """Labels whose symbol or value says less than the word."""
+    if c.domain is None or len(c.domain.labels) > _MANY or not (c.domain.symbols or c.domain.values):
+        return ()
+    items: list[Inlines] = []
+    for i, label in enumerate(c.domain.labels):
+        mark = w.notation.labels[c.name][label]
+        value = c.domain.values[i] if c.domain.values else None
+        tree = mark if value is None or isinstance(mark, m.Num) else m.Row((mark, m.Sym("="), _value(w, value)))
+        word = isinstance(mark, m.Words | m.Num)
+        items.append((Formula(tree), *(() if word else (Text(f" {label.replace('_', ' ')}"),))))
+    plain = all(len(x) == 1 for x in items) and not c.domain.values
+    return () if plain else listing(items)
+
+
+def _value(w: Writing, value: Any) -> m.Math:
+    if isinstance(value, tuple):
+        return m.brackets(m.joined(_value(w, v) for v in value))
+    return w.declared(float(value) if not isinstance(value, bool | int | float) else value)
+
+
+# -- what is seen -----------------------------------------------------------------------------------------------------
+
+
+def observations(w: Writing) -> Iterator[Inlines]:
+    observation = w.task.observation
+    how = _SPACES.get(observation.space)
+    extra: Inlines = (Text(f", {how}"),) if how else ()
+    if observation.is_state:
+        yield (Text("the state "), formula(w.whole(w.spec.state)), *extra)
+        return
+    exprs: Mapping[str, s.Expr] = w.parsed("observation")
+    whole = m.joined(w.symbol(name) for name in exprs)
+    yield (formula(m.brackets(whole) if len(exprs) > 1 else whole), *extra)
+    same = [n for n, e in exprs.items() if isinstance(e, s.Name) and e.id == n and not e.primed]
+    for names, one, more in (
+        ([n for n in same if n in w.spec.state], " is that of the state", " are those of the state"),
+        ([n for n in same if n == "t"], " is the time", ""),
+        ([n for n in same if n != "t" and n not in w.spec.state], " is defined below", " are defined below"),
+    ):
+        if names:
+            yield (*listing([(formula(w.symbol(n)),) for n in names]), Text(one if len(names) == 1 else more))
+    for name, expr in exprs.items():
+        if name not in same:
+            yield (Formula(w.equation(w.symbol(name), expr)),)
+
+
+# -- how long ---------------------------------------------------------------------------------------------------------
+
+
+def horizon(w: Writing) -> Iterator[Inlines]:
+    value = w.spec.horizon
+    content: Inlines = (Text("none"),) if value in (None, "none") else (Formula(w.declared(value)),)
+    if w.spec.discount != 1:
+        content += (Text(", discount "), formula(m.Ident("γ"), m.Sym("="), w.declared(w.spec.discount)))
+    yield content
+
+
+def termination(w: Writing) -> Iterator[Inlines]:
+    expr = w.parsed("terminal")
+    if expr is None:
+        return
+    if isinstance(expr, s.Boolean):
+        yield (Text("after every step" if expr.value else "never"),)
+    else:
+        yield (Text("when "), Formula(w.truth(expr)))
+    reward = w.parsed("absorbing_reward")
+    if reward is not None:
+        yield (Text("where terminal states absorb, each further step pays "), Formula(w.math(reward)))
+
+
+# -- what happens -----------------------------------------------------------------------------------------------------
+
+
+def definitions(w: Writing) -> Iterator[Inlines]:
+    """Constants, named expressions and functions, and noise."""
+    for name, value in w.spec.constants.items():
+        if isinstance(value, Mapping) and "grid" in value:
+            continue
+        yield (Formula(w.equation(w.symbol(name), expression(value))),)
+    for written, expr in (w.parsed("definitions") or {}).items():
+        name, arguments = signature(written)
+        left = w.symbol(name)
+        if arguments is not None:
+            left = m.Row((left, m.brackets(m.joined(w.notation.symbol(a) for a in arguments))))
+        yield (Formula(w.equation(left, expr)),)
+    for name, expr in (w.parsed("noise") or {}).items():
+        yield (Formula(w.equation(w.symbol(name), expr)), Text(f", drawn {_when_drawn(w, name)}"))
+
+
+def _when_drawn(w: Writing, noise: str) -> str:
+    """When the draws of a noise are made: at the start where `initial` names it, in steps where they do, or both."""
+    starts, steps = (_is_named(w, noise, sections) for sections in (("initial",), _OF_STEPS))
+    if starts:
+        return "at the start, and again in every step" if steps else "at the start of an episode"
+    return "again in every step"
+
+
+def _is_named(w: Writing, name: str, sections: Iterable[str]) -> bool:
+    parsed = (w.parsed(section) for section in sections)
+    exprs = (e for each in parsed for e in (each.values() if isinstance(each, Mapping) else (each,)))
+    return any(e is not None and name in w.reads(e) for e in exprs)
+
+
+def dynamics(w: Writing) -> Iterator[Inlines]:
+    exprs: Mapping[str, s.Expr] = w.parsed("dynamics") or {}
+    fixed = list(unchanged(w.task, exprs))
+    for component in w.task.state:
+        expr = exprs.get(component.name + "'")
+        if component.name not in fixed and expr is not None:
+            yield from _transition(w, component.name, expr)
+    if fixed:
+        verb = " keeps its value" if len(fixed) == 1 else " keep their values"
+        yield (*listing([(formula(w.symbol(n)),) for n in fixed]), Text(verb))
+
+
+def _transition(w: Writing, name: str, expr: s.Expr) -> Iterator[Inlines]:
+    actions = list(w.spec.action)
+    expr = w.put(expr)
+    alone = len(w.task.state) == 1
+    if alone and isinstance(expr, s.Table) and piecewise.has_arrows(expr, name, actions):
+        action = w.whole(actions)
+        for line in piecewise.arrows(ExpressionWriter(w.notation, name), expr, name, action, actions[0]):
+            yield (Formula(line),)
+    else:
+        yield (Formula(w.equation(w.symbol(name, primed=True), expr, name)),)
+
+
+def rewards(w: Writing) -> Iterator[Inlines]:
+    expr = w.parsed("reward")
+    arguments = w.arguments(expr)
+    left: m.Math = m.Ident("R")
+    if arguments:
+        left = m.Row((left, m.brackets(m.joined(arguments))))
+    yield (Formula(w.equation(left, expr)),)
+
+
+def initial(w: Writing) -> Iterator[Inlines]:
+    """A line for each component; neighbours that are drawn alike share one."""
+    found = list((w.parsed("initial") or {}).items())
+    for written, group in groupby(found, key=lambda item: text(item[1]) if is_draw(item[1]) else item[0]):
+        pairs = list(group)
+        names, (_, expr) = [w.symbol(name) for name, _ in pairs], pairs[0]
+        together = written != pairs[0][0] and len(pairs) > 1
+        yield (
+            Formula(w.equation(m.joined(names), expr, pairs[0][0])),
+            *((Text(", independently"),) if together else ()),
+        )
+
+
+def roles(w: Writing) -> Iterator[Inlines]:
+    """In which variants the expert and the learner act."""
+    if w.spec.roles is not None:
+        yield (Text(f"the expert acts in {w.spec.roles.expert}, and the learner in {w.spec.roles.learner}"),)
+
+
+def expert(w: Writing) -> Iterator[Inlines]:
+    """What it remembers, and what it does."""
+    for c in () if w.task.memory is None else w.task.memory.components:
+        first, later = (w.parsed("memory")[c.name + prime] for prime in ("", "'"))
+        symbol = w.symbol(c.name)
+        yield (
+            Text("remembers "), formula(symbol, m.Sym("∈"), w.domain(c.name, w.spec.memory[c.name])),
+            *((Text(", "), *inlines(c.doc)) if c.doc else ()), Text(": at first "), Formula(w.equation(symbol, first, c.name)),
+            Text("; after a step "), Formula(w.equation(w.symbol(c.name, primed=True), later, c.name)),
+        )  # fmt: skip
+    match w.task.expert:
+        case None:
+            return
+        case "optimal":
+            yield (Text("an optimal policy of the exact model"),)
+        case Soft():
+            beta = w.parsed("expert")
+            value = w.math(beta.args[0]) if isinstance(beta, s.Call) else m.Num(f"{w.task.expert.beta:g}")
+            yield (Text("Boltzmann-rational, "), formula(m.Ident("β"), m.Sym("="), value))
+        case _:
+            found = w.parsed("expert")
+            names = list(w.spec.action)
+            pairs = found.items() if isinstance(found, Mapping) else [(names[0], found)]
+            for name, expr in pairs:
+                yield (Formula(w.equation(w.symbol(name), expr, name)),)

@@ -1,0 +1,101 @@
+"""What the signs on pages mean: one paragraph for all formats, with the sentences that the pages need."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+
+from taskspec.pages.equations import LETTERS, Writing
+from taskspec.pages.page import Page
+from taskspec.pages.prose import Formula, Inline, Inlines, Mark, inlines
+from taskspec.printers import tree as m
+from taskspec.printers.latex import latex
+from taskspec.printers.piecewise import IF
+from taskspec.printers.text import plain
+
+_ALWAYS = (
+    r"$t$ is the number of steps taken, from $0$, and $T$ the horizon, at which episodes are truncated. A prime marks what a "
+    r"step leads to: $s'$ is the state after $s$. Indices count from $0$."
+)
+_SIGNS = (
+    ("𝟙", r"$\mathbb{1}[\cdot]$ is $1$ where the condition holds and $0$ elsewhere."),
+    (r"\bclip\(", r"$\mathrm{clip}(x, a, b)$ is the number from $a$ to $b$ that is nearest to $x$."),
+    (r"\bswap_", r"$\mathrm{swap}_{i, j}(x)$ is $x$ with its elements $i$ and $j$ exchanged."),
+    (r"\[[^][]* ← ", r"$x[q \leftarrow f]$ is $x$ with $f$ in place of its element $q$."),
+    ("#", r"$\#\{\cdot\}$ is the number of elements of the set."),
+    (r"\bUnif\b", r"$\mathrm{Unif}$ is the uniform distribution: over the elements of a set, or over the real numbers from one "
+                  r"bound to the other; its power $n$ is that of $n$ independent draws."),
+    ("ℙ_", r"$\mathbb{P}_\pi(\cdot)$ is the probability that an episode of the policy $\pi$ ever reaches a state in which the "
+            r"condition holds."),
+)  # fmt: skip
+_DRAWN = (
+    "{}, with an index where there are several, is drawn at random, independently of everything else, whenever the equation is "
+    "evaluated."
+)
+_CASES = "Of several cases the first counts whose condition holds."
+_RETURNS = (
+    "A return is the expected sum of the rewards of an episode{discounted}: the optimal one is the highest that a policy can "
+    "have, the worst one the lowest, and the random one that of actions drawn uniformly."
+)
+_DISCOUNTED = r", where a task with a discount $\gamma$ multiplies that of the step after $t$ others by $\gamma^t$"
+_MARKS = (
+    ("proved", "What is marked as proved follows from the form of the equations, or from exact results whose rounding errors are "
+               "bounded."),
+    ("tested", "What is marked as tested was not contradicted by simulated episodes, or follows from a finite abstraction that "
+               "agreed with them."),
+)  # fmt: skip
+
+
+def notation(pages: Iterable[Page]) -> Inlines:
+    """The paragraph for some pages: what always holds, then the signs, the returns and the marks that occur on them."""
+    pages = tuple(pages)
+    pieces = [piece for page in pages for piece in _pieces(page)]
+    trees = [piece.math for piece in pieces if isinstance(piece, Formula)]
+    written = "\n".join({plain(tree) for tree in trees})
+    marked = [piece.text for piece in pieces if isinstance(piece, Mark)]
+    told = [_ALWAYS, *(text for sign, text in _SIGNS if re.search(sign, written)), *_draws(pages)]
+    told += [_CASES] if any(map(_has_cases, trees)) else []
+    if any(page.section("scores") for page in pages):
+        told.append(_RETURNS.format(discounted=_DISCOUNTED if _discounts(pages) else ""))
+    return inlines(
+        " ".join([*told, *(text for word, text in _MARKS if any(found.startswith(word) for found in marked))])
+    )
+
+
+def _draws(pages: Iterable[Page]) -> Iterator[str]:
+    """What is said of the letters for draws: the usual one, and those of pages on which it is a name of the task."""
+    letters: dict[str, m.Math] = {}
+    for page in pages:
+        writing = Writing(page.task, {})
+        letter = writing.notation.symbol(writing.drawn)
+        if any(_has(letter, piece.math) for piece in _pieces(page) if isinstance(piece, Formula)):
+            letters[writing.drawn] = letter
+    if letters:
+        usual, *others = (f"${latex(letters[name])}$" for name in LETTERS if name in letters)
+        instead = f" ({' or '.join(others)} where the task has such a name)" if others else ""
+        yield _DRAWN.format(usual + instead)
+
+
+def _has(letter: m.Math, tree: m.Math) -> bool:
+    return tree == letter or any(_has(letter, child) for child in m.children(tree))
+
+
+def _has_cases(tree: m.Math) -> bool:
+    """Whether there is a choice between several conditions."""
+    conditions = [c for _, c in tree.rows if IF in m.children(c)] if isinstance(tree, m.Cases) else []
+    return len(conditions) > 1 or any(map(_has_cases, m.children(tree)))
+
+
+def _discounts(pages: Iterable[Page]) -> bool:
+    """Whether returns on some page are discounted, at its own values of the parameters or at others beside them."""
+    return any(task.discount != 1 for page in pages for task in (page.task, *(s.task for s in page.settings)))
+
+
+def _pieces(page: Page) -> Iterator[Inline]:
+    """All that stands in the sections of a page, its settings and its tables included."""
+    for section in page.sections:
+        for line in section.lines:
+            yield from line.content
+            yield from (piece for values in line.values for piece in values)
+        for row in section.table.rows if section.table else ():
+            yield from (piece for cell in row for piece in cell)

@@ -1,0 +1,251 @@
+"""The page of a task as data, in full and in short."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import Any
+
+from taskspec.base.display import visible
+from taskspec.base.extras import need
+from taskspec.base.files import safe_name
+from taskspec.pages import facts as scores
+from taskspec.pages import sections
+from taskspec.pages.equations import Writing
+from taskspec.pages.facts import Facts, gather
+from taskspec.pages.prose import Block, Cite, Inlines, Text, blocks, inlines
+from taskspec.pages.sections import Section, SectionLine
+from taskspec.registry import load
+from taskspec.task.task import Task, TaskLike
+
+# ---------- page
+# The page of a task as data: sections in the order of a paper's appendix, each a list of lines of prose and mathematics.
+#
+# Everything is read off the task, so a page cannot say anything that the environment does not do. What exact analysis
+# found (scores, verdicts on claims) comes in as `Facts`; without them the page leaves it out.
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The task at other values of its parameters, which the page shows beside the symbols."""
+
+    title: str
+    task: Task
+    facts: Facts
+
+
+@dataclass(frozen=True)
+class Page:
+    """What is printed about one task, and beside the symbols what it is with the values of each setting."""
+
+    id: str
+    name: str
+    anchor: str
+    title: str
+    capability: str
+    summary: Inlines
+    description: tuple[Block, ...]
+    make: str
+    sections: tuple[Section, ...]
+    sources: tuple[Cite, ...]
+    source_text: str
+    source_name: str
+    task: Task
+    facts: Facts
+    settings: tuple[Setting, ...] = ()
+
+    def section(self, key: str) -> Section | None:
+        return next((s for s in self.sections if s.key == key), None)
+
+    def _repr_html_(self) -> str:
+        """What is printed, for notebooks.
+
+        Raises:
+            SpecError: E705 where the packages are not installed that write HTML.
+        """
+        hypertext = need("taskspec.pages.hypertext", "docs", "a page in a notebook")
+        found: str = hypertext.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
+        return found
+
+
+def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[str, Any]] = ()) -> Page:
+    """The page of a task.
+
+    Args:
+        task: what to print, symbolic in its parameters.
+        facts: scores and verdicts; none are shown without.
+        columns: parameter values to show beside the symbols, each on top of the task's own. Scores and verdicts of
+            them are worked out if `facts` are given. Names that the task has no parameter for are left out, and so are
+            columns that come to the task's own values or to those of an earlier column.
+
+    Raises:
+        SpecError: (E703) for values that a parameter cannot have.
+    """
+    task = load(task)
+    settings = tuple(_settings(task, columns, facts is not None))
+    facts = facts or Facts()
+    shown = _with_settings(task, facts, settings)
+    return Page(
+        id=task.id, name=task.name, anchor=anchor(task.name), title=task.title,
+        capability=task.spec.capability or "", summary=inlines(task.spec.summary),
+        description=blocks(task.spec.description), make=make_line(task), sections=shown,
+        sources=tuple(Cite(x.key, x.where) for x in task.spec.sources),
+        source_text=task.document.origin.text, source_name=task.document.origin.name.replace("\\", "/").rsplit("/")[-1],
+        task=task, facts=facts, settings=settings,
+    )  # fmt: skip
+
+
+def anchor(name: str) -> str:
+    """A name as part of an address or a file name."""
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower()
+    return safe_name(re.sub(r"[^a-z0-9]+", "-", words).strip("-") or "task")
+
+
+def make_line(task: Task) -> str:
+    """The line of Python that makes the environment, with the parameters that differ from their defaults and the modifiers."""
+    changed = "".join(f", {p.name}={p.value!r}" for p in task.parameters if p.value != p.default)
+    given = [str(m) for m in task.modifiers]
+    changed += f", modifiers={given!r}" if given else ""
+    return visible(f"gymnasium.make({json.dumps(task.id, ensure_ascii=False)}{changed})", keep="")
+
+
+def setting_title(task: Task) -> str:
+    """The values of all parameters."""
+    return ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
+
+
+def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> Iterator[Setting]:
+    names = {key: p.name for p in task.parameters for key in (p.alias, p.name)}
+    shown = [task.values]
+    for column in columns:
+        values = {names[name]: value for name, value in column.items() if name in names}
+        at = load(task, **values) if values else task
+        if at.values not in shown:
+            shown.append(at.values)
+            title = ", ".join(f"{name} = {at.values[name]}" for name in values)
+            yield Setting(title, at, gather(at) if known else Facts())
+
+
+def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
+    """The sections, with every line that a few settings change shown with them too, and the scores side by side."""
+    shown = sections.all_sections(Writing(task, {}), facts)
+    for each in settings if len(settings) < scores.MOST_COLUMNS else ():
+        found = {s.key: s for s in sections.all_sections(Writing(each.task, each.task.values), each.facts)}
+        shown = [_beside(s, found.get(s.key)) for s in shown]
+    if not settings:
+        return tuple(shown)
+    both = [(setting_title(task), task, facts), *((s.title, s.task, s.facts) for s in settings)]
+    return tuple(replace(s, lines=(), table=scores.table(both)) if s.key == "scores" else s for s in shown)
+
+
+def _beside(section: Section, concrete: Section | None) -> Section:
+    if concrete is None or len(concrete.lines) != len(section.lines) or section.key in ("parameters", "scores"):
+        return section  # a setting is headed by its parameters, and scores stand side by side
+    lines = [_line_beside(a, b) for a, b in zip(section.lines, concrete.lines, strict=True)]
+    return replace(section, lines=tuple(lines))
+
+
+def _line_beside(line: SectionLine, concrete: SectionLine) -> SectionLine:
+    found = concrete.content if concrete.content != line.content else ()
+    return replace(line, values=(*line.values, found))
+
+
+# ---------- brief
+# The short form of pages: what defines a task and its scores, and tasks of one spec together, as differences.
+
+_KEPT = frozenset({
+    "parameters", "modifiers", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
+    "termination", "initial", "roles", "scores",
+})  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Sibling:
+    """A page with only what differs from another one of its spec."""
+
+    page: Page
+    base: Page
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """A page, and the other tasks of its spec, each by what differs from the one before that is most like it."""
+
+    head: Page
+    others: tuple[Sibling, ...] = ()
+
+    @property
+    def pages(self) -> tuple[Page, ...]:
+        return self.head, *(other.page for other in self.others)
+
+    @property
+    def title(self) -> str:
+        """The part of their titles, up to a comma or a colon, that all begin with; else that of the first."""
+        titles = [page.title for page in self.pages]
+        first = re.split("[,:]", titles[0])[0]
+        return first if len(set(titles)) > 1 and all(title.startswith(first) for title in titles) else titles[0]
+
+
+def briefly(page: Page) -> Page:
+    """The page without its description, and without the sections that a reader of the paper can do without."""
+    kept = tuple(s for s in page.sections if s.key in _KEPT and not (s.key == "observations" and _is_state(page)))
+    return replace(page, sections=tuple(_shorter(s) if s.key == "scores" else s for s in kept), description=())
+
+
+def _shorter(scores: Section) -> Section:
+    """The scores with "optimal" for "optimal return"."""
+
+    def told(content: Inlines) -> Inlines:
+        return tuple(Text(x.text.replace(" return ", " ")) if isinstance(x, Text) else x for x in content)
+
+    return replace(scores, lines=tuple(replace(line, content=told(line.content)) for line in scores.lines))
+
+
+def _is_state(page: Page) -> bool:
+    return page.task.observation.is_state and page.task.observation.space == "auto"
+
+
+def families(pages: Iterable[Page]) -> list[Family]:
+    """Neighbours that are tasks of one spec, together."""
+    found = []
+    for _, group in groupby(pages, key=lambda page: page.task.document.origin.name):
+        head, *others = group
+        told = [_sibling(page, [head, *others[:i]]) for i, page in enumerate(others)]
+        found.append(Family(head, tuple(told)))
+    return found
+
+
+def _sibling(page: Page, before: Sequence[Page]) -> Sibling:
+    """The differences from that page before it which leaves the fewest lines to tell, or the first of these."""
+    differing = [_differing(base, page) for base in before]
+    sections, base = min(zip(differing, before, strict=True), key=lambda pair: _defining_lines(pair[0]))
+    return Sibling(replace(page, sections=sections), base)
+
+
+def _defining_lines(sections: Sequence[Section]) -> int:
+    """How many lines define what differs; scores follow from them."""
+    return sum(len(section.lines) for section in sections if section.key != "scores")
+
+
+def _differing(base: Page, page: Page) -> tuple[Section, ...]:
+    """The sections of a page that its base lacks, or has with other content; of its parameters, those at other values."""
+    found = [section for section in page.sections if base.section(section.key) != section]
+    same = [p.name for p in page.task.parameters] == [p.name for p in base.task.parameters]
+    changed = [_changed(base, section) if same and section.key == "parameters" else section for section in found]
+    return (*changed, *(_without(section) for section in base.sections if page.section(section.key) is None))
+
+
+def _changed(base: Page, section: Section) -> Section:
+    """A section with the lines alone that differ from those of the base."""
+    known = base.section(section.key)
+    kept = tuple(line for line in section.lines if known is None or line not in known.lines)
+    return replace(section, lines=kept, lead=section.lead or len(kept) == 1)
+
+
+def _without(section: Section) -> Section:
+    """What stands in the place of a section that a page does not have."""
+    told = "the state" if section.key == "observations" else "none"
+    return replace(section, lines=(SectionLine((Text(told),)),), lead=True, run_on=False, table=None)

@@ -1,0 +1,225 @@
+"""Prose as data: inline pieces and blocks, and the reader of the Markdown with `$mathematics$` that specs are written in.
+
+Markdown is parsed by markdown-it (CommonMark, no raw HTML); its tokens become the closed set of pieces below, which
+every renderer escapes in its own way. Links keep only addresses that are safe to follow.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from taskspec.base.extras import need
+from taskspec.printers import tree as m
+from taskspec.printers.tex import read as read_tex
+
+if TYPE_CHECKING:
+    from markdown_it import MarkdownIt
+    from markdown_it.token import Token
+
+_SAFE = frozenset({"http", "https", "mailto", ""})
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """Mathematics in a line, or on a line of its own."""
+
+    math: m.Math
+    display: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CodeSpan:
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Emph:
+    """Stressed words; `strong` ones are bold."""
+
+    inner: tuple[Inline, ...]
+    strong: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    address: str
+    inner: tuple[Inline, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Cite:
+    """A reference to a source of the bibliography, and where in it."""
+
+    key: str
+    where: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Whether something was found to hold; None where it was not decided."""
+
+    holds: bool | None
+    text: str
+
+
+Inline = Text | Formula | CodeSpan | Emph | Link | Cite | Mark
+Inlines = tuple[Inline, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CellTable:
+    """A heading for each column, and rows of cells."""
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[Inlines, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Paragraph:
+    content: Inlines
+
+
+@dataclass(frozen=True, slots=True)
+class Bullets:
+    items: tuple[tuple[Block, ...], ...]
+    ordered: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Verbatim:
+    text: str
+
+
+Block = Paragraph | Bullets | Verbatim
+_MINUS = re.compile(r"(?<![^\s([{,;:=])-(?=\d)")
+"""The sign of a negative number in prose."""
+
+
+@lru_cache(maxsize=1)
+def _parser() -> MarkdownIt:
+    markdown = need("markdown_it", "docs")
+    dollars = need("mdit_py_plugins.dollarmath", "docs")
+    parser: MarkdownIt = markdown.MarkdownIt("commonmark", {"html": False})
+    return parser.disable(["image", "html_inline", "html_block"]).use(
+        dollars.dollarmath_plugin, allow_digits=False, double_inline=True
+    )
+
+
+def blocks(text: str | None) -> tuple[Block, ...]:
+    """The blocks of a Markdown text."""
+    if not text:
+        return ()
+    tokens = iter(_parser().parse(text))
+    return tuple(_blocks(tokens, None))
+
+
+def inlines(text: str | None) -> Inlines:
+    """The inline pieces of a Markdown text of one line; what would start a block is text like any other."""
+    if not text:
+        return ()
+    (token,) = _parser().parseInline(" ".join(text.split()))
+    return _merge(_inlines(iter(token.children or ()), None))
+
+
+def _blocks(tokens: Iterator[Token], close: str | None) -> Iterator[Block]:
+    for token in tokens:
+        if token.type == close:
+            return
+        match token.type:
+            case "paragraph_open" | "heading_open":
+                inner = next(tokens)
+                content = _merge(_inlines(iter(inner.children or ()), None))
+                next(tokens)
+                yield Paragraph(content if token.type == "paragraph_open" else (Emph(content, strong=True),))
+            case "bullet_list_open" | "ordered_list_open":
+                yield _list(tokens, token.type.replace("open", "close"))
+            case "fence" | "code_block":
+                yield Verbatim(token.content.rstrip("\n"))
+            case "math_block" | "math_block_label":
+                yield Paragraph((Formula(read_tex(token.content), display=True),))
+            case "blockquote_open":
+                yield from _blocks(tokens, "blockquote_close")
+            case _:
+                continue
+
+
+def _list(tokens: Iterator[Token], close: str) -> Bullets:
+    items: list[tuple[Block, ...]] = []
+    for token in tokens:
+        if token.type == close:
+            break
+        if token.type == "list_item_open":
+            items.append(tuple(_blocks(tokens, "list_item_close")))
+    return Bullets(tuple(items), ordered=close.startswith("ordered"))
+
+
+def _inlines(tokens: Iterator[Token], close: str | None) -> Iterator[Inline]:
+    for token in tokens:
+        if token.type == close:
+            return
+        match token.type:
+            case "text" | "text_special":
+                yield Text(_MINUS.sub("−", token.content))
+            case "softbreak" | "hardbreak":
+                yield Text(" ")
+            case "code_inline":
+                yield CodeSpan(token.content)
+            case "math_inline" | "math_inline_double":
+                yield Formula(read_tex(token.content), display=token.type.endswith("double"))
+            case "em_open" | "strong_open":
+                inner = _merge(_inlines(tokens, token.type.replace("open", "close")))
+                yield Emph(inner, strong=token.type == "strong_open")
+            case "link_open":
+                inner = _merge(_inlines(tokens, "link_close"))
+                yield from _link(str(token.attrGet("href") or ""), inner)
+            case _:
+                yield Text(token.content)
+
+
+def _link(address: str, inner: Inlines) -> Iterator[Inline]:
+    """A link, or its words alone where the address is not one to follow."""
+    if is_safe(address):
+        yield Link(address, inner)
+    else:
+        yield from inner
+
+
+def is_safe(address: str) -> bool:
+    """Whether an address is a web page, a mail address or a place nearby, not a script."""
+    try:
+        return urlsplit(address).scheme.lower() in _SAFE and ":" not in address.split("/")[0].replace(
+            f"{urlsplit(address).scheme}:", "", 1
+        )
+    except ValueError:
+        return False
+
+
+def _merge(pieces: Iterator[Inline]) -> Inlines:
+    """Neighbouring texts as one."""
+    out: list[Inline] = []
+    for piece in pieces:
+        if isinstance(piece, Text) and out and isinstance(out[-1], Text):
+            out[-1] = Text(out[-1].text + piece.text)
+        else:
+            out.append(piece)
+    return tuple(out)
+
+
+def listing(items: Sequence[Inlines], last: str = "and") -> Inlines:
+    """Items as a sentence lists them: a, b and c."""
+    out: list[Inline] = []
+    for i, item in enumerate(items):
+        if i:
+            out.append(Text(f" {last} " if i == len(items) - 1 else ", "))
+        out += item
+    return _merge(iter(out))

@@ -1,0 +1,137 @@
+"""Pages -> a static site: a gallery and a page a task, mathematics as MathML, no network.
+
+The one script is the gallery's: it filters the tasks, and without it all of them are there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+from markupsafe import Markup
+
+from taskspec.base.display import ON_PAGES, visible
+from taskspec.base.extras import need
+from taskspec.figures import Scene, svg
+from taskspec.pages.facts import lines as score_lines
+from taskspec.pages.hypertext import HtmlWriter
+from taskspec.pages.notation import notation
+from taskspec.pages.page import Page
+from taskspec.pages.prose import is_safe
+from taskspec.pages.render.suite import Suite, html_environment
+
+BREAK_AFTER = 34.0
+_SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
+
+
+def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Files by name: `index.html` and one for each task.
+
+    Args:
+        suite: the pages.
+        links: names and addresses for the head of every page, such as the language reference.
+    """
+    env = html_environment()
+    safe = {name: address for name, address in (links or {}).items() if is_safe(address)}
+    common = {"suite": suite.title, "links": safe, "style": Markup(_style())}
+    count = len(suite.pages)
+    files = {
+        "index.html": env.get_template("index.html").render(
+            count=count, notation=HtmlWriter({}).prose(notation(suite.pages)), **_gallery(suite), **common
+        )
+    }
+    for i, page in enumerate(suite.pages):
+        before = suite.pages[i - 1] if i else None
+        after = suite.pages[i + 1] if i + 1 < len(suite.pages) else None
+        files[f"{page.anchor}.html"] = env.get_template("task.html").render(
+            before=before, after=after, **_page(suite, page), **common
+        )
+    return {name: visible(text, ON_PAGES) for name, text in files.items()}
+
+
+def gallery(suite: Suite) -> str:
+    """The tasks as cards, with a field to search them and a button for each capability: a piece of HTML for a page of its own."""
+    return visible(html_environment().get_template("cards.html").render(**_gallery(suite)), ON_PAGES)
+
+
+def _gallery(suite: Suite) -> dict[str, Any]:
+    cards = [_card(suite, page) for page in suite.pages if page.anchor in suite.folded]
+    return {"cards": cards, "capabilities": sorted({card["page"].capability for card in cards} - {""})}
+
+
+def gallery_style() -> str:
+    """CSS of galleries and figures, for a page that says what `--ink`, `--paper` and the other colours are."""
+    return html_environment().get_template("gallery.css").render()
+
+
+def page_style() -> str:
+    """CSS of pages that stand alone, with the colours on light and on dark paper."""
+    return html_environment().get_template("style.css").render()
+
+
+def _style() -> str:
+    return page_style() + gallery_style() + _highlight_style()
+
+
+def page_of(template: str, **values: Any) -> str:
+    """A page that stands alone, in the style of the others: the templates are `report.html` and `findings.html`."""
+    env = html_environment()
+    style = Markup("".join(env.get_template(name).render() for name in ("style.css", "report.css")))
+    return visible(env.get_template(template).render(style=style, **values), ON_PAGES)
+
+
+def _page(suite: Suite, page: Page) -> dict[str, Any]:
+    writer = HtmlWriter(suite.cited)
+    scene = suite.scenes.get(page.anchor)
+    return {
+        "page": page,
+        "summary": writer.prose(page.summary),
+        "description": [writer.block(b) for b in page.description],
+        "sections": [writer.section(s, [each.title for each in page.settings]) for s in page.sections],
+        "figure": Markup(svg(scene, css=True)) if scene else None,
+        "caption": scene.caption if scene else "",
+        "others": [(each.caption, Markup(svg(each.scene, css=True))) for each in suite.others(page)],
+        "source": _highlighted(page.source_text),
+    }
+
+
+def _card(suite: Suite, page: Page) -> dict[str, Any]:
+    """A task in the index: its line of facts and its thumbnail."""
+    scene: Scene | None = suite.scenes.get(page.anchor)
+    writer = HtmlWriter(suite.cited)
+    spaces = [(name, section) for name, key in (("states", "state"), ("actions", "actions"), ("horizon", "horizon"))
+              if (section := page.section(key)) is not None]  # fmt: skip
+    facts = [(name, writer.prose(section.lines[0].content[:1])) for name, section in spaces]
+    known = replace(page.facts, unknown=())
+    found = [writer.prose(line) for line in score_lines(page.task, known)]
+    names = ", ".join(f"{p.name} = {p.value}" for p in page.task.parameters)
+    return {
+        "page": page, "summary": writer.prose(page.summary), "facts": facts, "scores": found, "parameters": names,
+        "figure": Markup(svg(scene, css=True)) if scene else None, "variants": suite.folded[page.anchor],
+    }  # fmt: skip
+
+
+# -- the source -------------------------------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=32)
+def _highlighted(text: str) -> Markup:
+    """YAML with its parts marked by class; the pages of variants have one source."""
+    pygments, lexers, formatters = (need(f"pygments{x}", "docs") for x in ("", ".lexers.data", ".formatters"))
+    formatter = formatters.HtmlFormatter(nowrap=True, classprefix="y-")
+    return Markup(pygments.highlight(text, lexers.YamlLexer(), formatter))
+
+
+_KINDS = {"nt": "link", "c1": "muted", "m": "number", "kc": "number", "p": "muted"}
+
+
+def _highlight_style() -> str:
+    return "".join(f".y-{short}{{color:var(--{color})}}\n" for short, color in _KINDS.items())
+
+
+def strip_tags(text: str) -> str:
+    """The words of a piece of HTML, for tests and search."""
+    return re.sub(r"<[^>]+>", "", text)

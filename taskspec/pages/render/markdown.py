@@ -1,0 +1,164 @@
+"""Pages -> Markdown for a repository's documentation: mathematics between dollars, figures as files beside."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import assert_never
+from urllib.parse import quote
+
+from taskspec.base.display import ON_PAGES, visible
+from taskspec.pages.page import Page
+from taskspec.pages.prose import (  # fmt: skip
+    Block,
+    Bullets,
+    Cite,
+    CodeSpan,
+    Emph,
+    Formula,
+    Inline,
+    Inlines,
+    Link,
+    Mark,
+    Paragraph,
+    Text,
+)
+from taskspec.pages.render.suite import Suite, text_environment
+from taskspec.pages.sections import Section, SectionLine
+from taskspec.printers import tree as m
+from taskspec.printers.latex import latex
+
+_SPECIAL = re.compile(r"([\\`*_{}\[\]()#+!|~$>-])")
+_NUMBERED = re.compile(r"^(\d+)([.)])")
+# Readers that take backslash escapes before mathematics would spoil these.
+_SPELLED = ((r"\taskspecone ", r"\mathbf{1}"), (r"\{", r"\lbrace "), (r"\}", r"\rbrace "), (r"\\", r"\cr "),
+            (r"\,", r"\thinspace "), (r"\%", r"\text{ per cent}"),
+            (r"\text{\#}", r"\text{number of }"), (r"\#", r"\text{number of }"))  # fmt: skip
+
+
+def markdown(suite: Suite) -> dict[str, str]:
+    """Files by name: `index.md` and one for each task."""
+    env = text_environment()
+    writer = MarkdownWriter(suite)
+    files = {f"{page.anchor}.md": writer.page(page) for page in suite.pages}
+    rows = [(escape(p.name), p.anchor, escape(p.capability), writer.prose(p.summary)) for p in suite.pages]
+    files["index.md"] = env.get_template("index.md").render(title=escape(suite.title), rows=rows)
+    return {name: visible(text, ON_PAGES) for name, text in files.items()}
+
+
+def escape(text: str) -> str:
+    """Text for Markdown: no markup, no HTML, on one line."""
+    text = " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
+    return _NUMBERED.sub(
+        r"\1\\\2", _SPECIAL.sub(r"\\\1", text).replace(r"\(", "(").replace(r"\)", ")").replace(r"\-", "-")
+    )
+
+
+@dataclass(frozen=True)
+class MarkdownWriter:
+    suite: Suite
+
+    def page(self, page: Page) -> str:
+        scene = self.suite.scenes.get(page.anchor)
+        return text_environment().get_template("task.md").render(
+            name=escape(page.name), title=escape(page.title), summary=self.prose(page.summary), make=page.make,
+            description=[self.block(b) for b in page.description], sections=[self.section(s, page) for s in page.sections],
+            figure=f"figures/{page.anchor}.svg" if scene else "", alt=escape(scene.alt) if scene else "",
+            notes=escape(" ".join(scene.notes)) if scene else "",
+            others=[(f"figures/{o.anchor}.svg", escape(o.scene.alt), escape(o.caption)) for o in self.suite.others(page)],
+        )  # fmt: skip
+
+    def section(self, section: Section, page: Page) -> dict[str, object]:
+        lines = [self.line(line, page) for line in section.lines]
+        if section.run_on:
+            lines = ["; ".join(lines)]
+        lead, rest = (lines[0], lines[1:]) if section.lead or section.run_on else ("", lines)
+        return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}
+
+    def table(self, section: Section) -> list[list[str]]:
+        """Rows of cells, the heading first."""
+        found = section.table
+        if found is None:
+            return []
+        rows = [[self.cell(cell) for cell in row] for row in found.rows]
+        return [[escape(title) for title in found.header], *rows]
+
+    def cell(self, content: Inlines) -> str:
+        """Prose without the bars that would end a cell."""
+        spelled = {Formula: r"\vert ", CodeSpan: r"\|"}
+        return "".join(self.inline(p).replace("|", spelled.get(type(p), "|")) for p in content)
+
+    def line(self, line: SectionLine, page: Page) -> str:
+        text = self.prose(line.content)
+        if line.verbatim is not None:
+            text += " " + ", ".join(_code(row) for row in line.verbatim.splitlines())
+        for setting, values in zip(page.settings, line.values, strict=False):
+            if values:
+                text += f" ({escape(setting.title)}: {self.prose(values)})"
+        return text
+
+    def prose(self, content: Inlines) -> str:
+        texts = [self.inline(piece) for piece in content]
+        for i, piece in enumerate(content[1:]):
+            if isinstance(piece, Link) and texts[i].endswith("!"):  # a page loads no images from elsewhere
+                texts[i] = texts[i][:-1] + r"\!"
+        return "".join(texts)
+
+    def inline(self, piece: Inline) -> str:
+        match piece:
+            case Text(text=text):
+                return _SPECIAL.sub(_inside, escape_entities(text))
+            case Formula(math=math):
+                return formula(math)
+            case CodeSpan(text=text):
+                return _code(text)
+            case Emph(inner=inner, strong=strong):
+                mark = "**" if strong else "*"
+                return f"{mark}{self.prose(inner)}{mark}"
+            case Link(address=address, inner=inner):
+                return f"[{self.prose(inner)}](<{quote(address, safe=':/?=&.,+-@!*;~%#')}>)"
+            case Cite():
+                return self.cite(piece)
+            case Mark(holds=holds, text=text):
+                return f"({'' if holds is None else '✓ ' if holds else '✗ '}{escape(text)})"
+            case _:
+                assert_never(piece)
+
+    def cite(self, cite: Cite) -> str:
+        found = self.suite.cited.get(cite.key)
+        where = f", {escape(cite.where)}" if cite.where else ""
+        if found is None:
+            return escape(cite.key) + where
+        return f"{escape(found.authors)} ({escape(found.plain('year'))}). {escape(found.plain('title'))}{where}"
+
+    def block(self, block: Block) -> str:
+        match block:
+            case Paragraph(content=content):
+                return self.prose(content)
+            case Bullets(items=items):
+                return "\n".join("- " + " ".join(map(self.block, item)) for item in items)
+            case _:
+                return "\n".join(f"    {row}" for row in block.text.splitlines())
+
+
+def _inside(match: re.Match[str]) -> str:
+    """Marks that mean something inside a line."""
+    return match[1] if match[1] in "().-+!>#" else f"\\{match[1]}"
+
+
+def escape_entities(text: str) -> str:
+    return " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
+
+
+def _code(text: str) -> str:
+    """Code between as many backticks as it needs."""
+    ticks = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
+    pad = " " if text.startswith("`") or text.endswith("`") else ""
+    return f"{ticks}{pad}{text}{pad}{ticks}"
+
+
+def formula(math: m.Math) -> str:
+    text = latex(math)
+    for written, spelled in _SPELLED:
+        text = text.replace(written, spelled)
+    return f"${re.sub(r' +', ' ', text.replace(chr(92) + 'allowbreak', '')).strip()}$"

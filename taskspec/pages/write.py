@@ -1,0 +1,193 @@
+"""Tasks -> files in a folder, in the formats asked for."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from taskspec.base.bibliography import Reference, beside
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.files import write_text
+from taskspec.base.progress import telling
+from taskspec.figures import scene, svg
+from taskspec.pages import render
+from taskspec.pages.facts import Facts
+from taskspec.pages.page import Page, briefly, page
+from taskspec.pages.render.suite import Suite, setting_anchor
+from taskspec.registry import load
+from taskspec.task.task import Task, TaskLike
+
+_WRITERS: dict[str, Callable[[Suite, Mapping[str, str]], dict[str, str]]] = {
+    "latex": lambda suite, links: render.document(suite),
+    "html": render.site,
+    "markdown": lambda suite, links: render.markdown(suite),
+    "svg": lambda suite, links: {},
+}
+FORMATS = (*_WRITERS, "pdf")
+"""Names of the formats that pages are written in."""
+
+_SCRATCH = ("aux", "bbl", "blg", "log", "out")
+"""Endings of what TeX leaves beside a document; where it fails, they stay."""
+_TAKEN = ("index", "appendix", "document", "preamble")
+"""Names of the files around the pages."""
+
+
+def write(
+    tasks: Iterable[TaskLike],
+    formats: Iterable[str],
+    folder: Path | str,
+    *,
+    title: str = "",
+    facts: Mapping[str, Facts] | None = None,
+    columns: Sequence[Mapping[str, Any]] = (),
+    brief: bool = False,
+    references: Mapping[str, Reference] | None = None,
+    links: Mapping[str, str] | None = None,
+) -> list[Path]:
+    """Write the printed form of tasks; the same tasks give the same files.
+
+    Args:
+        tasks: tasks, ids or paths, in order; each is printed at its defaults, with other values that it is given at beside them.
+        formats: of `latex`, `html`, `markdown`, `svg` (the figures alone) and `pdf` (LaTeX, compiled).
+        folder: made if need be.
+        title: of the whole; by default the tasks' suite.
+        facts: results by id of the task (see `gather`); left out without.
+        columns: parameter values to show beside the symbols.
+        brief: what defines a task, its figure and its scores alone, half a page each.
+        references: bibliography by key; by default the `references.bib` beside the specs.
+        links: names and addresses for the head of every HTML page.
+
+    Returns:
+        The files written, in order.
+
+    Raises:
+        SpecError: for another format, without an extra, or when there is no TeX for `pdf`.
+    """
+    wanted = _known(formats)
+    suite = gather_pages([load(task) for task in tasks], title, facts or {}, columns, references, brief)
+    return write_pages(suite, wanted, folder, links)
+
+
+def write_pages(
+    suite: Suite, formats: Iterable[str], folder: Path | str, links: Mapping[str, str] | None = None
+) -> list[Path]:
+    """Write pages that were gathered, as `write` does."""
+    wanted = _known(formats)
+    files: dict[str, str] = {}
+    for name in dict.fromkeys("latex" if f == "pdf" else f for f in wanted):
+        files |= _WRITERS[name](suite, links or {})
+    if {"markdown", "svg"} & set(wanted):
+        files |= {f"figures/{anchor}.svg": svg(found) + "\n" for anchor, found in suite.scenes.items()}
+    written = _save(files, Path(folder))
+    return [*written, compile_pdf(Path(folder))] if "pdf" in wanted else written
+
+
+def _known(formats: Iterable[str]) -> list[str]:
+    """The formats asked for, each once; those that cannot be written are refused."""
+    wanted = list(dict.fromkeys(formats))
+    for unknown in (f for f in wanted if f not in FORMATS):
+        raise _refused(f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
+    if "pdf" in wanted and shutil.which("pdflatex") is None:
+        hint = "install TeX Live, or write `latex` and compile it elsewhere"
+        raise _refused("`pdf` needs pdflatex, which is not installed", hint)
+    return wanted
+
+
+def gather_pages(
+    tasks: Sequence[Task],
+    title: str = "",
+    facts: Mapping[str, Facts] | None = None,
+    columns: Sequence[Mapping[str, Any]] = (),
+    references: Mapping[str, Reference] | None = None,
+    brief: bool = False,
+) -> Suite:
+    """Pages and figures of tasks, ready to be rendered.
+
+    Raises:
+        SpecError: (E703) for values that a parameter cannot have, (E702) for a name that no task has a parameter for.
+    """
+    known = {name for task in tasks for p in task.parameters for name in (p.name, p.alias)}
+    for name, value in ((n, v) for column in columns for n, v in column.items() if n not in known):
+        load(tasks[0], **{name: value})  # which says what is wrong
+    found = telling(together(tasks), lambda each: f"page of {each[0].id}")
+    made = (page(task, (facts or {}).get(task.id), [*others, *columns]) for task, others in found)
+    pages = _apart(map(briefly, made) if brief else made)
+    drawn = {p.anchor: p.task for p in pages} | {setting_anchor(p, s): s.task for p in pages for s in p.settings}
+    shown = [(name, scene(task)) for name, task in telling([*drawn.items()], lambda each: f"figure of {each[1].id}")]
+    scenes = {name: found for name, found in shown if found is not None}
+    cited = beside(task.document.origin.name for task in tasks) if references is None else references
+    names = dict.fromkeys(task.suite for task in tasks if task.suite)
+    return Suite(title or f"Tasks of {', '.join(names)}" if names else title or "Tasks", pages, scenes, cited, brief)
+
+
+def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]]:
+    """Each task at its defaults, and the other values that it is given at: those of all parameters that vary."""
+    found: dict[str, list[Task]] = {}
+    for task in tasks:
+        found.setdefault(task.id, []).append(task)
+    return [_settings(each) for each in found.values()]
+
+
+def _settings(tasks: Sequence[Task]) -> tuple[Task, list[Mapping[str, Any]]]:
+    defaults = {p.name: p.default for p in tasks[0].parameters}
+    others = [task.values for task in tasks if task.values != defaults]
+    varied = [name for name, value in defaults.items() if any(values[name] != value for values in others)]
+    base = next((task for task in tasks if task.values == defaults), None) or load(tasks[0], **defaults)
+    return base, [{name: values[name] for name in varied} for values in others]
+
+
+def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
+    """The pages with anchors of their own: several names may make the same one, or that of the files around them."""
+    taken, found = set(_TAKEN), []
+    for each in pages:
+        anchor = each.anchor
+        for i in count(2):
+            if anchor not in taken:
+                break
+            anchor = f"{each.anchor}-{i}"
+        taken.add(anchor)
+        found.append(replace(each, anchor=anchor))
+    return tuple(found)
+
+
+def _save(files: Mapping[str, str], folder: Path) -> list[Path]:
+    written = []
+    for name, text in files.items():
+        path = folder / name
+        write_text(path, text)
+        written.append(path)
+    return written
+
+
+def compile_pdf(folder: Path) -> Path:
+    """Compile `document.tex` in a folder.
+
+    Raises:
+        SpecError: with the first error of TeX.
+    """
+    for command in telling(("pdflatex", "bibtex", "pdflatex", "pdflatex"), "document.pdf, {}".format):
+        options = ["document"] if command == "bibtex" else [
+            "-interaction=nonstopmode", "-halt-on-error", "-no-shell-escape", "document.tex"]  # fmt: skip
+        if command == "bibtex" and (shutil.which("bibtex") is None or not (folder / "references.bib").read_text()):
+            continue
+        done = subprocess.run(
+            [command, *options], cwd=folder, capture_output=True, text=True, errors="replace", check=False
+        )
+        if done.returncode != 0 and command == "pdflatex":
+            problem = next((line for line in done.stdout.splitlines() if line.startswith("!")), "pdflatex failed")
+            raise _refused(
+                f"TeX could not compile {folder / 'document.tex'}: {problem.lstrip('! ')}", "see document.log"
+            )
+    for path in folder.glob("document.*"):
+        if path.suffix[1:] in _SCRATCH:
+            path.unlink()
+    return folder / "document.pdf"
+
+
+def _refused(message: str, hint: str) -> SpecError:
+    return SpecError((Diagnostic("E713", None, message, hint),))

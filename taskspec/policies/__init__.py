@@ -1,0 +1,1 @@
+"""Policies: by name, experts, and whatever a user hands in."""

@@ -1,0 +1,1 @@
+"""Episodes of many environments at once, and what they say about a mean."""

@@ -1,0 +1,254 @@
+"""Episodes of many lanes at once, from the same random words as the environments.
+
+Lane i of seed s walks the trajectory of the scalar environment with seed s + i.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec import draws
+from taskspec.base.arrays import Array
+from taskspec.base.limits import limits
+from taskspec.lang.batch import evaluate
+from taskspec.lang.ir import Node, Role
+from taskspec.lang.types import Kind
+from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.model.cost import BYTES, Cost
+from taskspec.model.points import columns, sampled
+from taskspec.task.task import Component, Task
+
+Key = tuple[Role, str]
+State = dict[str, Array]
+Choose = Callable[[State, int, np.random.Generator], Mapping[str, Array]]
+"""Gives actions by name, (*shape, lanes), from the state by name and the time."""
+
+
+@dataclass(frozen=True)
+class Moved:
+    """The result of a step in every lane."""
+
+    state: State
+    reward: Array
+    terminal: Array
+
+
+class Rollout:
+    """Steps a task's array form. Arrays are (*shape, lanes)."""
+
+    def __init__(self, task: Task, lanes: int, seed: int = 0) -> None:
+        self.task, self.lanes = task, lanes
+        self.seeds = draws.lane_seeds(seed, lanes)
+
+    @property
+    def words(self) -> int:
+        """Random words that a step or a start takes in one lane."""
+        return max(self.task.reset_words.count, self.task.step_words.count)
+
+    def start(self, episode: int = 0) -> State:
+        words = draws.lanes_block(self.seeds, draws.RESET, episode, self.task.reset_words.count)
+        values = self._values(self.task.initial, {}, self.task.reset_words, words)
+        return dict(zip((c.name for c in self.task.state), values, strict=True))
+
+    def step(self, state: State, action: Mapping[str, Array], t: int, steps: int | None = None) -> Moved:
+        """One step at time t; `steps` counts those since the seed was set (t in the first episode)."""
+        words = draws.lanes_block(self.seeds, draws.STEP, t if steps is None else steps, self.task.step_words.count)
+        roots = (*self.task.next, self.task.reward, self.task.terminal)
+        *following, reward, terminal = self._values(roots, reads_of(state, action, t), self.task.step_words, words)
+        return Moved(dict(zip(state, following, strict=True)), reward, terminal)
+
+    def _values(
+        self, roots: Sequence[Node], reads: Mapping[Key, Array], layout: WordLayout, words: Array
+    ) -> list[Array]:
+        found = evaluate(roots, reads, batch_sampler(layout, words))
+        return [_spread(v, self.lanes) for v in found]
+
+
+def reads_of(state: Mapping[str, Array], action: Mapping[str, Array], t: int) -> dict[Key, Array]:
+    found: dict[Key, Array] = {(Role.STATE, name): value for name, value in state.items()}
+    found |= {(Role.ACTION, name): value for name, value in action.items()}
+    found[Role.TIME, "t"] = np.array([t], dtype=np.int64)
+    return found
+
+
+def is_bounded(task: Task) -> bool:
+    """Whether every action has both ends, so that there are uniformly random ones."""
+    return all(map(math.isfinite, (v for c in task.action for v in (*c.low, *c.high))))
+
+
+def at_random(task: Task) -> Choose:
+    """Random actions as those of `action_space.sample()`: uniform, where a range has both ends."""
+
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        lanes = next(iter(state.values())).shape[-1]
+        return {c.name: uniform(c, lanes, rng) for c in task.action}
+
+    return choose
+
+
+def uniform(c: Any, lanes: int, rng: np.random.Generator) -> Array:
+    """Random values of a component, (*shape, lanes): uniform where its range has both ends."""
+    rows: list[Array] = []
+    for low, high in zip(c.low, c.high, strict=True):
+        if not (math.isfinite(low) and math.isfinite(high)):
+            row = _unbounded(low, high, lanes, rng)
+            rows.append(row if c.type.kind is Kind.REAL else np.rint(row))
+        elif c.is_finite:
+            rows.append(rng.integers(int(low), int(high) + 1, lanes))
+        else:
+            rows.append(rng.uniform(low, high, lanes))
+    values = np.array(rows) if c.type.shape else rows[0]
+    kind = {0: np.bool_, 1: np.int64, 2: np.float64}[int(c.type.kind)]
+    return values.reshape(*c.type.shape, lanes).astype(kind)
+
+
+def _unbounded(low: float, high: float, lanes: int, rng: np.random.Generator) -> Array:
+    """Values (lanes,) of a range that lacks an end, as Gymnasium's `Box` samples them.
+
+    Standard normal where there is no end; one end plus, or minus, an exponential of mean 1 where there is one.
+    """
+    if math.isfinite(low):
+        return low + rng.exponential(1.0, lanes)
+    if math.isfinite(high):
+        return high - rng.exponential(1.0, lanes)
+    return rng.standard_normal(lanes)
+
+
+def by_expert(task: Task) -> Choose:
+    """The actions of an expert given by expressions."""
+    experts = task.expert
+    assert isinstance(experts, tuple)
+
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        lanes = next(iter(state.values())).shape[-1]
+        layout = WordLayout.of(experts)
+        words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
+        values = evaluate(experts, reads_of(state, {}, t), batch_sampler(layout, words))
+        return {c.name: np.broadcast_to(v, (*v.shape[:-1], lanes)) for c, v in zip(task.action, values, strict=True)}
+
+    return choose
+
+
+LANES, STEPS, MANY_STEPS = 64, 60, 1000
+HELD = 0.25
+"""Nominal seconds for the longer ones of the episodes that are looked at."""
+
+
+def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
+    """States in which some episodes act, with actions and times; with `ends`, the states in which they end as well.
+
+    Episodes act at random, by holding on to an action, and by the expert.
+    """
+    rng = np.random.default_rng(0)
+    far = _affordable(task)
+    rounds = max(1, far // max(STEPS, task.horizon or far))
+    everyone = [(sampled_actions(task), STEPS, LANES), (_held(task), far // rounds, LANES * rounds)]
+    everyone += [(by_expert(task), STEPS, LANES)] if isinstance(task.expert, tuple) and task.memory is None else []
+    numbers = sum(c.type.size for c in (*task.state, *task.action)) * sum(steps * lanes for _, steps, lanes in everyone)
+    share = min(1.0, limits().megabytes * 1e6 / (BYTES * numbers))
+    return columns(
+        part for choose, steps, lanes in everyone
+        for part in _episodes(task, choose, max(1, int(share * lanes)), steps, ends, rng)
+    )  # fmt: skip
+
+
+def _affordable(task: Task) -> int:
+    """How many steps are taken by holding on to an action, which leads far: more than others where they cost little.
+
+    They are taken one after the other as far as an episode goes, and side by side beyond, which is quicker.
+    """
+    cost = Cost((*task.next, task.reward, task.terminal), simulated=True)
+    return max(STEPS, min(MANY_STEPS, int(HELD / cost.seconds(LANES))))
+
+
+def _episodes(
+    task: Task, choose: Choose, lanes: int, most: int, ends: bool, rng: np.random.Generator
+) -> Iterator[dict[Key, Array]]:
+    """What is read in episodes of so many steps together, step by step; new ones begin when the last of all lanes has ended."""
+    rollout = Rollout(task, lanes)
+    state, going, t, episode = rollout.start(), np.ones(lanes, np.bool_), 0, 0
+    for steps in range(most):
+        chosen = choose(state, t, rng)
+        action = {c.name: _within(c, chosen[c.name]) for c in task.action}
+        yield _picked(reads_of(state, action, t), going)
+        moved = rollout.step(state, action, t, steps)
+        ended = going & (moved.terminal | (t + 1 == task.horizon))
+        if ends:
+            yield _picked(reads_of(moved.state, action, t + 1), ended)
+        going = going & ~ended
+        state, t = {n: np.where(going, moved.state[n], state[n]) for n in state}, t + 1
+        if not going.any() or not _are_numbers(state):
+            episode += 1
+            state, going, t = rollout.start(episode), np.ones(lanes, np.bool_), 0
+
+
+def _picked(reads: Mapping[Key, Array], lanes: Array) -> dict[Key, Array]:
+    """Those lanes of what is read that a condition (N,) holds for."""
+    return {key: _spread(value, len(lanes))[..., lanes] for key, value in reads.items()}
+
+
+def _spread(values: Array, lanes: int) -> Array:
+    """Values (*shape, 1) or (*shape, lanes) in all lanes."""
+    return values if values.shape[-1] == lanes else np.broadcast_to(values, (*values.shape[:-1], lanes))
+
+
+def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.Generator) -> dict[Key, Array]:
+    """States, and their times, that one step leads to from what is read, where it stays in the state space.
+
+    A step that ends the episode counts with `ends` alone: a state that only such steps lead to is one that no episode acts in.
+    """
+    roots, lanes = (*task.raw_next, task.terminal), max(v.shape[-1] for v in reads.values())
+    layout = WordLayout.of(roots)
+    words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
+    *following, terminal = evaluate(roots, reads, batch_sampler(layout, words))
+    found = {c.read: v for c, v in zip(task.state, following, strict=True)}
+    found[Role.TIME, "t"] = reads[Role.TIME, "t"] + 1
+    going = np.broadcast_to(ends | ~terminal, (lanes,))
+    for c in task.state:
+        value = found[c.read]
+        low, high = (np.reshape(ends, (*c.type.shape, 1)) for ends in (c.low, c.high))
+        inside = (value >= low) & (value <= high)
+        going = going & inside.reshape(-1, inside.shape[-1]).all(axis=0)
+    if task.horizon is not None:
+        going = going & (found[Role.TIME, "t"] < task.horizon + ends)
+    return _picked(found, going)
+
+
+def _within(c: Component, values: Array) -> Array:
+    """Actions as the environment takes them: an expert that is yet to be looked at may give others."""
+    if c.type.kind is Kind.BOOL or (not c.is_finite and c.type.kind is Kind.INT):
+        return values
+    low, high = (np.array(ends, values.dtype).reshape(*c.type.shape, 1) for ends in (c.low, c.high))
+    return np.clip(values, low, high)
+
+
+def _held(task: Task) -> Choose:
+    """One action for each lane, the same in a whole episode: it drives states to where they end up."""
+    actions = sampled_actions(task)
+    chosen: list[Mapping[str, Array]] = []
+
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        if t == 0:
+            chosen[:] = [actions(state, t, rng)]
+        return chosen[0]
+
+    return choose
+
+
+def sampled_actions(task: Task) -> Choose:
+    """Actions over the whole range and at its ends; a range without an end is cut."""
+
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        lanes = next(iter(state.values())).shape[-1]
+        return {c.name: sampled(c, lanes, rng) for c in task.action}
+
+    return choose
+
+
+def _are_numbers(state: State) -> bool:
+    return all(np.isfinite(v).all() for v in state.values())

@@ -1,0 +1,166 @@
+"""Conditions in claims, over all states and actions of a model; and what is asked of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Collector
+from taskspec.lang import syntax as s
+from taskspec.lang.batch import evaluate
+from taskspec.lang.check import Checker
+from taskspec.lang.ir import Node, Role, draws, reads
+from taskspec.lang.types import BOOL, Refused
+from taskspec.model.model import Model, refuse
+from taskspec.model.transitions import TIME
+from taskspec.rules.vocabulary import Undecidable, Unfit
+from taskspec.scores.returns import Results
+from taskspec.solve.bounded import UNKNOWN
+from taskspec.solve.policy_rules import Rule
+from taskspec.solve.solver import Solver
+from taskspec.task.task import Task
+
+Timed = Callable[[int], Array]
+MOST_LEVELS = 2**32
+"""States times steps of which is kept, in half a gigabyte, whether episodes act there."""
+
+
+def node_of(expr: s.Expr, task: Task) -> Node:
+    """A condition of a claim as a core node.
+
+    Raises:
+        Unfit: with the checker's own message.
+    """
+    collector = Collector()
+    checker = Checker(task.builder, collector)
+    try:
+        value = checker.check(expr, task.surface.scopes["claims"])
+    except Refused as refused:
+        raise Unfit(refused.message, expr) from None
+    if value is None:
+        found = collector.diagnostics
+        raise Unfit(found[0].message if found else "this cannot be understood", expr, found[0].hint if found else None)
+    if value.node.type != BOOL or draws([value.node]):
+        raise Unfit("a condition on states and actions is needed here", expr)
+    return value.node
+
+
+def condition_over_states(expr: s.Expr, model: Model) -> Array:
+    """In which states (S,) a condition holds."""
+    node = node_of(expr, model.task)
+    used = reads([node])
+    if any(role is Role.ACTION for role, _ in used) or TIME in used:
+        raise Unfit("this condition is about states alone", expr)
+    (value,) = evaluate([node], model.reads())
+    return np.broadcast_to(value, (model.n_states,))
+
+
+def condition_over_actions(expr: s.Expr, model: Model) -> Timed:
+    """Where (A, S) a condition on state, action and time holds, at a time."""
+    node = node_of(expr, model.task)
+    used = reads([node])
+    actions = model.actions.decode(np.arange(model.n_actions))
+    repeated = {key: np.repeat(value, model.n_states, axis=-1) for key, value in actions.items()}
+
+    def at(t: int) -> Array:
+        states = {k: v if k == TIME else np.tile(v, model.n_actions) for k, v in model.reads(t).items()}
+        (value,) = evaluate([node], states | repeated)
+        size = model.n_actions * model.n_states
+        return np.broadcast_to(value, (size,)).reshape(model.n_actions, model.n_states)
+
+    if TIME in used:
+        if model.horizon is None:
+            raise Undecidable("this condition depends on the time, and there is no horizon", expr)
+        return at
+    fixed = at(0)
+    return lambda t: fixed
+
+
+def condition_over_times(expr: s.Expr, model: Model) -> Timed:
+    """In which states (S,) a condition on state and time holds, at a time."""
+    if any(role is Role.ACTION for role, _ in reads([node_of(expr, model.task)])):
+        raise Unfit("it says where, so it cannot depend on the action", expr)
+    found = condition_over_actions(expr, model)
+    return lambda t: found(t)[0]
+
+
+def preferred(model: Model, solver: Solver, rule: Rule, wanted: Timed, at: Timed | None) -> tuple[bool | None, str]:
+    """Whether the most frequent actions of a rule are wanted ones, wherever episodes act and `at` holds.
+
+    None where errors of the values leave it open.
+    """
+    asked, settled, unknown = (np.zeros(model.n_states, np.bool_) for _ in range(3))
+    problem: str | None = None
+    levels = _levels(model)
+    for t, policy in solver.policies(rule):
+        level = (
+            np.unpackbits(levels[t], count=model.n_states).astype(np.bool_)
+            if t < len(levels)
+            else np.zeros_like(settled)
+        )
+        here = level if at is None else level & at(t)
+        if here.any():
+            found = solver.numbers.preference(policy, wanted(t))
+            asked, settled, unknown = asked | here, settled | here & (found == 1), unknown | here & (found == UNKNOWN)
+            if (wrong := here & (found == -1)).any():
+                problem = _counterexample(model, solver.numbers.table(policy), t, int(np.flatnonzero(wrong)[0]))
+    if problem is not None:
+        return False, problem
+    return _conclusion(model, asked, settled, unknown)
+
+
+def _conclusion(model: Model, asked: Array, settled: Array, unknown: Array) -> tuple[bool | None, str]:
+    """What follows where no unwanted action is preferred."""
+    if unknown.any():
+        return None, f"its values are too close to tell in {model.state_name(int(np.flatnonzero(unknown)[0]))}"
+    if not asked.any():
+        return False, "no episode acts where this is asked"
+    undecided = asked & ~settled
+    if undecided.any():
+        return False, f"it is indifferent in {model.state_name(int(np.flatnonzero(undecided)[0]))}"
+    return True, f"in {int(asked.sum())} state{'s' if asked.sum() > 1 else ''}"
+
+
+def _levels(model: Model) -> list[Array]:
+    """In which states episodes act at each time, as bits: policies come in the opposite order. One entry without an end."""
+    if model.horizon is None:
+        return [np.packbits(model.acting)]
+    if model.horizon * model.n_states > MOST_LEVELS:
+        refuse("there are too many states and times to look at each", "choose smaller parameters")
+    return [np.packbits(level) for _, level in model.levels()]
+
+
+def _counterexample(model: Model, table: Array, t: int, state: int) -> str:
+    column = table[:, state]
+    action = int(column.argmax())
+    name = model.action_name(action)
+    return f"in {model.state_name(state)} at t = {t} it takes {name} with probability {column[action]:.6g}"
+
+
+def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool | None, str]:
+    """Whether an action component can change the next value of a state component.
+
+    Where the dynamics of the state do not read the action at all the answer is no, for any task.
+    Otherwise it takes an exact model to tell.
+    """
+    task = results.task
+    actions = {c.name: c for c in task.action}
+    states = [c.name for c in task.state]
+    if not (isinstance(action, s.Name) and action.id in actions):
+        raise Unfit(f"an action component is needed here: {', '.join(actions)}", action)
+    if not (isinstance(state, s.Name) and state.id in states):
+        raise Unfit(f"a state component is needed here: {', '.join(states)}", state)
+    following = task.next[states.index(state.id)]
+    if (Role.ACTION, action.id) not in reads([following]):
+        return False, f"the next {state.id} does not depend on {action.id}"
+    if results.model is None or results.model.task is not task:
+        raise Undecidable("whether the action matters can only be told from an exact model", action)
+    return _differs(results.model, action.id, state.id)
+
+
+def _differs(model: Model, action: str, state: str) -> tuple[bool | None, str]:
+    from taskspec.model.reach import differs
+
+    return differs(model, action, state)

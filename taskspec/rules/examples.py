@@ -1,0 +1,369 @@
+"""Worked examples, compared with the equations of a task value by value and outcome by outcome."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
+from taskspec.lang import syntax as s
+from taskspec.lang.basechecker import Poisoned
+from taskspec.lang.batch import evaluate
+from taskspec.lang.check import Checker
+from taskspec.lang.ir import Const, Draw, Node, Read, Role, draws, reads, rewrite
+from taskspec.lang.normal import NormalForms
+from taskspec.lang.scope import Scope
+from taskspec.lang.types import BOOL, REAL, Refused
+from taskspec.lang.variates.entry import ProbabilityArithmetic
+from taskspec.model.space import domain, plain, words
+from taskspec.model.transitions import FLOATS, branches, count, is_finite
+from taskspec.registry import load
+from taskspec.rules.claims import wrong_setting
+from taskspec.solve.enclosure import Inexact, Reader
+from taskspec.solve.rational import Chances
+from taskspec.task.annotations import SCOPE
+from taskspec.task.build import build
+from taskspec.task.context import assign
+from taskspec.task.task import Component, Example, Followed, Task, TaskLike
+
+# ---------- follow
+# What a task says beside what an example says: compared value by value, outcome by outcome, or form by form.
+
+MOST_OUTCOMES, MOST_NUMBERS = 100_000, 2_000_000
+RELATIVE, ABSOLUTE, CHANCE = 1e-9, 1e-12, 1e-9
+"""How far apart equal numbers may be, and equal probabilities that are not known exactly."""
+
+
+@dataclass(frozen=True)
+class Consequence:
+    """One thing that follows: in words, as a component, as the task has it, as the example has it, and where."""
+
+    what: str
+    component: Component
+    actual: Node
+    expected: Node
+    expr: s.Expr
+
+
+@dataclass(frozen=True)
+class JointOutcomes:
+    """Values (K, elements) of some nodes together, with their probabilities (K,) as rationals or floats."""
+
+    values: Array
+    weights: Array
+
+    def chance(self, row: Array) -> float | Fraction:
+        """How likely some values are."""
+        nothing = Fraction(0) if self.weights.dtype == object else 0.0
+        return sum(self.weights[_close(self.values, row)].tolist(), nothing)
+
+    def merged(self) -> JointOutcomes:
+        """With each of the values once, in order."""
+        distinct, which = np.unique(self.values, axis=0, return_inverse=True)
+        order = np.argsort(which.reshape(-1), kind="stable")
+        starts = np.searchsorted(which.reshape(-1)[order], np.arange(len(distinct)))
+        return JointOutcomes(distinct, np.add.reduceat(self.weights[order], starts))
+
+
+def _close(rows: Array, row: Array) -> Array:
+    with np.errstate(invalid="ignore"):  # infinite values are equal to themselves
+        near = np.abs(rows - row) <= ABSOLUTE + RELATIVE * np.maximum(np.abs(rows), np.abs(row))
+    return np.asarray(((rows == row) | near | (np.isnan(rows) & np.isnan(row))).all(axis=1))
+
+
+def _alike(one: float | Fraction, other: float | Fraction) -> bool:
+    """Whether two probabilities are equal: exactly where both are known exactly."""
+    if isinstance(one, Fraction) and isinstance(other, Fraction):
+        return one == other
+    return abs(float(one) - float(other)) <= CHANCE
+
+
+def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
+    """All values that can come of some nodes that read nothing, each once; None where there is no end to them, or too many."""
+    found = listed(nodes)
+    return None if found is None else found.merged()
+
+
+def listed(nodes: Sequence[Node]) -> JointOutcomes | None:
+    """The same, a value as often as draws lead to it."""
+    found = draws(nodes)
+    size = sum(node.type.size for node in (*nodes, *found))
+    if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / max(1, size)):
+        return None
+    try:
+        return _enumerated(nodes, found, Chances(Reader(as_written=True)))
+    except Inexact:
+        return _enumerated(nodes, found, FLOATS)
+
+
+def _enumerated(nodes: Sequence[Node], found: Sequence[Draw], numbers: ProbabilityArithmetic) -> JointOutcomes:
+    """Outcomes of the draws one after the other, with probabilities as rationals or as floats."""
+    rows, weights = [], []
+    for branch in branches(found, {}, 1, numbers):
+        n = 1 if branch.origin is None else len(branch.origin)
+        values = evaluate(nodes, {}, branch.sample)
+        flat = [np.broadcast_to(v, (*v.shape[:-1], n)).reshape(-1, n) for v in values]
+        rows.append(np.concatenate(flat).T.astype(np.float64))
+        weights.append(np.broadcast_to(branch.weight, (n,)))
+    return JointOutcomes(np.concatenate(rows), np.concatenate(weights))
+
+
+def compare(asked: Consequence, collector: Collector) -> None:
+    """Report one thing that does not follow as the example says."""
+    actual, expected = outcomes([asked.actual]), outcomes([asked.expected])
+    if actual is None or expected is None:
+        _compare_forms(asked, collector)
+        return
+    if all(_alike(actual.chance(row), p) for row, p in zip(expected.values, expected.weights, strict=True)):
+        return
+    message = f"{asked.what} is {_told(asked.component, actual)}, not {_told(asked.component, expected)}"
+    collector.add("E611", asked.expr.place, message)
+
+
+def _compare_forms(asked: Consequence, collector: Collector) -> None:
+    """Distributions that cannot be enumerated are the same when they are written alike."""
+    forms = NormalForms()
+    if forms.all([asked.actual]) == forms.all([asked.expected]):
+        return
+    if not draws([asked.expected]):
+        message = f"{asked.what} is drawn from a distribution with infinitely many outcomes, so it is not always {_value(asked)}"
+        collector.add("E611", asked.expr.place, message, "write the distribution")
+        return
+    message = f"{asked.what} is drawn in another way, which may be the same or not"
+    collector.add("E612", asked.expr.place, message, "write the distribution as the spec does")
+
+
+def likely(asked: Sequence[Consequence], chance: Fraction, example: Example, collector: Collector) -> None:
+    """Report a set of values that is not as likely as the example says."""
+    actual = listed([a.actual for a in asked])
+    expected = outcomes([a.expected for a in asked])
+    if actual is None:
+        message = "the probability cannot be computed: the draws have infinitely many, or too many, outcomes"
+        collector.add("E612", example.place, message)
+    elif expected is None or len(expected.values) > 1:
+        collector.add("E613", example.place, "with a probability, give one value for each name")
+    elif not _alike(actual.chance(expected.values[0]), chance):
+        message = f"this has a probability of {_number(actual.chance(expected.values[0]))}, not {_number(chance)}"
+        collector.add("E611", example.probability.place if example.probability else example.place, message)
+
+
+# -- words ----------------------------------------------------------------------------------------
+
+
+def _told(c: Component, found: JointOutcomes) -> str:
+    """A value, or a few of many with their probabilities."""
+    order = np.argsort(-found.weights, kind="stable")
+    told = [_one(c, found.values[i]) for i in order[:4]]
+    if len(order) == 1:
+        return told[0]
+    chances = [_number(found.weights[i]) for i in order[:4]]
+    parts = [f"{value} ({p})" for value, p in zip(told, chances, strict=True)]
+    return ", ".join(parts) + (", ..." if len(order) > 4 else "")
+
+
+def _one(c: Component, row: Array) -> str:
+    kind = {0: np.bool_, 1: np.int64, 2: np.float64}[int(c.type.kind)]
+    return words(plain(c, row.reshape(c.type.shape).astype(kind)))
+
+
+def _value(asked: Consequence) -> str:
+    found = outcomes([asked.expected])
+    return "this" if found is None else _told(asked.component, found)
+
+
+def _number(p: float | Fraction) -> str:
+    ratio = Fraction(p).limit_denominator(1000)
+    return str(ratio) if abs(ratio - Fraction(p)) <= 1e-12 else f"{float(p):.6g}"
+
+
+# ---------- examples
+# Worked examples, held against the equations of a task: what is given is put in, and what follows is compared.
+#
+# Chance is enumerated. What is drawn from distributions without end can only be told to be the same when it is written alike.
+
+ENDLESS = float("inf")
+REWARD = Component("reward", REAL, (-ENDLESS,), (ENDLESS,))
+ENDS = {"terminal": Component("terminal", BOOL, (0,), (1,)), "truncated": Component("truncated", BOOL, (0,), (1,))}
+
+
+def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
+    """Every problem with the examples of a task, each with the number of its example."""
+    task = load(task)
+    known: dict[str, Task | SpecError] = {}
+    for i, example in enumerate(task.examples):
+        for case in example.cases or ({},):
+            key = repr(case)
+            found = known[key] = known.get(key) or _for(task, case)
+            problems = (
+                (wrong_setting(task, "examples", i, case, found),)
+                if isinstance(found, SpecError)
+                else _Trial(found, found.examples[i]).problems()
+            )
+            for problem in problems:
+                yield i, _with_case(problem, case)
+
+
+def _for(task: Task, case: Mapping[str, Any]) -> Task | SpecError:
+    """The task for the parameter values of an example."""
+    try:
+        return build(task.document, task.variant, task.given | dict(case), task.suite) if case else task
+    except SpecError as error:
+        return error
+
+
+def _with_case(problem: Diagnostic, case: Mapping[str, Any]) -> Diagnostic:
+    note = f"for {', '.join(f'{k} = {words(v)}' for k, v in case.items())}"
+    return Diagnostic(
+        problem.code, problem.span, problem.message, problem.hint, (*problem.notes, *([note] if case else []))
+    )
+
+
+@dataclass
+class _Trial:
+    """One example of a task whose parameters are those of the example."""
+
+    task: Task
+    example: Example
+
+    def __post_init__(self) -> None:
+        self.collector = Collector()
+        self.checker = Checker(self.task.builder, self.collector)
+        self.scope = self.task.surface.scopes[SCOPE]
+        self.fixed = Scope({}, parent=self.scope)
+        self.fixed.draws = "what an example begins with is fixed"
+
+    def problems(self) -> tuple[Diagnostic, ...]:
+        try:
+            self._run()
+        except Refused as refused:
+            self.collector.add(refused.code, self.example.place, refused.message, refused.hint)
+        return self.collector.diagnostics
+
+    def _run(self) -> None:
+        self._check_time()
+        asked = [found for follows in self.example.follows if (found := self._asked(follows)) is not None]
+        chance = self._chance()
+        if self.collector.diagnostics:
+            return
+        if chance is None:
+            for one in asked:
+                compare(one, self.collector)
+        else:
+            likely(asked, chance, self.example, self.collector)
+
+    def _check_time(self) -> None:
+        horizon = self.task.horizon
+        if horizon is not None and self.example.t >= horizon + (not self.example.steps):
+            message = f"no step is taken after {self.example.t} others: the horizon is {horizon}"
+            self.collector.add("E613", self.example.place, message)
+
+    # -- what is given ----------------------------------------------------------------------------
+
+    @cached_property
+    def given(self) -> dict[tuple[Role, str], Node | None]:
+        """State, action and time as constants; None for what is broken (and reported)."""
+        components = {(Role.STATE, c.name): c for c in self.task.remembering().state}
+        components |= {(Role.ACTION, c.name): c for c in self.task.action}
+        found: dict[tuple[Role, str], Node | None] = {
+            key: self._value(components[key], expr) for key, expr in self.example.given.items()
+        }
+        found[Role.TIME, "t"] = self.task.builder.scalar(self.example.t)
+        return found
+
+    def _value(self, c: Component, expr: Any) -> Node | None:
+        node = assign(self.checker, expr, self.fixed, c)
+        if not isinstance(node, Const):
+            return None
+        if not all(low <= v <= high for v, low, high in zip(node.flat, c.low, c.high, strict=True)):
+            value = words(node.flat[0]) if c.type.is_scalar else "what it is here"
+            self.collector.add("E613", expr.place, f"{c.name} cannot be {value}; it must be {domain(c)}")
+            return None
+        return node
+
+    def _put_in(self, node: Node, what: str) -> Node | None:
+        """A node with all that is given put in; None where something is missing (and reported)."""
+        lacking = sorted({name for role, name in reads([node]) if (role, name) not in self.given})
+        if lacking:
+            names = " and ".join(f"'{name}'" for name in lacking)
+            message = f"{what} depends on {names}, which this example does not give"
+            self.collector.add("E613", self.example.place, message)
+            return None
+
+        def leaf(found: Node) -> Node | None:
+            return self.given[found.role, found.name] if isinstance(found, Read) else None
+
+        if any(self.given[key] is None for key in reads([node])):
+            return None
+        return rewrite([node], leaf, self.task.builder.remake)[0]
+
+    # -- what follows -----------------------------------------------------------------------------
+
+    def _asked(self, follows: Followed) -> Consequence | None:
+        """What the task says and what the example says; None where one of them is broken (and reported)."""
+        found = self._said(follows)
+        if found is None:
+            return None
+        component, node, what = found
+        expected = assign(self.checker, follows.expr, self.scope, component)
+        actual = self._put_in(node, what)
+        if expected is None or actual is None:
+            return None
+        return Consequence(what, component, actual, expected, follows.expr)
+
+    def _said(self, follows: Followed) -> tuple[Component, Node, str] | None:
+        """The component that an entry is about, its node, and words for it."""
+        task, b, name = self.task, self.task.builder, follows.name
+        match follows.section:
+            case "initial":
+                return *_named(task.state, task.initial, name), f"the first {name}"
+            case "next":
+                return *_named(task.state, task.next, name), f"the next {name}"
+            case "observation":
+                return *_named(task.observation.components, self._seen, name), f"'{name}' in the observation"
+            case "expert" if isinstance(task.expert, tuple):
+                return *_named(task.action, task.expert, name), f"the expert's {name}"
+            case "expert":
+                message = "only an expert given by expressions can be checked"
+                self.collector.add("E612", follows.expr.place, message)
+                return None
+            case "reward":
+                return REWARD, task.reward, "the reward"
+            case "terminal":
+                return ENDS["terminal"], task.terminal, "`terminal`"
+            case _:
+                cut = task.horizon is not None and self.example.t + 1 >= task.horizon
+                return ENDS["truncated"], b.scalar(cut), "`truncated`"
+
+    @property
+    def _seen(self) -> tuple[Node, ...]:
+        if self.example.starts:
+            return self.task.first_observation
+        return self.task.next_observation if self.example.acts else self.task.observation.nodes
+
+    def _chance(self) -> Fraction | None:
+        expr = self.example.probability
+        if expr is None:
+            return None
+        try:
+            node = self.checker.constant(expr, self.fixed, "a probability")
+        except Poisoned:
+            return None
+        if not node.type.is_scalar:
+            self.collector.add("E306", expr.place, f"a probability is a number, not {node.type}")
+            return None
+        if not 0 <= node.value <= 1:
+            self.collector.add(
+                "E402", expr.place, f"a probability of {words(float(node.value))} is not between 0 and 1"
+            )
+            return None
+        return Reader(as_written=True)(node.value)
+
+
+def _named(components: tuple[Component, ...], nodes: tuple[Node, ...], name: str | None) -> tuple[Component, Node]:
+    return next((c, node) for c, node in zip(components, nodes, strict=True) if c.name == name)

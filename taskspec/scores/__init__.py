@@ -1,0 +1,1 @@
+"""Expected returns of policies, and measures of difficulty."""

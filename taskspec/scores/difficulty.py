@@ -1,0 +1,236 @@
+"""Measures of difficulty in one table, and the measures of one task."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.diagnostics import SpecError, suggest
+from taskspec.base.display import html_table
+from taskspec.base.progress import tell
+from taskspec.model.model import Model, misused, refuse
+from taskspec.scores.hidden import hidden_bits
+from taskspec.scores.lookahead import effective_horizon, least_lookahead
+from taskspec.scores.random_success import best_chance, mean_length, reward_chance, solution_length
+from taskspec.scores.returns import Results
+from taskspec.solve.enclosure import NoNumber
+from taskspec.solve.plans import Boltzmann, optimal_plan, uniform_plan
+from taskspec.task.task import TaskLike
+
+__all__ = ["MEASURES", "Difficulty", "Measure", "difficulty"]
+
+# ---------- measures
+# The measures of difficulty in one table: what each is, in which unit, after whom, and how it is worked out.
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of difficulty. `of` gives its value for the results of a task, and raises SpecError (E712) where it has none.
+
+    `doc` is what it is, in a sentence; `formula` says the same in TeX; `source` is the work that it comes from.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    formula: str
+    source: str
+    of: Callable[[Results], float]
+
+
+def _model(results: Results) -> Model:
+    """The exact model. SpecError (E712): there is none, or the abstraction that it is of is not faithful."""
+    if results.model is None:
+        refuse(results.why_not or "there is no exact model", results.remedy)
+    if results.faith is not None and results.faith.problem is not None:
+        refuse("the abstraction is not faithful")
+    return results.model
+
+
+def _return(results: Results, which: str) -> float:
+    """The optimal or random return. SpecError (E712): it is not known exactly."""
+    _model(results)
+    found = results.enclosure(which)
+    if found is None:
+        refuse(results.unsettled or f"the {which} return is not known")
+    return found.value
+
+
+def _on_model(function: Callable[[Model], float]) -> Callable[[Results], float]:
+    return lambda results: function(_model(results))
+
+
+def _branching(model: Model) -> float:
+    """The mean number of states that one of the actions may lead to, from the states in which episodes act."""
+    step = model.step(0)
+    both = step.going if step.ending is None else step.going + step.ending
+    reached = both[: model.n_states]
+    for a in range(1, model.n_actions):
+        reached = reached + both[a * model.n_states : (a + 1) * model.n_states]
+    reached.eliminate_zeros()
+    return float(np.diff(reached.indptr)[model.acting].mean())
+
+
+def _hidden_bits(results: Results) -> float:
+    if results.abstraction is not None and not results.task.observation.is_state:
+        refuse("the abstraction does not say what is observed")
+    return 0.0 if results.task.observation.is_state else hidden_bits(_model(results))
+
+
+def _soft_gap(results: Results) -> float:
+    optimal, random = _return(results, "optimal"), _return(results, "random")
+    if optimal == random:
+        refuse("random actions are optimal")
+    soft = results.solvers.of(Boltzmann(1.0)).value(Boltzmann(1.0)).value
+    return (optimal - soft) / (optimal - random)
+
+
+def _episodes_to_reward(results: Results) -> float:
+    chance = reward_chance(_model(results))
+    if chance == 0:
+        refuse("random actions never get a reward")
+    return 1 / chance
+
+
+LAIDLAW = (
+    "C. Laidlaw, S. Russell and A. Dragan, “Bridging RL Theory and Practice with the Effective Horizon” (NeurIPS 2023)"
+)
+ZIEBART = "B. Ziebart, “Modeling Purposeful Adaptive Behavior with the Principle of Maximum Causal Entropy” (2010)"
+SHANNON = "C. Shannon, “A Mathematical Theory of Communication” (1948)"
+
+
+def _table(measures: Iterable[Measure]) -> dict[str, Measure]:
+    return {measure.name: measure for measure in measures}
+
+
+MEASURES: dict[str, Measure] = _table([
+    Measure(
+        "states", "", "The number of reachable states.",
+        r"\lvert S \rvert", "", _on_model(lambda model: int(model.entered.sum()))),
+    Measure(
+        "actions", "", "How many actions there are.",
+        r"\lvert A \rvert", "", _on_model(lambda model: model.n_actions)),
+    Measure(
+        "entries", "", "How many transitions have a positive probability, counted separately where they depend on the time.",
+        r"\lvert \{(s, a, s') : P(s' \mid s, a) > 0\} \rvert", "", _on_model(lambda model: model.entries)),
+    Measure(
+        "branching", "states",
+        "How many next states are possible at the first step's dynamics, on average over the states in which actions are taken.",
+        r"\operatorname{mean}_s \lvert \{s' : \exists a\, P(s' \mid s, a) > 0\} \rvert", "", _on_model(_branching)),
+    Measure(
+        "random_length", "steps", "The expected length of an episode of uniformly random actions.",
+        r"\mathbb{E}_{\text{random}}[T]", "", _on_model(lambda model: mean_length(model, uniform_plan(model)))),
+    Measure(
+        "optimal_length", "steps", "The expected length of an episode of the optimal policy, uniform over the best actions.",
+        r"\mathbb{E}_{\pi^*}[T]", "", _on_model(lambda model: mean_length(model, optimal_plan(model)))),
+    Measure(
+        "solution_length", "steps",
+        "The least expected number of steps in which an optimal policy reaches a state from which no further reward is possible.",
+        r"\min_{\pi \in \Pi^*} \mathbb{E}_\pi[\min \{t : \text{no reward is possible from } s_t\}]", "",
+        _on_model(solution_length)),
+    Measure(
+        "best_at_random", "probability",
+        "How likely an episode of uniformly random actions returns at least the optimal value of its first state, which is "
+        "the best possible return in a deterministic task.",
+        r"P_{\text{random}}(G \geq V^*(s_0))", LAIDLAW, _on_model(best_chance)),
+    Measure(
+        "episodes_to_reward", "episodes",
+        "The expected number of episodes of uniformly random actions up to the first with a reward other than 0.",
+        r"1 / P_{\text{random}}(\exists t\, r_t \neq 0)", "", _episodes_to_reward),
+    Measure(
+        "soft_gap", "",
+        "How far the soft-optimal policy at inverse temperature 1 is below the optimal return; random actions have a gap of 1.",
+        r"(J(\pi^*) - J(\pi_{\text{soft}})) / (J(\pi^*) - J(\text{random}))", ZIEBART, _soft_gap),
+    Measure(
+        "hidden_bits", "bits",
+        "The information about the state that the observation does not contain, in the states that random actions visit: "
+        "0 where observations identify the state.",
+        r"H(S) - I(S; O)", SHANNON, _hidden_bits),
+    Measure(
+        "lookahead", "steps",
+        "The least k such that acting greedily on the action values of random actions, after k - 1 Bellman backups, is optimal.",
+        r"\min \{k : \operatorname{greedy}(Q^k) \subseteq \Pi^*\}, \; Q^1 = Q^{\text{random}}, \; Q^{k+1} = \mathcal{T} Q^k",
+        LAIDLAW, _on_model(least_lookahead)),
+    Measure(
+        "effective_horizon", "steps",
+        "A bound on the effective horizon of a deterministic task: exhaustive search over this many steps takes as many episodes "
+        "as looking k steps ahead, with enough random episodes each time to choose correctly.",
+        r"\min_k k + \log_{\lvert A \rvert} \max_{t, s}"
+        r" \lceil \tfrac{28}{3} v_{t,s} d_{t,s}^{-2} \log(2 T \lvert A \rvert^k) \rceil",
+        LAIDLAW, _on_model(effective_horizon)),
+])  # fmt: skip
+"""Every measure by name."""
+
+
+# ---------- told
+# The measures of one task: those asked for, each worked out or with the reason why it is not known.
+
+
+@dataclass(frozen=True, eq=False)
+class Difficulty(Mapping[str, float | None]):
+    """Measures of a task's difficulty by name, in the order of `MEASURES`; None where one is not known.
+
+    `why_not` says why, by name.
+    """
+
+    id: str
+    parameters: Mapping[str, Any]
+    measured: Mapping[str, float | None]
+    why_not: Mapping[str, str]
+
+    def __getitem__(self, name: str) -> float | None:
+        return self.measured[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.measured)
+
+    def __len__(self) -> int:
+        return len(self.measured)
+
+    def record(self) -> dict[str, Any]:
+        """As plain data for JSON: the measures by name, and the reasons why some are None."""
+        return {**self.measured, "why_not": dict(self.why_not)}
+
+    def rows(self) -> list[tuple[str, float | None, str, str]]:
+        """Name, value, unit, and what the measure is or why it is not known, of each."""
+        return [(n, v, MEASURES[n].unit, self.why_not.get(n) or MEASURES[n].doc) for n, v in self.items()]
+
+    def _repr_html_(self) -> str:
+        """The measures, for notebooks."""
+        rows = [(name, "unknown" if v is None else f"{v:.6g}", unit, said) for name, v, unit, said in self.rows()]
+        return html_table(f"{self.id}: difficulty", ("measure", "value", "unit", ""), rows)
+
+
+def difficulty(task: TaskLike | Results, names: Sequence[str] | None = None) -> Difficulty:
+    """How hard a task is by measures from theory, worked out on its exact model.
+
+    Args:
+        task: the task, its id or its path, or `Results` of it, which spares working out what is known already.
+        names: of measures (`MEASURES`); None is all of them.
+
+    Raises:
+        SpecError: E713 for a name that is no measure's; E705 without scipy.
+    """
+    chosen = MEASURES if names is None else {name: MEASURES[name] for name in names if _is_measure(name)}
+    results = task if isinstance(task, Results) else Results(task)
+    measured: dict[str, float | None] = {}
+    why_not: dict[str, str] = {}
+    for name, measure in chosen.items():
+        tell(f"difficulty: {name.replace('_', ' ')}")
+        try:
+            measured[name] = measure.of(results)
+        except (SpecError, NoNumber) as error:
+            if isinstance(error, SpecError) and any(d.code == "E705" for d in error.diagnostics):
+                raise
+            measured[name] = None
+            why_not[name] = error.diagnostics[0].message if isinstance(error, SpecError) else str(error)
+    return Difficulty(results.task.id, results.task.values, measured, why_not)
+
+
+def _is_measure(name: str) -> bool:
+    if name not in MEASURES:
+        misused(f"there is no measure '{name}'", suggest(name, list(MEASURES)) or f"there are: {', '.join(MEASURES)}")
+    return True

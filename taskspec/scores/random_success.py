@@ -1,0 +1,214 @@
+"""What random actions achieve: probability of a best episode, and expected lengths of episodes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.limits import how_to_raise, limits
+from taskspec.model.model import Model, Step, refuse, scipy_sparse
+from taskspec.scores.lookahead import RandomSteps, StepOutcomes
+from taskspec.solve.backward import action_values, all_values, backward, first_values
+from taskspec.solve.chains import Chain, leading_to
+from taskspec.solve.infinite_horizon import Endless
+from taskspec.solve.plans import Plan, optimal_plan
+from taskspec.solve.solve import best, policy_return
+
+# ---------- lengths
+# How long episodes take: expectations of steps, as returns of the same model paid for them.
+
+
+def mean_length(model: Model, plan: Plan) -> float:
+    """The expected number of steps of an episode under a policy."""
+    if model.horizon is not None and all(step.ending is None for step in model.steps):
+        return model.horizon
+    steps = {id(step): _with_reward(step, np.ones_like(step.reward)) for step in model.steps}
+    return policy_return(undiscounted(model, tuple(steps[id(step)] for step in model.steps)), plan)
+
+
+def _with_reward(step: Step, reward: Array) -> Step:
+    return replace(step, reward=reward, scale=1.0, spread=None, least=1.0)
+
+
+def undiscounted(model: Model, steps: tuple[Step, ...]) -> Model:
+    """The model with other steps, without a discount."""
+    return replace(model, task=replace(model.task, discount=1.0), steps=steps)
+
+
+def solution_length(model: Model) -> float:
+    """The least expected number of steps by which a policy of optimal return comes to where nothing is left to earn or lose."""
+    plan = optimal_plan(model)
+    if model.horizon is None:
+        return _endless_solution(model, plan(0) > 0)
+    shape = (model.n_actions, model.n_states)
+
+    def backup(t: int, value: Array) -> Array:
+        """Return (A, S, 2): more than 0 where something may be paid from now on, and the steps from now on."""
+        step = model.step(t)
+        reward = np.stack([_pays(step, shape), np.ones(shape)], axis=-1)
+        return action_values(step.going, reward, 1.0, value)
+
+    def choose(t: int, q: Array) -> Array:
+        is_busy = (q[..., 0] > 0).any(axis=0)
+        length = np.where(plan(t) > 0, q[..., 1], np.inf).min(axis=0)
+        return np.stack([is_busy, np.where(is_busy, length, 0.0)], axis=-1)
+
+    length = first_values(backward(backup, choose, np.zeros((model.n_states, 2)), model.horizon))[:, 1]
+    return float(model.start @ length)
+
+
+def _pays(step: Step, shape: tuple[int, int]) -> Array:
+    """Return 1 for actions in states (A, S) that may be paid other than 0, else 0."""
+    size = np.abs(step.reward) if step.spread is None else step.spread
+    return (size.reshape(shape) > 0).astype(np.float64)
+
+
+def _endless_solution(model: Model, best: Array) -> float:
+    """Without a horizon: the shortest way on the same model with actions that are not best replaced by one that is."""
+    step, shape = model.step(0), best.shape
+    busy = leading_to(step.going, np.asarray(_pays(step, shape).any(axis=0)))
+    action = np.where(best, np.arange(model.n_actions)[:, None], best.argmax(axis=0))
+    rows = (action * model.n_states + np.arange(model.n_states)).reshape(-1)
+    ending = None if step.ending is None else step.ending[rows]
+    reward = np.where(np.tile(busy, model.n_actions), -1.0, 0.0)
+    kept = replace(_with_reward(step, reward), going=step.going[rows], ending=ending, escaping=None, slots=None)
+    return -Endless(undiscounted(model, (kept,))).best().value
+
+
+# ---------- luck
+# What random actions come to by luck: the chance of a best episode, and that of any reward at all.
+
+RATE = 2_000_000
+"""Outcomes of pairs of a state and a return so far that are gone through in a second, nominally."""
+CLOSE = 1e-9
+"""By how much of the largest return one may miss the best and still be as good."""
+GRAIN = 2.0**-40
+
+
+def reward_chance(model: Model) -> float:
+    """The probability that an episode of random actions is ever paid a reward other than 0."""
+    steps = RandomSteps(model)
+    if model.horizon is None:
+        return float(model.start @ _ever_paid(model, steps.at(0)))
+
+    def backup(t: int, later: Array) -> Array:
+        return _backed_up(steps.at(t), model.n_states, later)
+
+    chance = first_values(backward(backup, lambda t, chance: chance, np.zeros(model.n_states), model.horizon))
+    return float(model.start @ chance)
+
+
+def _backed_up(found: StepOutcomes, states: int, later: Array) -> Array:
+    """The chance (S,) of a reward now, or else of one after this step."""
+    hit = np.where(found.reward != 0, 1.0, np.where(found.ends, 0.0, later[found.target]))
+    return np.bincount(found.state, found.weight * hit, states)
+
+
+def _ever_paid(model: Model, found: StepOutcomes) -> Array:
+    """The chance (S,) of a reward at some time, without a horizon."""
+    n = model.n_states
+    unpaid = (found.reward == 0) & ~found.ends
+    entries = (found.weight[unpaid], (found.state[unpaid], found.target[unpaid]))
+    matrix = scipy_sparse().csr_array(entries, shape=(n, n))
+    now = _backed_up(found, n, np.zeros(n))
+    return Chain(matrix, lambda x: x, leading_to(matrix, now > 0)).solved(now)
+
+
+# -- the chance of a best episode -------------------------------------------------------------------------------------
+
+
+def best_chance(model: Model) -> float:
+    """The probability that the return of random actions is at least what the optimal policy expects from the same first state."""
+    if model.horizon is None:
+        refuse("episodes have no horizon")
+    return _Trials(model, model.horizon).chance()
+
+
+class _Trials:
+    """Random episodes, as states with what is still missing to the best return, alike ones together.
+
+    What is missing is counted in whole grains of the largest possible return, so that sums in whatever order are equal.
+    A state is followed no further once whatever happens decides: `most` and `least`, (S,) for each time, are the largest and the
+    smallest return that anything may still bring.
+    """
+
+    def __init__(self, model: Model, horizon: int) -> None:
+        self.model, self.horizon, self.steps = model, horizon, RandomSteps(model)
+        if 2 * (horizon + 1) * model.n_states * 8 > limits().megabytes * 1e6:
+            refuse("what may still be earned at every time does not fit into memory")
+        self.most = self._extremes(np.maximum)
+        self.least = self._extremes(np.minimum)
+        self.wanted = best(model).value
+        largest = max(float(np.abs(x).max()) for x in (*self.most, *self.least, self.wanted))
+        self.grain = GRAIN * 2.0 ** np.ceil(np.log2(max(largest, 1e-300)))
+        self.slack = CLOSE * largest + horizon * self.grain
+        self.spent = 0
+
+    def _extremes(self, extreme: np.ufunc) -> list[Array]:
+        """Return the largest or smallest return (S,) that anything may still bring, at each time."""
+
+        def backup(t: int, value: Array) -> Array:
+            """Return the return (N,) of each outcome."""
+            found = self.steps.at(t)
+            later = np.where(found.ends, 0.0, value[found.target])
+            return np.asarray(found.reward + self.model.discount * later)
+
+        def choose(t: int, outcomes: Array) -> Array:
+            first = self.steps.at(t).first
+            acting = np.flatnonzero(first[1:] > first[:-1])
+            value = np.zeros(self.model.n_states)
+            value[acting] = extreme.reduceat(outcomes, first[acting])
+            return value
+
+        return all_values(backward(backup, choose, np.zeros(self.model.n_states), self.horizon))
+
+    def chance(self) -> float:
+        state = np.flatnonzero(self.model.start)
+        missing, weight = self._grains(self.wanted[state]), self.model.start[state]
+        total, factor = 0.0, 1.0
+        for t in range(self.horizon):
+            off = missing * self.grain
+            sure = off <= factor * self.least[t][state] + self.slack
+            total += float(weight[sure].sum())
+            open_ = ~sure & (off <= factor * self.most[t][state] + self.slack)
+            state, missing, weight, done = self._stepped(t, factor, state[open_], missing[open_], weight[open_])
+            total += done
+            factor *= self.model.discount
+        return total + float(weight[missing * self.grain <= self.slack].sum())
+
+    def _grains(self, value: Array) -> Array:
+        return np.asarray(np.rint(value / self.grain), np.int64)
+
+    def _stepped(
+        self, t: int, factor: float, state: Array, missing: Array, weight: Array
+    ) -> tuple[Array, Array, Array, float]:
+        """States, what is missing, and probabilities after a step, and the probability of a best episode that it ends."""
+        found = self.steps.at(t)
+        counts = found.first[state + 1] - found.first[state]
+        self._spend(int(counts.sum()))
+        owner = np.repeat(np.arange(len(state)), counts)
+        entry = np.arange(len(owner)) + np.repeat(found.first[state] - np.cumsum(counts) + counts, counts)
+        missing = missing[owner] - self._grains(factor * found.reward[entry])
+        weight = weight[owner] * found.weight[entry]
+        ends = found.ends[entry]
+        done = float(weight[ends & (missing * self.grain <= self.slack)].sum())
+        return (*_merged(found.target[entry][~ends], missing[~ends], weight[~ends]), done)
+
+    def _spend(self, outcomes: int) -> None:
+        self.spent += outcomes
+        if self.spent > limits().seconds * RATE:
+            refuse("random episodes have too many different returns", how_to_raise("seconds", 10 * limits().seconds))
+
+
+def _merged(state: Array, missing: Array, weight: Array) -> tuple[Array, Array, Array]:
+    """Alike ones together."""
+    if not len(state):
+        return state, missing, weight
+    order = np.lexsort((missing, state))
+    state, missing = state[order], missing[order]
+    new = np.ones(len(state), np.bool_)
+    new[1:] = (state[1:] != state[:-1]) | (missing[1:] != missing[:-1])
+    at = np.flatnonzero(new)
+    return state[at], missing[at], np.add.reduceat(weight[order], at)

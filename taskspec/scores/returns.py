@@ -1,0 +1,346 @@
+"""Expected returns: exact where the task has an exact model, otherwise estimated from episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from statistics import NormalDist
+from typing import Literal, NoReturn, TypeAlias
+
+import numpy as np
+
+from taskspec.abstraction.abstraction import Abstraction, abstraction
+from taskspec.abstraction.faithful import Faith, examined
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
+from taskspec.base.progress import tell
+from taskspec.lang.ir import Const
+from taskspec.model.cost import Budget, Cost
+from taskspec.model.extract import extract
+from taskspec.model.model import Model, refuse
+from taskspec.registry import load
+from taskspec.rollout.confidence import CUT, mean_interval, return_range
+from taskspec.rollout.rollout import Choose, Rollout, at_random, by_expert, is_bounded
+from taskspec.scores.saved import OfNumber
+from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
+from taskspec.solve.plans import Greedy, Plan, Uniform, rule_of, tables
+from taskspec.solve.policy_rules import Rule
+from taskspec.solve.solver import Solvers, why_endless
+from taskspec.task.task import Soft, Task, TaskLike
+
+Given: TypeAlias = Literal["optimal"] | Soft | None
+EPISODES = 1000
+LONGEST = 20_000
+UNENDING = 2_000
+"""Steps after which hardly any episode of many has ended: then not all are expected to."""
+WORDS = 4_000_000
+CONFIDENCE = 0.95
+LARGE = 1e100
+"""Beyond this returns are scaled before they are added up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Return:
+    """An expected return.
+
+    `error` is the standard error of an estimate from `episodes`; both are 0 when it was computed from a model, and the
+    truth then lies within `bound` of the value. `tested` counts the episodes on which the abstraction was tested that
+    it rests on; 0 where there is none, or it is proved.
+    """
+
+    value: float
+    error: float = 0.0
+    episodes: int = 0
+    bound: float = field(default=0.0, repr=False)
+    tested: int = field(default=0, repr=False)
+
+    @property
+    def status(self) -> OfNumber:
+        return "estimated" if self.episodes else "tested" if self.tested else "exact"
+
+    @property
+    def exact(self) -> bool:
+        """Whether it was computed, from the task's own model or from one that is proved to be as good."""
+        return self.status == "exact"
+
+    def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
+        """A confidence interval (normal approximation); what is known for certain when exact."""
+        width = self.bound + NormalDist().inv_cdf(0.5 + confidence / 2) * self.error
+        return self.value - width, self.value + width
+
+    @property
+    def half(self) -> float:
+        """Half the width of the 95 % confidence interval: what is printed after ±."""
+        low, high = self.interval()
+        return (high - low) / 2
+
+    @classmethod
+    def estimated(cls, returns: Sequence[float] | Array) -> Return:
+        """From the returns of episodes (N,)."""
+        found = np.asarray(returns, dtype=np.float64)
+        largest = float(np.abs(found).max(initial=0.0))
+        scale = largest if LARGE < largest < math.inf else 1.0  # squares and sums of large ones would be infinite
+        with np.errstate(invalid="ignore", over="ignore"):  # of infinite returns the mean is one, and the error is nan
+            mean = float((found / scale).mean()) * scale
+            deviation = float((found / scale).std(ddof=1)) * scale if len(found) > 1 else math.inf
+        error = deviation / math.sqrt(len(found))
+        return cls(mean, error if error == error else math.inf, len(found))
+
+
+class Results:
+    """Everything that is known about a task's returns, worked out when asked for.
+
+    `model` is that of the task or of its abstraction, or None; `why_not` then says why. `expert` is "optimal" or `Soft`, in place
+    of the spec's.
+    """
+
+    def __init__(
+        self, task: TaskLike, episodes: int = EPISODES, seed: int = 0, limit: int | None = None, expert: Given = None
+    ) -> None:
+        self.given: Given = expert
+        self.task: Task = load(task)
+        self.episodes: int = episodes
+        self.seed: int = seed
+        self.limit: int | None = limit
+        self.unsettled: str | None = None
+        self.searched: dict[tuple[str, bool], Enclosure] = {}
+        """What `scoring.yardsticks` found of those who see observations only, by name and reading."""
+        self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
+        self._samples: dict[tuple[str, int], Return | None] = {}
+
+    @cached_property
+    def abstraction(self) -> Abstraction | None:
+        return abstraction(self.task)
+
+    @cached_property
+    def faith(self) -> Faith | None:
+        """What is known of the abstraction; None where there is none."""
+        return None if self.abstraction is None else examined(self.abstraction)
+
+    def tested(self, which: str = "") -> int:
+        """The episodes that what comes from the model rests on: 0 where it is the task's own, or proved to be as good."""
+        if self.faith is None:
+            return 0
+        return max(self.faith.episodes, self.faith.expert_episodes) if which == "expert" else self.faith.episodes
+
+    @cached_property
+    def _extracted(self) -> Model | SpecError:
+        found = self.abstraction
+        try:
+            return extract(self.task if found is None else found.stand_in, limit=self.limit)
+        except SpecError as error:
+            if any(d.code == "E705" for d in error.diagnostics):
+                raise
+            return error
+
+    @property
+    def model(self) -> Model | None:
+        return self._extracted if isinstance(self._extracted, Model) else None
+
+    @property
+    def why_not(self) -> str | None:
+        """Why there is no exact model, or why some value on it does not exist, in words; None when all is well."""
+        found = self._extracted
+        if isinstance(found, Model):
+            return self.unsettled
+        return " and ".join(filter(None, (found.diagnostics[0].message, self.unsettled)))
+
+    @property
+    def remedy(self) -> str | None:
+        """What would give the task an exact model, where it has none; None where that is not known."""
+        found = self._extracted
+        return None if isinstance(found, Model) else found.diagnostics[0].hint
+
+    @cached_property
+    def solvers(self) -> Solvers:
+        assert self.model is not None
+        return Solvers(self.model)
+
+    @cached_property
+    def remembering(self) -> Results:
+        """The results of the task in whose state the expert's memory is; these themselves where it has none."""
+        if self.task.memory is None or self.given is not None:
+            return self
+        return Results(self.task.remembering(), self.episodes, self.seed, self.limit)
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether some result depends on how floats are read."""
+        asked = {id(r): r for r in (self, self.__dict__.get("remembering", self))}.values()
+        return any(r.model is not None and r.solvers.ambiguous for r in asked)
+
+    @cached_property
+    def expert_rule(self) -> Rule | None:
+        return None if self.model is None else rule_of(self.model, self.given)
+
+    # -- returns ----------------------------------------------------------------------------------
+
+    @cached_property
+    def optimal(self) -> Return | None:
+        return self._return("optimal")
+
+    @cached_property
+    def worst(self) -> Return | None:
+        return self._return("worst")
+
+    @cached_property
+    def random(self) -> Return | None:
+        """Of uniformly random actions; None where the action has no finite range."""
+        return self._return("random")
+
+    @cached_property
+    def expert(self) -> Return | None:
+        """Of the spec's expert; None where there is none, or it cannot be worked out."""
+        return self._return("expert")
+
+    def _return(self, which: str) -> Return | None:
+        found = self.enclosure(which)
+        if found is None:
+            return self.sample(which)
+        return Return(found.value, bound=found.error, tested=self.tested(which))
+
+    def enclosure(self, which: str, as_written: bool = False) -> Enclosure | None:
+        """The optimal, worst, random or expert return; None without a model, or where it is not known to be finite."""
+        if which == "expert" and self.remembering is not self:
+            found, self.unsettled = self.remembering.enclosure(which, as_written), self.remembering.why_not
+            return found
+        key = (which, as_written)
+        if key not in self._enclosures:
+            try:
+                found = self._enclosed(which, as_written)
+            except (SpecError, NoNumber) as error:
+                self.unsettled = error.diagnostics[0].message if isinstance(error, SpecError) else str(error)
+                found = None
+            self._enclosures[key] = found
+        return self._enclosures[key]
+
+    def _enclosed(self, which: str, as_written: bool) -> Enclosure | None:
+        if self.model is None:
+            return None
+        if self.faith is not None and self.faith.problem is not None:
+            refuse("the abstraction is not faithful")
+        rule: Rule | None = {"random": Uniform(), "expert": self.expert_rule, "optimal": Greedy()}.get(which)
+        if rule is None and which == "expert":
+            return None
+        solver = self.solvers.of(rule, as_written)
+        found = solver.worst() if rule is None else solver.value(rule)
+        if not (math.isfinite(rounded(found.low)) and math.isfinite(rounded(found.high))):
+            refuse(why_endless(solver))
+        return found
+
+    def sample(self, which: str, episodes: int | None = None) -> Return | None:
+        """The random or expert return from episodes; None where these do not end, and for other returns."""
+        if which == "expert" and self.remembering is not self:
+            return self.remembering.sample(which, episodes)
+        key = (which, episodes or self.episodes)
+        if key not in self._samples:
+            choose = self._chooser(which)
+            self._samples[key] = None if choose is None else self.estimated(choose, episodes)
+        return self._samples[key]
+
+    def _chooser(self, which: str) -> Choose | None:
+        if which == "expert":
+            return by_expert(self.task) if isinstance(self.task.expert, tuple) and self.given is None else None
+        return at_random(self.task) if which == "random" and is_bounded(self.task) else None
+
+    def interval(self, sample: Return, confidence: float, soundly: bool) -> Enclosure:
+        """Where the expectation behind a sample lies; `soundly`: whatever the distribution of the returns."""
+        if not soundly:
+            low, high = sample.interval(confidence)
+            return Enclosure.exactly(low).hull(Enclosure.exactly(high))
+        return mean_interval(sample.value, sample.error, sample.episodes, *return_range(self.task), confidence)
+
+    def estimated(self, choose: Choose, episodes: int | None) -> Return | None:
+        """A return from episodes; None where these do not end."""
+        try:
+            return self.simulated(choose, episodes)
+        except SpecError as error:
+            self.unsettled = error.diagnostics[0].message
+            return None
+
+    @cached_property
+    def expert_plan(self) -> Plan | None:
+        """The expert as probabilities of actions in the model; None where there is none."""
+        try:
+            rule = self.expert_rule
+            return None if self.model is None or rule is None else tables(self.model, rule)
+        except SpecError as error:
+            self.unsettled = error.diagnostics[0].message
+            return None
+
+    def simulated(self, choose: Choose, episodes: int | None = None) -> Return:
+        """The return of a policy estimated from episodes."""
+        return Return.estimated(simulate(self.task, choose, episodes or self.episodes, self.seed))
+
+
+def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0) -> Array:
+    """Returns (N,) of episodes, discounted as the task says. Episode i is that of seed + i in the environment.
+
+    Raises:
+        SpecError: (E712) when episodes without a horizon do not end.
+    """
+    endless = isinstance(task.terminal, Const) and not task.terminal.value
+    if endless and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
+        _refuse_endless(task, LONGEST)
+    parts = []
+    expert = task.expert if isinstance(task.expert, tuple) else ()
+    start = Cost(task.initial, simulated=True)
+    step = Cost((*task.next, task.reward, task.terminal, *expert), simulated=True)
+    lanes = step.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))
+    budget = Budget(f"{episodes:,} episodes")
+    for first in range(0, episodes, lanes):
+        some = min(lanes, episodes - first)
+        budget.spend(start, some)
+        parts.append(_simulate(task, choose, some, seed + first, partial(budget.spend, step, some)))
+    return np.concatenate(parts)
+
+
+def _simulate(task: Task, choose: Choose, lanes: int, seed: int, spend: Callable[[], None]) -> Array:
+    rollout, rng = Rollout(task, lanes, seed), np.random.default_rng(seed)
+    state, total, running = rollout.start(), np.zeros(lanes), np.ones(lanes, np.bool_)
+    factor, t, unending = 1.0, 0, task.horizon is None and task.discount == 1
+    while running.any() and (task.horizon is None or t < task.horizon):
+        spend()
+        tell(f"{lanes:,} episodes, step {t + 1:,}")
+        moved = rollout.step(state, choose(state, t, rng), t)
+        with np.errstate(over="ignore", invalid="ignore"):  # a return that no float holds is infinite, or nan
+            total += np.where(running, factor * moved.reward, 0.0)
+        running = running & ~moved.terminal
+        state = {n: np.where(running, moved.state[n], state[n]) for n in state}
+        factor, t = factor * task.discount, t + 1
+        if factor < CUT:
+            break
+        if running.any() and (t >= LONGEST or (unending and t == UNENDING and _lasts(running))):
+            _refuse_endless(task, t)
+    return total
+
+
+def _lasts(running: Array) -> bool:
+    """Whether some episodes would still be running after `LONGEST` steps if they go on to end as seldom as until `UNENDING`."""
+    return bool(running.mean() ** (LONGEST / UNENDING) * len(running) >= 1)
+
+
+def _refuse_endless(task: Task, steps: int) -> NoReturn:
+    hint = "give the task a horizon, or a discount below 1" if task.horizon is None else "choose a smaller horizon"
+    refuse(f"episodes are still running after {steps:,} steps", hint)
+
+
+Normalise = Callable[[float], float]
+
+
+def normalised(value: float, random: float, expert: float, floor: float | None = -1.0) -> float:
+    """A score on which random actions are at 0 and the expert at 1.
+
+    Args:
+        floor: scores below it are reported as it; the paper truncates EarlyTermNeg, whose worst
+            policies score below -3, at -1.
+
+    Returns:
+        nan where the expert is as good as random actions, and for a value that is nan.
+    """
+    if expert == random:
+        return math.nan
+    score = (value - random) / (expert - random)
+    return score if floor is None or math.isnan(score) else max(floor, score)

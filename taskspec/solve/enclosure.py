@@ -1,0 +1,359 @@
+"""Numbers known to lie between two rationals, and how floats are read as rationals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+# ---------- readings
+# How floats are read as rationals: at their exact value, or as the short number that was probably written.
+#
+# `0.1` in a spec is a float a little above one tenth. What the program pays is the float, what the author means is the
+# tenth; a claim is decided only where both readings agree.
+
+PLAIN = 2**20
+"""Floats with a denominator up to this are read as they are."""
+SHORT = 10_000
+"""The largest denominator of a fraction that is recognised."""
+DIGITS = 15
+_ULPS = Fraction(4, 2**53)
+
+
+class Inexact(Exception):
+    """A number that is known as a float only, or too many of them for rational arithmetic."""
+
+
+class Reader:
+    """Floats as rationals by one of the two readings; `ambiguous` once they differed."""
+
+    def __init__(self, as_written: bool = False) -> None:
+        self.as_written, self.ambiguous = as_written, False
+
+    def __call__(self, value: float | Fraction) -> Fraction:
+        """A number that an author wrote, or that the program pays. Inexact: an infinity, or nan."""
+        if not isinstance(value, float):
+            return Fraction(value)
+        if not math.isfinite(value):
+            raise Inexact
+        exact, short = Fraction(value), written(value)
+        if exact == short:
+            return exact
+        self.ambiguous = True
+        return short if self.as_written else exact
+
+    def computed(self, value: float) -> Fraction:
+        """A probability that was computed in floats. Inexact: one that no short fraction explains."""
+        found = self(value)
+        if written(value).denominator > PLAIN:
+            raise Inexact
+        return found
+
+
+@lru_cache(maxsize=100_000)
+def written(value: float) -> Fraction:
+    """The short fraction or decimal that a finite float stands for; its exact value where there is none."""
+    exact = Fraction(value)
+    if exact.denominator <= PLAIN and abs(exact) < 2**53:
+        return exact
+    size = abs(exact)
+    if size < 2**53:
+        simple = simplest(size * (1 - _ULPS), size * (1 + _ULPS))
+        if simple.denominator <= SHORT:
+            return simple if exact > 0 else -simple
+    mantissa = repr(value).lower().partition("e")[0]
+    if len(mantissa.strip("-0").replace(".", "").strip("0")) <= DIGITS:
+        return Fraction(repr(value))
+    return exact
+
+
+def simplest(low: Fraction, high: Fraction) -> Fraction:
+    """The fraction of the smallest denominator between two positive numbers, by their continued fractions."""
+    whole = math.floor(low)
+    if whole == low:
+        return Fraction(whole)
+    if whole + 1 <= high:
+        return Fraction(whole + 1)
+    return whole + 1 / simplest(1 / (high - whole), 1 / (low - whole))
+
+
+# ---------- enclosure
+# Numbers known to lie between two rationals, with arithmetic and comparisons that never lose the truth.
+#
+# An end may be infinite, which says that nothing is known on that side. Comparisons answer True or False where the ends
+# decide, and None where they do not.
+
+End = Fraction | float
+"""A rational, or an infinity."""
+EQUAL = Fraction(1, 10**9)
+"""By how much of their size two numbers may differ and still count as equal."""
+MOST_BITS, LEAST_BITS = 20_000, 64
+"""Numbers that take more bits are rounded outwards, but to no less."""
+SMALLEST = 2.0**-1022
+"""The smallest float that is rounded by no more than half a unit of its last place."""
+
+
+class NoNumber(Exception):
+    """An operation that has no value, or one too large to write out: a sentence that says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Enclosure:
+    """A number between `low` and `high`, both included; exact where these are equal."""
+
+    low: End
+    high: End
+
+    @classmethod
+    def exactly(cls, value: Fraction | float) -> Enclosure:
+        """A known number. NoNumber: nan."""
+        if value != value:
+            raise NoNumber("this is not a number")
+        end = value if value in (math.inf, -math.inf) else Fraction(value)
+        return cls(end, end)
+
+    @classmethod
+    def around(cls, value: float, error: float) -> Enclosure:
+        """Everything within a computed error of a float. NoNumber: nan."""
+        if value != value or error != error:
+            raise NoNumber("this is not a number")
+        if not (math.isfinite(value) and math.isfinite(error)):
+            return cls(-math.inf, math.inf)
+        return cls(Fraction(value) - Fraction(error), Fraction(value) + Fraction(error))
+
+    @property
+    def is_exact(self) -> bool:
+        return self.low == self.high
+
+    @property
+    def value(self) -> float:
+        """The float nearest to the middle."""
+        if is_infinite(self.low) or is_infinite(self.high):
+            return float(self.low if self.low == self.high else math.nan)
+        return rounded((self.low + self.high) / 2)
+
+    @property
+    def error(self) -> float:
+        """How far `value` may be from the number, rounded up; 0 where `value` is the number itself."""
+        if is_infinite(self.low) or is_infinite(self.high):
+            return 0.0 if self.low == self.high else math.inf
+        value = self.value
+        if math.isinf(value):
+            return math.inf
+        most = max(Fraction(value) - self.low, self.high - Fraction(value))
+        return math.nextafter(rounded(most), math.inf) if most else 0.0
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Floats that the number lies between, rounded outwards."""
+        low, high = rounded(self.low), rounded(self.high)
+        return math.nextafter(low, -math.inf) if low > self.low else low, math.nextafter(
+            high, math.inf
+        ) if high < self.high else high
+
+    def hull(self, other: Enclosure) -> Enclosure:
+        return Enclosure(min(self.low, other.low), max(self.high, other.high))
+
+    def __str__(self) -> str:
+        if self.is_exact or self.error <= 1e-10 * abs(self.value):
+            return digits(self.low if self.is_exact else self.value)
+        return f"between {digits(self.low)} and {digits(self.high)}"
+
+
+def is_infinite(end: End) -> bool:
+    """Whether nothing is known on a side; a rational may well be beyond the largest float."""
+    return isinstance(end, float)
+
+
+def rounded(value: End) -> float:
+    """The nearest float; an infinity beyond the largest."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def digits(value: End, count: int = 10) -> str:
+    """A number in a few significant digits, whole numbers in full."""
+    if isinstance(value, Fraction) and value.denominator == 1 and abs(value) < 10**17:
+        return str(value.numerator)
+    return f"{rounded(value):.{count}g}"
+
+
+# -- arithmetic -----------------------------------------------------------------------------------------------------
+
+
+def _finite(*ends: End) -> list[Fraction]:
+    found = [e for e in ends if isinstance(e, Fraction)]
+    if len(found) < len(ends):
+        raise NoNumber("infinity cannot be computed with")
+    return found
+
+
+def _corners(function: Callable[[Fraction, Fraction], Fraction], a: Enclosure, b: Enclosure) -> Enclosure:
+    """The hull over all corners, which is tight for functions monotone in each argument."""
+    low, high, other_low, other_high = _finite(a.low, a.high, b.low, b.high)
+    found = [function(x, y) for x in {low, high} for y in {other_low, other_high}]
+    return Enclosure(min(found), max(found))
+
+
+def _dividing(a: Enclosure, b: Enclosure) -> None:
+    if b.low <= 0 <= b.high:
+        raise NoNumber("this divides by zero" if b.is_exact else "this may divide by zero")
+
+
+def _quotient(a: Enclosure, b: Enclosure) -> Enclosure:
+    _dividing(a, b)
+    return _corners(lambda x, y: x / y, a, b)
+
+
+def _floored(a: Enclosure, b: Enclosure) -> Enclosure:
+    _dividing(a, b)
+    return _corners(lambda x, y: Fraction(x // y), a, b)
+
+
+def _remainder(a: Enclosure, b: Enclosure) -> Enclosure:
+    whole = _floored(a, b)
+    if whole.is_exact:
+        return arithmetic("-", a, arithmetic("*", b, whole))
+    low, high = _finite(b.low, b.high)
+    return Enclosure(min(Fraction(0), low), max(Fraction(0), high))
+
+
+def _power(a: Enclosure, b: Enclosure) -> Enclosure:
+    exponent, _ = _finite(b.low, b.high)
+    low, high = _finite(a.low, a.high)
+    if not b.is_exact:
+        raise NoNumber("an exponent must be known exactly")
+    if exponent.denominator != 1:
+        return _root(low, high, exponent)
+    n = exponent.numerator
+    if n < 0:
+        return _quotient(Enclosure.exactly(1), _power(a, Enclosure.exactly(-n)))
+    size = max((abs(x.numerator) | x.denominator).bit_length() for x in (low, high))
+    if size * n > MOST_BITS and size > 1:
+        if MOST_BITS // n < LEAST_BITS:
+            raise NoNumber("this power is too large to write out")
+        low, high = _shortened(low, math.floor, MOST_BITS // n), _shortened(high, math.ceil, MOST_BITS // n)
+    ends = sorted((low**n, high**n))
+    return Enclosure(Fraction(0) if n and n % 2 == 0 and low <= 0 <= high else ends[0], ends[1])
+
+
+def _root(low: Fraction, high: Fraction, exponent: Fraction) -> Enclosure:
+    """A power that is no rational, by C's `pow`, which errs by less than 4 units in the last place."""
+    if low < 0 or (low == 0 and exponent < 0):
+        raise NoNumber("this power is not a number")
+    found = sorted(_float_power(x, exponent) for x in (low, high))
+    margin = Fraction(1, 2**50) * (1 + abs(exponent))
+    return Enclosure(Fraction(found[0]) * (1 - margin), Fraction(found[1]) * (1 + margin))
+
+
+def _float_power(base: Fraction, exponent: Fraction) -> float:
+    """A power of a number that is not negative; NoNumber where floats do not hold both in full."""
+    try:
+        found = math.pow(rounded(base), float(exponent))
+    except (OverflowError, ValueError):  # a base that is rounded to 0
+        found = math.inf
+    if base and not (SMALLEST <= rounded(base) < math.inf and SMALLEST <= found < math.inf):
+        raise NoNumber("this power is too large to write out, or too small")
+    return found
+
+
+_OPERATORS: dict[str, Callable[[Enclosure, Enclosure], Enclosure]] = {
+    "+": lambda a, b: _corners(lambda x, y: x + y, a, b),
+    "-": lambda a, b: _corners(lambda x, y: x - y, a, b),
+    "*": lambda a, b: _corners(lambda x, y: x * y, a, b),
+    "/": _quotient,
+    "//": _floored,
+    "%": _remainder,
+    "**": _power,
+}
+
+
+def arithmetic(op: str, a: Enclosure, b: Enclosure) -> Enclosure:
+    """An operation on two numbers; ends that are too long are rounded outwards.
+
+    Raises:
+        NoNumber: division by zero, a root of a negative number, or a size that takes more than `MOST_BITS` bits.
+    """
+    found = _OPERATORS[op](a, b)
+    return Enclosure(_shortened(found.low, math.floor, MOST_BITS), _shortened(found.high, math.ceil, MOST_BITS))
+
+
+def _shortened(end: Any, to_whole: Callable[[Fraction], int], bits: int) -> Any:
+    """The same where it is short enough, else the next number of so many bits on one side."""
+    if is_infinite(end):
+        return end
+    over, under = end.numerator.bit_length(), end.denominator.bit_length()
+    if max(over, under) <= 2 * bits:
+        return end
+    if abs(over - under) > bits:
+        raise NoNumber("this number is too large to write out, or too small")
+    step = Fraction(2) ** (over - under - bits)
+    return to_whole(end / step) * step
+
+
+def negative(a: Enclosure) -> Enclosure:
+    return Enclosure(-a.high, -a.low)
+
+
+def absolute(a: Enclosure) -> Enclosure:
+    if a.low >= 0:
+        return a
+    return negative(a) if a.high <= 0 else Enclosure(Fraction(0), max(-a.low, a.high))
+
+
+# -- comparisons ----------------------------------------------------------------------------------------------------
+
+
+def compare(op: str, a: Enclosure, b: Enclosure, tolerance: Fraction | None = None) -> bool | None:
+    """Whether a comparison holds; None where it cannot be told.
+
+    `==` holds of numbers that differ by at most `tolerance`, or by 1e-9 of the larger one's size without one. `<=` allows
+    for `tolerance` as well, where it is given, and `<` for nothing.
+    """
+    match op:
+        case "==":
+            return _equal(a, b, tolerance)
+        case "!=":
+            return _not(_equal(a, b, tolerance))
+        case "<":
+            return _less(a, b)
+        case ">":
+            return _less(b, a)
+        case "<=":
+            return _at_most(a, b, tolerance or Fraction(0))
+        case _:
+            return _at_most(b, a, tolerance or Fraction(0))
+
+
+def _not(truth: bool | None) -> bool | None:
+    return None if truth is None else not truth
+
+
+def _less(a: Enclosure, b: Enclosure) -> bool | None:
+    return True if a.high < b.low else False if a.low >= b.high else None
+
+
+def _at_most(a: Enclosure, b: Enclosure, slack: Fraction) -> bool | None:
+    if a.is_exact and b.is_exact and a.low == b.low:
+        return True
+    if is_infinite(b.low) or is_infinite(b.high):
+        return True if a.high <= b.low else False if a.low > b.high else None
+    return True if a.high <= b.low + slack else False if a.low > b.high + slack else None
+
+
+def _equal(a: Enclosure, b: Enclosure, tolerance: Fraction | None) -> bool | None:
+    ends = (a.low, a.high, b.low, b.high)
+    if any(isinstance(e, float) for e in ends):
+        if a.is_exact and b.is_exact:
+            return a.low == b.low
+        return False if a.high < b.low or b.high < a.low else None
+    farthest = max(a.high - b.low, b.high - a.low)
+    nearest = max(a.low - b.high, b.low - a.high, Fraction(0))
+    least = EQUAL * max(absolute(a).low, absolute(b).low) if tolerance is None else tolerance
+    most = EQUAL * max(absolute(a).high, absolute(b).high) if tolerance is None else tolerance
+    return True if farthest <= least else False if nearest > most else None

@@ -1,0 +1,137 @@
+"""Non-causal maximum entropy: trajectories in proportion to their likelihood times the exponential of their return.
+
+    p(tau)  is proportional to  P(tau) exp(beta R(tau)),
+
+where tau = (s0, a0, s1, ...) runs until the horizon or a terminal state, P(tau) is the product of
+the start's and the transitions' probabilities (actions carry no factor of their own), and R(tau) is
+its return, discounted by gamma as the task says. It is the model of Ziebart et al. 2008 for stochastic dynamics:
+outcomes of chance are weighed by what they pay, as if the agent could choose them, and that is what
+the causal model (`solve.soft`) does not do.
+
+With Z_T = 1 and Z = 1 at terminal states,
+
+    Z_t(s, a) = E[exp(beta gamma^t r) Z_{t+1}(s')],   Z_t(s) = sum over a of Z_t(s, a),
+
+and the policy that acts as such trajectories do, given the state they are in, is Z_t(s, a)/Z_t(s).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.model.model import Model, refuse, scipy_sparse
+from taskspec.model.transitions import Steps
+from taskspec.solve.bounded import Bounded
+from taskspec.solve.following import Bound, Policy
+from taskspec.solve.policy_rules import Rule
+from taskspec.solve.rounding import FLOOR, UNIT
+
+
+@dataclass(frozen=True)
+class MaxEnt(Rule):
+    """The policy of trajectories drawn in proportion to P(tau) exp(beta R(tau)), from the last time to the first.
+
+    Q is log Z (A, S), and V is log Z (S,).
+    """
+
+    beta: float = 1.0
+    is_rational: ClassVar[bool] = False
+    is_planned: ClassVar[bool] = True
+
+    def backup(self, numbers: Bounded) -> Callable[[int, Bound], Bound]:
+        """Return the function that gives log Z (A, S) at t from log Z (S,) at t + 1.
+
+        Raises:
+            SpecError: (E712) where such trajectories have no distribution that could be worked out.
+        """
+        model = numbers.model
+        if model.horizon is None:
+            refuse("trajectories without a horizon have no maximum-entropy distribution", "give the task a horizon")
+        if Steps(model.task).reward is not model.task.reward:
+            refuse("maximum entropy depends on the whole distribution of a reward, and this one is continuous")
+        table: _Table | None = None
+
+        def back(t: int, log_z: Bound) -> Bound:
+            nonlocal table
+            if table is None or table.step is not model.step(t):
+                table = _Table(numbers, t, self.beta)
+            return table.log_q(log_z, t)
+
+        return back
+
+    def value(self, numbers: Bounded, q: Bound) -> Bound:
+        return numbers.soft(q, 1.0)
+
+    def policy(self, numbers: Bounded, t: int, q: Bound) -> Policy:
+        return numbers.boltzmann(q, 1.0)
+
+    def settled(self, numbers: Any) -> Any:
+        return self.backup(numbers)
+
+
+class _Table:
+    """Every outcome of one time: rows, columns, log probability, beta times the reward, whether it ends."""
+
+    def __init__(self, numbers: Bounded, t: int, beta: float) -> None:
+        model = numbers.model
+        rows, columns, weights, rewards, ends = outcome_table(model, t)
+        order = np.argsort(rows, kind="stable")
+        self.step, self.shape = model.step(t), (model.n_actions, model.n_states)
+        self.columns, self.ends, size = columns[order], ends[order], model.n_actions * model.n_states
+        self.discount = model.discount
+        self.paid = beta * np.where(model.acting[rows % model.n_states], rewards, 0.0)[order]
+        self.logs, slack = np.log(weights[order]), numbers.slack
+        off = slack.relative + 2 * slack.absolute / weights[order] + 8 * UNIT * (np.abs(self.logs) + 1)
+        # what is left out may pay anything, and of chances that no float holds nothing is known
+        self.error = np.where((slack.missing > 0) | (weights[order] < FLOOR), np.inf, off)
+        self.starts = np.searchsorted(rows[order], np.arange(size))
+        self.counts = np.diff(np.append(self.starts, len(rows)))
+
+    def log_q(self, log_z: Bound, t: int) -> Bound:
+        """log Z(s, a), (A, S), from log Z (S,) at the next time; 0 for rows without outcomes, where nobody acts."""
+        paid = self.discount**t * self.paid
+        rounded = 8 * UNIT * np.abs(paid) * (1 + (t if self.discount != 1 else 0))
+        terms = self.logs + paid + np.where(self.ends, 0.0, log_z.value[self.columns])
+        errors = self.error + rounded + np.where(self.ends, 0.0, log_z.error[self.columns])
+        some = self.counts > 0
+        starts = self.starts[some]
+        top = np.maximum.reduceat(terms, starts)
+        total = np.add.reduceat(np.exp(terms - np.repeat(top, self.counts[some])), starts)
+        found, error = np.zeros(len(self.counts)), np.zeros(len(self.counts))
+        found[some] = top + np.log(total)
+        rounding = (16 * self.counts[some] + 32) * UNIT * (1 + np.abs(found[some]))
+        error[some] = np.maximum.reduceat(errors, starts) + rounding
+        return Bound(found.reshape(self.shape), error.reshape(self.shape))
+
+
+def outcome_table(model: Model, t: int = 0) -> tuple[Array, Array, Array, Array, Array]:
+    """Every outcome at a time: row a*S + s, column s', probability, reward, whether it ends; all (N,)."""
+    steps, size = Steps(model.task), model.n_states
+    parts: list[tuple[Array, ...]] = []
+    for a in range(model.n_actions):
+        for found in steps.outcomes(model.codes, np.array([a]), t):
+            point = np.arange(size) if found.origin is None else found.origin
+            n = len(point)
+            weight = np.broadcast_to(found.weight, (n,))
+            column = np.minimum(np.searchsorted(model.codes, found.code), size - 1)
+            keep = weight > 0 if found.outside is None else (weight > 0) & ~found.outside
+            values = (a * size + point, column, weight, found.reward, found.terminal)
+            parts.append(tuple(np.broadcast_to(v, (n,))[keep] for v in values))
+    joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    return joined[0], joined[1], joined[2], joined[3], joined[4]
+
+
+def reward_matrix(model: Model, t: int = 0) -> Any:
+    """R(s, a, s') expected where it is also random, as a sparse matrix (A*S, S); entries of probability 0 are absent."""
+    rows, columns, weights, rewards, _ = outcome_table(model, t)
+    sparse = scipy_sparse()
+    shape = (model.n_actions * model.n_states, model.n_states)
+    mass = sparse.csr_array((weights, (rows, columns)), shape=shape)
+    paid = sparse.csr_array((weights * rewards, (rows, columns)), shape=shape)
+    paid.data = paid.data / mass.data
+    return paid

@@ -1,0 +1,1 @@
+"""Soundness: whether the equations of a spec define a task."""

@@ -1,0 +1,1 @@
+"""From a document and parameter values to a task."""

@@ -1,0 +1,284 @@
+"""The sections that annotate a task: figure, examples and symmetries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import islice
+from typing import Any
+
+from taskspec.base.diagnostics import suggest
+from taskspec.base.limits import how_to_raise, limits
+from taskspec.lang import syntax as s
+from taskspec.lang.ir import Const, Node, Role, reads
+from taskspec.lang.scope import Scope, Value
+from taskspec.lang.types import Kind
+from taskspec.source import Path
+from taskspec.task import parameters
+from taskspec.task.context import Context
+from taskspec.task.names import Names
+from taskspec.task.observe import what_is_seen
+from taskspec.task.parts import Component, Observation, Symmetry
+from taskspec.task.reach import too_wide, widest
+from taskspec.task.task import Example, Figure, Followed
+
+# ---------- figure
+# The section `figure`: what its kind needs is checked, and its expressions become nodes; `appendix.figures` draws them.
+
+_NEEDED: dict[str, tuple[str, ...]] = {
+    "grid": ("at",),
+    "curve": ("at", "curve"),
+    "portrait": ("at",),
+    "arm": ("values",),
+}
+
+
+def figure(context: Context, scope: Scope) -> Figure | None:
+    """What the section says; None without one.
+
+    Reported are keys that the kind of figure lacks (E203), and expressions that mean nothing or have the wrong shape.
+    """
+    written: dict[str, Any] | None = context.data.get("figure")
+    if not written:
+        return None
+    for key in _NEEDED.get(written["kind"], ()):
+        if written.get(key) is None:
+            span = context.merged.key_span(("figure",))
+            context.collector.add("E203", span, f"a figure of kind `{written['kind']}` needs `{key}`")
+    parts = {key: _node(context, ("figure", key), scope) for key in ("curve", "values") if written.get(key) is not None}
+    marks = {name: _node(context, ("figure", "highlight", name), scope) for name in written.get("highlight") or {}}
+    sizes = (2, 4) if written["kind"] == "grid" else (2,)
+    objects = {
+        name: _place(context, ("figure", "objects", name), at, scope, (2, 4))
+        for name, at in (written.get("objects") or {}).items()
+    }
+    return Figure(
+        kind=written["kind"], at=_place(context, ("figure", "at"), written.get("at"), scope, sizes), curve=parts.get("curve"),
+        values=parts.get("values"), highlight={name: node for name, node in marks.items() if node is not None},
+        map=_map(context, written.get("map")), objects={name: at for name, at in objects.items() if at},
+    )  # fmt: skip
+
+
+def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int, ...]) -> tuple[Node, ...]:
+    """A column and a row, and maybe a way, or one vector of all; nothing where there is none, or it is broken."""
+    if at is None:
+        return ()
+    whole = None if isinstance(at, list) else context.forms.expr(path)
+    parts: Sequence[s.Expr | None] = [whole]
+    if isinstance(at, list):
+        parts = [context.forms.expr((*path, i)) for i in range(len(at))]
+    elif isinstance(whole, s.Vector):
+        parts = whole.items  # `at: "[x, y]"` is the same as `at: [x, y]`
+    nodes = [_number_of(context, expr, scope) for expr in parts]
+    found = tuple(node for node in nodes if node is not None)
+    if len(found) < len(nodes):
+        return ()
+    inner = next((node.type.shape for node in found if node.type.shape), ())
+    shape = inner if parts == [whole] else (len(found), *inner)
+    if shape not in [(n,) for n in sizes]:
+        more = ", or four with the way that it faces" if 4 in sizes else ""
+        message = f"a place is two numbers{more}, but this has shape {list(shape)}"
+        context.collector.add("E307", context.merged.span(path), message)
+    return found
+
+
+def _node(context: Context, path: Path, scope: Scope) -> Node | None:
+    """An expression as a node, a choice as the number that it stands for; None where it is broken (and reported)."""
+    return _number_of(context, context.forms.expr(path), scope)
+
+
+def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | None:
+    value = None if expr is None else context.checker.check(expr, scope)
+    if expr is None or value is None:
+        return None
+    return context.checker.number_of(value)
+
+
+def _map(context: Context, name: str | None) -> tuple[str, ...]:
+    """The rows of the grid of letters that the figure names; none where it names none."""
+    constants = context.data.get("constants") or {}
+    if name is None:
+        return ()
+    grid = constants[name].get("grid") if isinstance(constants.get(name), dict) else None
+    if name not in constants:
+        span = context.merged.span(("figure", "map"))
+        context.collector.add("E302", span, f"there is no constant '{name}'", suggest(name, constants))
+    elif grid is None:
+        value = context.constant(name)
+        rows = _digits(value)
+        if rows is None and value is not None:
+            message = f"the constant '{name}' is neither a grid of letters nor a matrix of conditions or digits"
+            hint = f"{name}: {{grid: [...], legend: {{...}}}}"
+            context.collector.add("E204", context.merged.span(("figure", "map")), message, hint)
+        return rows or ()
+    return tuple(grid.splitlines() if isinstance(grid, str) else grid or ())
+
+
+def _digits(value: Value | None) -> tuple[str, ...] | None:
+    """A matrix as rows of characters, `#` for a condition that holds; None where it has other numbers, or is no matrix."""
+    node = None if value is None else value.node
+    if not isinstance(node, Const) or len(node.type.shape) != 2 or not node.type.size:
+        return None
+    if node.type.kind is Kind.BOOL:
+        letters = ["#" if v else " " for v in node.flat]
+    elif node.type.kind is Kind.INT and all(0 <= v <= 9 for v in node.flat):
+        letters = [str(v) for v in node.flat]
+    else:
+        return None
+    width = node.type.shape[1]
+    return tuple("".join(letters[i : i + width]) for i in range(0, len(letters), width))
+
+
+# ---------- examples
+# Worked examples as surface syntax: names are checked when a task is built, values when the example is.
+
+SCOPE = "examples"
+_GIVEN = {"state": (Role.STATE, "given state"), "action": (Role.ACTION, "action")}
+"""Keys that say what is given, and whose names they have: those of a state are names of the expert's memory as well."""
+_BY_NAME = {"initial": "state", "next": "state", "observation": "observation", "expert": "action"}
+"""Keys that say what follows name by name, and the section that has the names."""
+_SINGLE = ("reward", "terminal", "truncated")
+
+
+def read_examples(context: Context) -> Iterator[Example]:
+    """The examples of a spec; mistakes go to the collector."""
+    context.named_scopes[SCOPE] = context.constant_scope()
+    for i, entry in enumerate(context.data.get("examples") or ()):
+        yield _example(context, entry, ("examples", i))
+
+
+def _example(context: Context, entry: Mapping[str, Any], path: Path) -> Example:
+    given = {
+        (role, name): expr
+        for key, (role, section) in _GIVEN.items()
+        for name, expr in _named(context, entry, key, section, path)
+    }
+    follows = [
+        Followed(key, name, expr)
+        for key, section in _BY_NAME.items()
+        for name, expr in _named(context, entry, key, section, path)
+    ]
+    for key in _SINGLE:
+        expr = context.forms.expr((*path, key)) if entry.get(key) is not None else None
+        follows += [] if expr is None else [Followed(key, None, expr)]
+    chance = context.forms.expr((*path, "probability")) if entry.get("probability") is not None else None
+    most = limits().claims
+    if (number := parameters.size(entry.get("for"))) > most:
+        message = f"{number:,} choices of parameter values are too many; the limit is {most:,}"
+        context.collector.add("E314", context.merged.key_span((*path, "for")), message, how_to_raise("claims", number))
+    cases = tuple(islice(parameters.cases(entry.get("for")), most))
+    return Example(context.forms.place(path), given, tuple(follows), int(entry.get("t") or 0), chance, cases)
+
+
+def _named(
+    context: Context, entry: Mapping[str, Any], key: str, section: str, path: Path
+) -> Iterator[tuple[str, s.Expr]]:
+    """The entries of one key of an example, those that are well-formed and name something there is."""
+    known = _names(context, section)
+    for name in entry.get(key) or {}:
+        here = (*path, key, name)
+        if name not in known:
+            what = {"observation": "observation", "action": "action component"}.get(section, "state component")
+            hint = suggest(name, known) or f"there are: {', '.join(known)}"
+            context.collector.add("E216", context.merged.key_span(here), f"there is no {what} '{name}'", hint)
+        elif (expr := context.forms.expr(here)) is not None:
+            yield name, expr
+
+
+def _names(context: Context, section: str) -> Sequence[str]:
+    if section == "observation" and context.data.get("observation"):
+        return [name for name in context.data["observation"] if name != "space"]
+    if section == "given state":
+        return [c.name for c in (*context.state, *context.memory)]
+    return [c.name for c in (context.action if section == "action" else context.state)]
+
+
+# ---------- symmetries
+# The section `symmetries`: maps of what is seen and of what is done, as nodes.
+
+SEEN, DONE = "observation", "action"
+"""The maps that a symmetry may have."""
+
+
+def symmetries(context: Context, names: Names, observation: Observation) -> tuple[Symmetry, ...]:
+    """The symmetries that a spec declares; those that are broken are reported, and left out."""
+    written: Mapping[str, Any] = context.data.get("symmetries") or {}
+    if not written:
+        return ()
+    seen = what_is_seen(context.builder, observation)
+    scope_of = {SEEN: names.map_scope("seen", seen)}
+    scope_of[DONE] = names.map_scope("done", {c.name: context.bound(c, Role.ACTION) for c in context.action})
+    exprs = {name: _parsed(context, name, entry) for name, entry in written.items()}
+    context.exprs["symmetries"] = exprs
+    found = []
+    for name, maps in exprs.items():
+        values = {
+            n: None if e is None else context.checker.check(e, scope_of[SEEN]) for n, e in maps.get(SEEN, {}).items()
+        }
+        action = _steered(context, name, maps.get(DONE, {}))
+        if action is None or any(v is None for v in values.values()):
+            continue
+        shown = list(_shown(context, observation, seen, {n: v for n, v in values.items() if v is not None}))
+        found.append(
+            Symmetry(
+                name, written[name].get("doc"), observation.components, tuple(c for c, _ in shown),
+                tuple(n for _, n in shown), action,
+            )
+        )  # fmt: skip
+    for each in found:
+        most = widest(each.nodes)
+        if most:
+            too_wide(context.collector, context.merged.key_span(("symmetries", each.name)), most)
+    return tuple(found)
+
+
+def _parsed(context: Context, name: str, entry: Mapping[str, Any]) -> dict[str, dict[str, s.Expr | None]]:
+    return {
+        key: {n: context.forms.expr(("symmetries", name, key, n)) for n in entry[key]}
+        for key in (SEEN, DONE)
+        if entry.get(key)
+    }
+
+
+def _shown(
+    context: Context, observation: Observation, seen: Mapping[str, Value], values: Mapping[str, Value]
+) -> Iterator[tuple[Component, Node]]:
+    """What is seen then: lines in the place of what they are named after, what no line names or uses as it is, and new names."""
+    if not values:
+        return
+    used = {name for _, name in reads(v.node for v in values.values())}
+    for c in observation.components:
+        if c.name in values:
+            yield _component(context, c, values[c.name])
+        elif c.name not in used:
+            yield c, seen[c.name].node
+    known = {c.name for c in observation.components}
+    for name, value in values.items():
+        if name not in known:
+            yield _component(context, Component(name, value.node.type, (), ()), value)
+
+
+def _component(context: Context, c: Component, value: Value) -> tuple[Component, Node]:
+    """A component that is seen, within bounds that follow from its expression."""
+    low, high = context.builder.bounds(value.node)
+    size = value.node.type.size
+    made = replace(c, type=value.node.type, low=(low,) * size, high=(high,) * size, domain=value.domain)
+    return made, value.node
+
+
+def _steered(context: Context, name: str, lines: Mapping[str, s.Expr | None]) -> tuple[Node, ...] | None:
+    """The map of the action, whole; empty without one, None for one that is broken (and reported)."""
+    known = [c.name for c in context.action]
+    for each in (n for n in lines if n not in known):
+        span = context.merged.key_span(("symmetries", name, DONE, each))
+        context.collector.add("E216", span, f"there is no action component '{each}'", suggest(each, known))
+    if not lines:
+        return ()
+    nodes = []
+    for c in context.action:
+        expr = lines.get(c.name)
+        if c.name not in lines:
+            nodes.append(context.read(c, Role.ACTION).node)
+        elif expr is not None and (node := context.assign(expr, context.named_scopes["done"], c)) is not None:
+            nodes.append(node)
+    return tuple(nodes) if len(nodes) == len(known) else None

@@ -1,0 +1,110 @@
+"""What notebooks show of a task, its scores, a report and a figure."""
+
+from __future__ import annotations
+
+from html.parser import HTMLParser
+from xml.etree import ElementTree
+
+import taskspec
+from taskspec.exact import check, scores
+from taskspec.pages.page import page
+from taskspec.source import read
+from taskspec.task.build import build
+
+
+class Cells(HTMLParser):
+    """The text of every cell, row by row; tags that are left open are an error."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.rows: list[list[str]] = []
+        self.open: list[str] = []
+        self.text = ""
+        self.feed(html)
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+        if self.rows and self.rows[-1]:
+            self.rows[-1][-1] += data
+
+
+def test_scores_and_reports_are_tables() -> None:
+    task = taskspec.load("Branching", L=4)
+    shown = Cells(scores(task)._repr_html_()).rows
+    assert shown[0] == ["return", "value", "error", "status"]
+    assert ["random", "0.0625", "0.0", "exact"] in shown
+    report = check(task)
+    rows = Cells(report._repr_html_()).rows[1:]
+    assert [row[0] for row in rows] == [v.status for v in report.verdicts]
+    assert rows[0][2] == "optimal_return == 1"
+
+
+def test_a_task_tells_what_it_has() -> None:
+    rows = Cells(taskspec.load("Branching", L=4)._repr_html_()).rows
+    assert ["parameter", "L", "4", "number of choices on the path"] in rows
+    assert ["state", "s", "int", "position, a multiple of B on the path and anything else in a dead end"] in rows
+    assert ["horizon", "", "4", ""] in rows and ["observations", "", "Discrete(9)", ""] in rows
+
+
+def test_figures_are_drawn_in_memory() -> None:
+    task = taskspec.load("RiskyPath")
+    found = task._repr_svg_()
+    assert found is not None and found == taskspec.drawing("RiskyPath")._repr_svg_()
+    assert ElementTree.fromstring(found).tag == "{http://www.w3.org/2000/svg}svg"
+    assert found != taskspec.drawing(task, ["values"]).svg
+
+
+HOSTILE = """
+taskspec: 1
+name: Hostile
+summary: <script>alert(1)</script>
+state: {s: {type: bool, doc: "<b>&"}}
+action: {a: {type: bool}}
+initial: {s: false}
+dynamics: {s': a}
+horizon: 3
+reward: s
+claims: [1 < 0]
+"""
+
+
+def test_nothing_that_a_spec_holds_is_read_as_html() -> None:
+    task = build(read(HOSTILE), None, {}, "")
+    for shown in (task, check(task)):
+        html = shown._repr_html_()
+        assert "<script" not in html and "<b>" not in html
+    assert ["state", "s", "bool", "<b>&"] in Cells(task._repr_html_()).rows
+    assert "error E601" in {row[0] for row in Cells(check(task)._repr_html_()).rows}
+
+
+def test_a_page_shows_what_is_printed() -> None:
+    task = taskspec.load("NoisyObs")
+    shown = Cells(page(task)._repr_html_())
+    assert "<h2>NoisyObs" in page(task)._repr_html_()
+    assert "Observations" in shown.text and "Dynamics" in shown.text and "Corrections to the source" in shown.text
+    unsafe = read(SPEC.replace("SUMMARY", "<script>alert(1)</script>"))
+    assert "<script>" not in page(build(unsafe))._repr_html_()
+
+
+SPEC = """
+taskspec: 1
+name: Walk
+summary: SUMMARY
+state: {s: {type: int, low: 0, high: 5}}
+action: {a: {type: bool}}
+horizon: 9
+initial: {s: 0}
+dynamics: {s': "min(s + a, 5)"}
+reward: s'
+"""

@@ -1,0 +1,331 @@
+"""The command line: what is read, checked and explained; its messages and exit statuses."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from taskspec.base.diagnostics import CODES
+from taskspec.cli.explain import CLASSES
+from taskspec.registry import shipped, task_ids
+from tests.shared.commands import Done, spec
+from tests.shared.sparse import sparse
+
+ROOT = Path(__file__).parents[2]
+DERAIL, SPECS, ERRORS = ROOT / "tasks" / "derail", ROOT / "tests" / "specs", ROOT / "tests" / "errors"
+RISKY = (DERAIL / "risky_path.yaml").read_text(encoding="utf-8")
+BRANCHING = (DERAIL / "branching.yaml").read_text(encoding="utf-8")
+SHIFT = (DERAIL / "init_shift.yaml").read_text(encoding="utf-8")
+
+
+# -- list ---------------------------------------------------------------------------------------------------------
+
+
+GRID = """\
+taskspec: 1
+name: G
+constants:
+  map:
+    grid: GRID
+    legend: {S: 0, "#": 1}
+state: {s: {type: int, low: 0, high: 1}}
+action: {a: {type: int, low: 0, high: 1}}
+horizon: 5
+initial: {s: "map[0, 0]"}
+dynamics: {s': a}
+reward: s
+"""
+
+
+@pytest.mark.parametrize("grid", ['["S#", "##"]', "|\n      S#\n      ##\n"])
+def test_show_draws_a_map_as_it_is_written(tmp_path: Path, grid: str) -> None:
+    found = Done("show", spec(tmp_path, GRID.replace("GRID", grid)), columns=80).out
+    assert re.search(r"constants +map = S#\n +##\n +S 0  # 1\n", found), found
+
+
+def test_list_has_a_row_for_every_task_that_is_known() -> None:
+    rows = Done("list").out.splitlines()
+    assert {row.split()[0] for row in rows[1:] if not row.startswith(" ")} == set(task_ids())
+    assert not any(row.endswith(" ") for row in rows)
+
+
+def test_list_fits_into_80_columns_with_the_capability_as_a_heading() -> None:
+    lines = Done("list", "derail", columns=80).out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "exploration" in lines
+    assert "  derail/Branching-v0              L=10 B=2           21 × 2       10" in lines
+
+
+@pytest.mark.parametrize("columns", [110, 120, 160, 300])
+def test_wide_list_shows_every_column_whole_but_the_summary(columns: int) -> None:
+    lines = Done("list", "derail", columns=columns).out.splitlines()
+    assert max(map(len, lines)) <= columns
+    row = next(line for line in lines if line.startswith("derail/Branching-v0"))
+    assert row.startswith("derail/Branching-v0              exploration             L=10 B=2           21 × 2       10")
+    assert ("A long path" in row) == (columns > 120)
+
+
+def test_list_takes_folders_suites_files_and_ids_alike() -> None:
+    wanted = [entry.id for entry in shipped().values() if entry.path.name == "sort.yaml"]
+    for target in (DERAIL / "sort.yaml", "derail/Sort"):
+        assert [task["id"] for task in Done("list", target, "--json").data] in (wanted, wanted[:1])
+    assert len(Done("list", DERAIL, "--json").data) == len(Done("list", "derail", "--json").data)
+    assert len(Done("list", "--json").data) == len(shipped())
+
+
+FOLDERS = {
+    ("list", "--json"): '"id": "tiny/G-v0"',
+    ("check",): "1 task in 1 spec and 1 experiment",
+    ("docs", "--no-results", "-o", "OUT"): "on 1 task",
+    ("build", "-o", "OUT"): "OUT/tasks.json  1 tasks",
+    ("mutate", "--jobs", "1", "--json"): '"class"',
+}
+
+
+@pytest.mark.parametrize("command", FOLDERS, ids=lambda command: command[0])
+@pytest.mark.parametrize("written", [".", "./", "..", "../tiny", "/"])
+def test_folders_are_found_however_they_are_written(
+    command: tuple[str, ...], written: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "tiny"
+    (folder / "experiments").mkdir(parents=True)
+    spec(folder, GRID.replace("GRID", '["S#"]').replace("high: 1", "high: 0"), "g.yaml")
+    spec(folder / "experiments", "experiment: 1\nname: e\ntasks: [{task: ../g.yaml}]\n", "x.yaml")
+    monkeypatch.chdir(folder / "experiments" if written == ".." else folder)
+    out = tmp_path / "out"
+    target = str(folder) + "/" if written == "/" else written
+    done = Done(*(str(out) if word == "OUT" else word for word in command), target, columns=400)
+    assert done.status == 0, done.err
+    assert FOLDERS[command].replace("OUT", str(out)) in done.out
+
+
+def test_list_json_says_what_a_program_needs() -> None:
+    (task,) = Done("list", "derail/Branching-v0", "--json").data
+    assert (task["states"], task["actions"], task["horizon"]) == (21, 2, 10)
+    assert task["action_space"] == {"space": "Discrete", "n": 2, "start": 0}
+    assert [(p["name"], p["default"]) for p in task["parameters"]] == [("L", 10), ("B", 2)]
+
+
+def test_list_goes_on_after_a_broken_spec(tmp_path: Path) -> None:
+    spec(tmp_path, "taskspec: [", "a.yaml")
+    spec(tmp_path, RISKY, "b.yaml")
+    done = Done("list", tmp_path)
+    assert done.status == 1
+    assert "RiskyPath" in done.out
+    assert "a.yaml:1:" in done.err
+
+
+# -- check --------------------------------------------------------------------------------------------------------
+
+
+def test_check_passes_every_shipped_task() -> None:
+    done = Done("check", DERAIL.parent)
+    assert done.status == 0, done.out
+    assert "no errors, no warnings" in done.out
+    assert all(task_id in done.out for task_id in task_ids())
+
+
+BROKEN = {
+    "a misspelt key": (RISKY.replace("name: RiskyPath", "nmae: RiskyPath"), "2:1", "E202", "did you mean 'name'?"),
+    "an unknown name": (BRANCHING.replace("s': s + (a", "s': ss + (a"), "38:7", "E302", "did you mean 's'?"),
+    "a shape error": (RISKY.replace("reward:\n  by: [s']", "reward: [1, 2]\nx:\n  by: [s']"), "", "E", ""),
+    "a row of 0.9": (RISKY.replace("trap: 1/2", "trap: 0.4"), "40:36", "E401", "sum to 0.9"),
+    "a state out of range": (SHIFT.replace("high: 6", "high: 5"), "29:7", "E403", "from s = 2 with a = right"),
+    "a comma in a flow mapping": (RISKY.replace("  s: start", "  s: {x: clip(1, 0, 1)}"), "", "E106", "quotes"),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN)
+def test_check_says_what_is_wrong_and_where(case: str, tmp_path: Path) -> None:
+    text, place, code, words = BROKEN[case]
+    path = spec(tmp_path, text)
+    done = Done("check", path)
+    assert done.status == 1
+    assert f"{path}:{place}" in done.out
+    assert f"error[{code}" in done.out
+    assert words in done.out
+
+
+@pytest.mark.parametrize("path", sorted(ERRORS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_check_survives_every_broken_spec(path: Path) -> None:
+    done = Done("check", path, "--json", "--strict")
+    assert done.status == 1
+    assert path.stem[:4] in [d["code"] for d in done.data["diagnostics"]]
+
+
+def test_check_tells_what_variants_share_once(tmp_path: Path) -> None:
+    done = Done("check", spec(tmp_path, BRANCHING.replace("s': s + (a", "s': ss + (a")))
+    assert done.out.count("'ss' is not defined") == 1
+    assert "the same in BranchingSeals" in done.out
+
+
+def test_check_formats(tmp_path: Path) -> None:
+    path = spec(tmp_path, SHIFT.replace("high: 6", "high: 5"))
+    data = Done("check", path, "--json").data
+    assert data == {**Done("check", path, "--format", "json").data, "seconds": data["seconds"], "tasks": data["tasks"]}
+    assert data["errors"] == len([d for d in data["diagnostics"] if d["severity"] == "error"])
+    lines = Done("check", path, "--format", "github").out.splitlines()
+    assert f"::error file={path},line=29," in "\n".join(lines)
+    assert all(line.startswith(("::error ", "::warning ")) for line in lines)
+
+
+def test_strict_makes_warnings_errors(tmp_path: Path) -> None:
+    path = spec(tmp_path, Done("new", "Odd", "-o", tmp_path / "odd.yaml").out and (tmp_path / "odd.yaml").read_text())
+    path.write_text(
+        path.read_text().replace("  s: {type: int, low: 0, high: L", "  s: {type: int, low: 0, high: L + 5")
+    )
+    assert Done("check", path).status == 0
+    assert "W501" in Done("check", path).out
+    assert Done("check", path, "--strict").status == 1
+
+
+def test_check_takes_parameters_and_variants() -> None:
+    (task,) = Done("check", DERAIL / "branching.yaml", "--variant", "seals", "-p", "L=10", "--json", "--quick").data[
+        "tasks"
+    ]
+    assert task["id"] == "derail/BranchingSeals-v0"
+    assert task["other_parameter_values"] == 0
+
+
+def test_claims_speak_of_the_default_parameters() -> None:
+    assert Done("check", "NoisyObs", "-p", "M=7").status == 0
+    assert Done("check", "NoisyObs", "--json").data["tasks"][0]["claims_proved"] > 0
+
+
+# -- show ---------------------------------------------------------------------------------------------------------
+
+EVERY = [*task_ids(), *(str(path) for path in sorted(SPECS.glob("*.yaml")))]
+
+
+@pytest.mark.parametrize("task", EVERY)
+def test_show_is_a_page_of_80_columns(task: str) -> None:
+    done = Done("show", task, columns=80)
+    assert done.status == 0, done.err
+    assert max(map(len, done.out.splitlines())) <= 80
+    for title in ("State", "Action", "Observation", "Equations"):
+        assert f"\n{title}" in done.out
+
+
+def test_show_tells_values_equations_errata_claims_and_sources() -> None:
+    text = Done("show", "Branching", "-p", "L=4").out
+    for line in (
+        "  L  4  int 1..1000  number of choices on the path",
+        "  s  int 0..8  position",
+        "  dynamics     s' = s + (a + 1) * (s % B == 0 and s < L * B)",
+        "  horizon      L = 4",
+        "  expert       a = B - 1",
+        "  optimal_return == 1",
+        "  here    the goal is absorbing",
+        "  freire2020derail  sections 3.2, A.4",
+    ):
+        assert f"\n{line}" in text
+
+
+def test_show_source_is_the_code_that_runs() -> None:
+    from taskspec import load
+    from taskspec.backends.scalar.program import compile_scalar
+
+    assert Done("show", "Sort", "--source").out.rstrip() == compile_scalar(load("derail/Sort")).source.rstrip()
+    assert Done("show", "Sort", "--source", "--json").data["language"] == "python"
+
+
+def test_show_json_holds_the_merged_spec() -> None:
+    data = Done("show", "derail/EarlyTermNeg", "--json").data
+    assert (data["id"], data["spec"]["reward"]) == ("derail/EarlyTermNeg-v0", -1)
+
+
+def test_show_obeys_nothing_that_a_spec_says(tmp_path: Path) -> None:
+    text = RISKY.replace("summary: A shortcut", 'summary: "\\e]0;owned\\a\\e[31m [bold]A shortcut').replace(
+        "half of the time.", 'half."'
+    )
+    done = Done("show", spec(tmp_path, text))
+    assert done.status == 0
+    assert "\x1b" not in done.out
+    assert "[bold]A shortcut" in done.out
+
+
+# -- explain, schema, new -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("code", sparse(CODES, 3))
+def test_explain_knows_every_code(code: str) -> None:
+    done = Done("explain", code.lower())
+    assert CODES[code].slug in done.out
+    assert CODES[code].explanation.strip() in done.out
+    assert code[:2] in CLASSES
+
+
+def test_explain_lists_all() -> None:
+    listed = Done("explain").out
+    assert all(code in listed for code in CODES)
+    assert [entry["code"] for entry in Done("explain", "--json").data] == list(CODES)
+
+
+def test_schema_is_json_on_the_terminal_and_in_a_file(tmp_path: Path) -> None:
+    assert "$schema" in Done("schema").data
+    assert Done("schema", "-o", tmp_path / "deep" / "s.json").status == 0
+    assert "$defs" in json.loads((tmp_path / "deep" / "s.json").read_text())
+    assert "yaml-language-server: $schema" in Done("schema", "--help").out
+
+
+def test_new_passes_check_and_runs(tmp_path: Path) -> None:
+    path = tmp_path / "my_first_task.yaml"
+    assert Done("new", "MyFirstTask", "-o", tmp_path).status == 0
+    checked = Done("check", path, "--strict")
+    assert checked.status == 0, checked.out
+    assert Done("run", path, "--policy", "expert", "--json").data["mean"] == 1
+    before = path.read_text()
+    again = Done("new", "MyFirstTask", "-o", path)
+    assert (again.status, path.read_text()) == (1, before)
+    assert "already exists" in again.err
+
+
+OUTSIDE = """\
+taskspec: 1
+name: Grid
+constants: {map: {grid: ["..#", "#.."], legend: {".": 0, "#": 1}}}
+state:
+  x: {type: int, low: 0, high: 2}
+action:
+  a: {type: choice, values: {left: -1, right: 1}}
+horizon: 5
+initial: {x: 7}
+dynamics: {x': "clip(x + a, 0, 2)"}
+reward: x' == 2
+figure: {kind: grid, at: [x, 0], map: map}
+"""
+
+
+@pytest.mark.parametrize("command", ["check", "docs", "build", "list"])
+def test_a_task_that_fails_silences_no_other(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("a", RISKY), ("grid", OUTSIDE), ("typo", OUTSIDE.replace("Grid", "Typo").replace("x' == 2", "y")),
+                       ("z", RISKY.replace("RiskyPath", "Zebra"))):  # fmt: skip
+        spec(tmp_path, text, f"{name}.yaml")
+    done = Done(command, ".", columns=200)
+    said = done.out + done.err
+    assert "E712" not in said
+    assert "typo.yaml:11:9: error[E302 unknown-name]: 'y' is not defined here" in said
+    assert done.status == 1
+    if command != "list":  # which looks at no episodes
+        assert "grid.yaml:9:14: error[E404 initial-state-outside]: x starts at 7" in said
+    if command == "docs":
+        names = {path.stem for path in (tmp_path / "build" / "docs").glob("*.html")}
+        assert {"riskypath", "zebra"} <= {name.replace("-", "") for name in names}
+    else:
+        assert "RiskyPath" in done.out
+        assert "Zebra" in done.out
+
+
+@pytest.mark.parametrize("command", [["solve"], ["figure", "-o", "x.svg"]])
+def test_a_start_outside_the_map_is_no_fault_of_the_figure(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    spec(tmp_path, OUTSIDE, "grid.yaml")
+    done = Done(command[0], "grid.yaml", *command[1:])
+    assert "E712" not in done.out + done.err
+    assert ("can start outside" in done.out) if command == ["solve"] else ("grid.yaml:9:14: error[E404" in done.err)

@@ -1,0 +1,120 @@
+"""The command line: what is refused and in which words, completion, and what is imported."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from taskspec.cli import options
+from tests.shared.commands import Done
+
+# -- messages -----------------------------------------------------------------------------------------------------
+
+DERAIL = Path(__file__).parents[2] / "tasks" / "derail"
+REFUSED = [
+    (["show", "Branchng"], 1, "did you mean 'derail/Branching'?"),
+    (["show", "nope.yaml"], 1, "E710"),
+    (["check", "nowhere/"], 1, "E710"),
+    (["show", str(DERAIL)], 1, "is a folder"),
+    (["show", "Branching", "-p", "L"], 1, "name=value"),
+    (["show", "Branching", "-p", "L=0"], 1, "E703"),
+    (["show", "Branching", "-p", "L=abc"], 1, "E703"),
+    (["show", "Branching", "-p", "Q=1"], 1, "E702"),
+    (["show", "Branching", "-p", "L=1", "-p", "L=2"], 1, "twice"),
+    (["show", str(DERAIL / "early_term.yaml")], 1, "only its variants are tasks"),
+    (["show", "Branching", "--variant", "sealz"], 1, "error[E211 unknown-variant]: Branching has no variant 'sealz'"),
+    (["show", "Branching", "--variant", "sealz"], 1, "= hint: did you mean 'seals'?"),
+    (["new", "1st"], 1, "E205"),
+    (["explain", "E999"], 1, "no code 'E999'"),
+    (["run", "Branching", "--policy", "bogus"], 1, "no policy 'bogus'"),
+    (["run", "Branching", "--policy", "random(x)"], 1, "no policy 'random(x)'"),
+    (["run", "Branching", "--policy", "nope.json"], 1, "E710"),
+    (["mutate", "Branching?L=3"], 1, "without values of parameters"),
+    (["mutate", "Branching+sticky=0.25"], 1, "without modifiers"),
+    (["check", "--format", "xml"], 2, "text, json, github"),
+    (["run", "Branching", "--json", "--render", "ansi"], 2, "cannot be combined"),
+    (["run", "Branching", "--seed", "-1"], 2, "--seed"),
+    (["frobnicate"], 2, "frobnicate"),
+    (["show"], 2, "TASK"),
+]
+
+
+@pytest.mark.parametrize(
+    ("args", "status", "words"), REFUSED, ids=lambda x: " ".join(x) if isinstance(x, list) else None
+)
+def test_every_misuse_gets_one_clear_message(args: list[str], status: int, words: str) -> None:
+    done = Done(*args)
+    assert done.status == status
+    assert words in done.err
+    assert done.out == ""
+
+
+def test_a_fault_of_our_own_is_no_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: Any) -> None:
+        raise RuntimeError("oh")
+
+    monkeypatch.setattr("taskspec.cli.targets.tasks_of", broken)
+    done = Done("show", "Branching")
+    assert done.status == 70
+    assert "internal error: RuntimeError: oh" in done.err
+
+
+def test_an_interrupt_has_its_own_status(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("taskspec.cli.targets.tasks_of", interrupted)
+    assert Done("show", "Branching").status == 130
+
+
+def test_a_reader_that_goes_away_is_no_error() -> None:
+    command = f"{sys.executable} -m taskspec explain | head -1"
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {command}"], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+
+
+# -- completion, weight -------------------------------------------------------------------------------------------
+
+
+def context(**params: Any) -> Any:
+    return type("Context", (), {"params": params, "args": []})()
+
+
+def test_completion_offers_ids_parameters_and_variants() -> None:
+    assert [name for name, _ in options.complete_targets("derail/Br")] == [
+        "derail/Branching-v0",
+        "derail/BranchingSeals-v0",
+    ]
+    assert [name for name, _ in options.complete_targets(f"{DERAIL}/so")] == [f"{DERAIL}/sort.yaml"]
+    assert [name for name, _ in options.complete_parameters(context(task="Branching"), "")] == ["L=10", "B=2"]
+    assert [name for name, _ in options.complete_variants(context(task="Branching"), "se")] == ["seals"]
+    assert options.complete_parameters(context(task="Nothing"), "") == []
+    assert options.complete_variants(context(task="Nothing"), "") == []
+
+
+def test_completion_works_in_a_shell() -> None:
+    env = {"_TASKSPEC_COMPLETE": "complete_bash", "COMP_WORDS": "taskspec show Branching -p ", "COMP_CWORD": "4"}
+    command = [sys.executable, "-m", "taskspec"]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["L=10", "B=2"]
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = "import sys, taskspec.cli.app; print(sorted({'numpy', 'gymnasium', 'scipy', 'yaml'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_messages_at_one_place_come_in_the_order_of_the_spec(tmp_path: Path) -> None:
+    """Not in that of hashes, which is another one in every process."""
+    names = ["zeta", "alpha", "nu", "beta", "xi"]
+    components = ", ".join(f"{name}: {{type: int, low: 0, high: 1}}" for name in names)
+    path = tmp_path / "risky.yaml"
+    text = (DERAIL / "risky_path.yaml").read_text(encoding="utf-8")
+    path.write_text(f"{text}\nabstraction:\n  state: {{{components}}}\n  map: {{}}\n", encoding="utf-8")
+    said = [d["message"] for d in Done("check", path, "--format", "json").data["diagnostics"]]
+    assert said == [f"the map does not say what '{name}' is" for name in names]

@@ -1,0 +1,111 @@
+"""What the foot of the terminal tells while commands take long."""
+
+from __future__ import annotations
+
+import math
+import sys
+from io import StringIO
+from pathlib import Path
+from threading import Event
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from taskspec import pages
+from taskspec.base.progress import tell, telling
+from taskspec.cli import progress
+from taskspec.cli.app import app
+
+
+class Terminal(StringIO):
+    def isatty(self) -> bool:
+        return True
+
+    @property
+    def lines(self) -> list[str]:
+        return [line for line in self.getvalue().split("\r\x1b[K") if line]
+
+
+def test_a_bar_says_which_part_it_is_and_how_long_the_rest_may_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal, clock = Terminal(), iter(range(1_000))
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: float(next(clock))))
+    with progress.progress("work"):
+        tell("before")
+        for part in telling(["a", "b", "c", "d"], "part {}".format):
+            tell(f"inside {part}")
+        for _ in telling(["x", "y"], "then {}".format):
+            pass
+    empty, half, three = "╌" * 20, "━" * 10 + "╌" * 10, "━" * 15 + "╌" * 5
+    assert terminal.lines == [
+        "work: before (1 s)",
+        f"{empty} part a (2 s)", f"{empty} part a: inside a (3 s)",
+        f"{'━' * 5}{'╌' * 15} 6 s left, part b (4 s)", f"{'━' * 5}{'╌' * 15} 9 s left, part b: inside b (5 s)",
+        f"{half} 4 s left, part c (6 s)", f"{half} 5 s left, part c: inside c (7 s)",
+        f"{three} 2 s left, part d (8 s)", f"{three} 2 s left, part d: inside d (9 s)",
+        f"{empty} then x (10 s)", f"{half} 1 s left, then y (11 s)",
+    ]  # fmt: skip
+    assert terminal.getvalue().endswith("\r\x1b[K")
+
+
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        ("docs derail/RiskyPath-v0 derail/Sort-v0 -o out", ["scores of derail/Sort-v0", "page of", "figure of"]),
+        ("run derail/RiskyPath-v0 -n 2 -o x.gif", ["x.gif, episode 1 of 2, step 3", "episode 2 of 2"]),
+        ("check derail --quick", ["risky_path.yaml", "sort.yaml"]),
+        ("build derail/RiskyPath-v0 -o out", ["risky_path.yaml", "page of"]),
+    ],
+)
+def test_commands_that_take_long_tell_what_they_do(
+    command: str, told: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    heard: list[tuple[str, float | None]] = []
+    show = progress._Line.show
+    monkeypatch.setattr(
+        progress._Line, "show", lambda self, *words: (heard.append((*words, None)[:2]), show(self, *words))
+    )
+    monkeypatch.setattr(progress, "is_terminal", lambda: True)
+    assert CliRunner().invoke(app, command.split()).exit_code == 0
+    for words in told:
+        assert any(words in what and share is not None for what, share in heard), words
+    shares = [share for _, share in heard if share is not None]
+    assert all(0 <= share <= 1 for share in shares)
+
+
+class Log(StringIO):
+    """Standard error in a file, and whether a line about a task was written to it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.has_task = Event()
+
+    def write(self, text: str) -> int:
+        written = super().write(text)
+        if "scores of derail/RiskyPath-v0" in text:
+            self.has_task.set()
+        return written
+
+
+@pytest.mark.parametrize(("command", "part"), [("docs", "docs: "), ("build", "risky_path.yaml: ")])
+def test_without_a_terminal_a_line_names_the_task_that_takes_long(
+    command: str, part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = Log()
+    gather = pages.gather
+
+    def slow(given: Any) -> Any:
+        monkeypatch.setattr(progress, "SLOW", 0.0)
+        assert log.has_task.wait(timeout=60)
+        return gather(given)
+
+    monkeypatch.setattr(sys, "stderr", log)
+    monkeypatch.setattr(progress, "SLOW", math.inf)
+    monkeypatch.setattr(pages, "gather", slow)
+    output = str(tmp_path / "out")
+    app([command, "derail/RiskyPath", "derail/Sort", "-o", output], standalone_mode=False)
+    assert f"{part}scores of derail/RiskyPath-v0 takes more than 0 s\n" in log.getvalue()

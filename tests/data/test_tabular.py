@@ -1,0 +1,116 @@
+"""Arrays of exact models, beside planning written anew, simulated episodes, and the packages that take them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec.data import Tabular, demonstrations, tabular
+from taskspec.exact import scores
+from tests.shared.commands import Done
+
+pytest.importorskip("scipy")
+SPECS = Path(__file__).parents[1] / "specs"
+TASKS = [
+    "RiskyPath",
+    "Branching",
+    "EarlyTermNeg",
+    "EarlyTermPos",
+    "InitShiftLearner",
+    "Sort",
+    "ProcGoal?D=3",
+    "seals/CliffWorld",
+    "seals/RandomTransition",
+    SPECS / "frozen_lake.yaml",
+]
+
+
+def best(found: Tabular) -> float:
+    """The optimal return by backward induction."""
+    values = np.zeros(found.n_states)
+    assert found.horizon is not None
+    for _ in range(found.horizon):
+        values = (found.R + found.discount * found.P @ values).max(axis=1)
+    return float(found.p0 @ values)
+
+
+@pytest.mark.parametrize("task", TASKS, ids=lambda task: Path(task).stem)
+def test_planning_on_the_arrays_gives_the_optimal_return(task: str) -> None:
+    loaded = taskspec.load(task)
+    found = loaded.tabular()
+    assert found.P.shape == (found.n_states, found.n_actions, found.n_states) and found.R.shape == found.P.shape[:2]
+    assert np.allclose(found.P.sum(axis=2), 1) and np.isclose(found.p0.sum(), 1) and (found.P >= 0).all()
+    optimal = scores(loaded).optimal
+    assert optimal is not None and np.isclose(best(found), optimal.value)
+    for a, part in enumerate(found.sparse):
+        assert np.array_equal(part.toarray(), found.P[:, a])
+
+
+def test_ends_are_states_that_absorb() -> None:
+    found = tabular("EarlyTermNeg")
+    (end,) = np.flatnonzero(found.absorbed)
+    assert found.P[end, :, end].tolist() == [1, 1] and found.R[end].tolist() == [0, 0]
+    assert found.P[:, :, end].sum() > 2
+    assert not tabular("RiskyPath").absorbed.any()
+
+
+@pytest.mark.parametrize("task", ["RiskyPath", "Branching", "NoisyObs"])
+def test_occupancy_counts_states_of_episodes(task: str) -> None:
+    found = tabular(task)
+    assert found.horizon is not None
+    exact = found.occupancy("epsilon(0.5)")
+    assert np.isclose(exact.sum(), found.horizon + 1)
+    if task == "NoisyObs":
+        with pytest.raises(taskspec.SpecError, match="not a function of the state"):
+            _ = found.observations
+        return
+    shown = demonstrations(task, "epsilon(0.5)", episodes=3000)
+    seen = np.concatenate([t.obs for t in shown.trajectories])
+    counts = np.bincount(found.index(seen), minlength=found.n_states) / 3000
+    assert np.abs(counts - exact).max() < 0.15
+
+
+def test_observations_are_those_of_the_environment() -> None:
+    found, env = tabular("Branching"), taskspec.make("Branching")
+    env.reset(seed=0)
+    for i in range(found.n_states):
+        state = {name: value for name, value in found.model.state(i).items() if name in env.state}
+        assert env.reset(seed=0, options={"state": state})[0] == found.observations[i]
+    assert np.array_equal(found.features.argmax(axis=1), found.observations)
+    assert np.array_equal(found.index(found.observations), np.arange(found.n_states))
+
+
+def test_what_cannot_be_tabulated_says_why(tmp_path: Path) -> None:
+    with pytest.raises(taskspec.SpecError, match="infinitely many values"):
+        tabular("Parabola")
+    text = (SPECS.parent.parent / "tasks" / "derail" / "risky_path.yaml").read_text()
+    endless = tmp_path / "endless.yaml"
+    endless.write_text(text.split("claims:")[0].replace("horizon: 5", "horizon: none\ndiscount: 0.5"))
+    with pytest.raises(taskspec.SpecError, match="no horizon"):
+        tabular(endless).occupancy("random")
+
+
+def test_seals_and_ours_step_alike() -> None:
+    pytest.importorskip("seals")
+    found = tabular("RiskyPath")
+    env = found.seals()
+    env.reset(seed=1)
+    totals = []
+    for _ in range(400):
+        env.reset()
+        totals.append(sum(env.step(1 if t == 0 else 0)[1] for t in range(5)))
+    policy = np.zeros(5, int)
+    policy[0] = 1
+    exact, now = 0.0, found.p0
+    for t in range(5):
+        exact += now @ found.R[:, policy[t]]
+        now = now @ found.P[:, policy[t]]
+    assert abs(np.mean(totals) - exact) < 4 * np.std(totals) / 20
+
+
+def test_the_command_line_says_where_data_comes_from(tmp_path: Path) -> None:
+    done = Done("demos", "InitShiftLearner", "-n", 4, "-o", tmp_path / "x.npz")
+    assert "InitShiftExpert" in done.out and "8 transitions of 4 episodes; the policy earns 2 (exact)" in done.out

@@ -1,0 +1,105 @@
+"""The numbers of `docs/fidelity.md`, beside the installed package `seals` and our tasks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec.exact import scores
+from tests.shared.seals import original
+
+PAGE = (Path(__file__).parents[2] / "docs" / "fidelity.md").read_text(encoding="utf-8")
+SECTIONS = dict(part.split("\n", 1) for part in re.split(r"^## ", PAGE, flags=re.MULTILINE)[1:])
+OF_SEALS = {"InitShift": "InitShiftTrain"}
+OURS = {"InitShift": "InitShiftExpert"}
+
+
+def rows(point: str) -> Iterator[tuple[str, str, str]]:
+    """Section, and the last two cells, of every row about a point: of the code, and of ours."""
+    for title, text in SECTIONS.items():
+        for line in text.splitlines():
+            cells = [cell.strip() for cell in line.split("|")]
+            if len(cells) == 7 and cells[1] == point:
+                yield title, cells[4], cells[5]
+
+
+def last_number(cell: str) -> float:
+    return float(re.findall(r"-?[\d.]+", cell)[-1])
+
+
+def test_there_is_a_section_for_every_task() -> None:
+    suites = [i.removesuffix("-v0").split("/") for i in taskspec.task_ids() if i.startswith(("derail/", "seals/"))]
+    names = {name for _, name in suites if not name.endswith("Seals")}
+    missing = [name for name in names if not any(name.startswith(title) for title in SECTIONS)]
+    assert not missing
+
+
+@pytest.mark.parametrize(("title", "code", "ours"), list(rows("horizon")))
+def test_horizons(title: str, code: str, ours: str) -> None:
+    registered = gym.spec(f"seals/{OF_SEALS.get(title, title)}-v0").max_episode_steps
+    assert registered == last_number(code)
+    assert taskspec.load(f"derail/{OURS.get(title, title)}").horizon == last_number(ours)
+
+
+@pytest.mark.parametrize(("title", "code", "ours"), [*rows("best return"), *rows("random return")])
+def test_returns(title: str, code: str, ours: str) -> None:
+    pair = [scores(f"derail/{OURS.get(title, title)}{variant}") for variant in ("Seals", "")]
+    which = "optimal" if (title, code, ours) in set(rows("best return")) else "random"
+    for found, cell in zip(pair, (code, ours), strict=True):
+        assert getattr(found, which).value == pytest.approx(last_number(cell), rel=1e-9)
+
+
+def test_the_risky_action_of_the_code() -> None:
+    assert np.flatnonzero(original("RiskyPath").unwrapped.transition_matrix[0, 1]).tolist() == [2, 3]
+
+
+def test_the_learners_start_of_the_code() -> None:
+    theirs = original("InitShiftTest").unwrapped
+    assert theirs.initial_state() == 1
+    assert theirs.initial_state_dist.tolist() == [1, 0, 0, 0, 0, 0, 0]
+    assert taskspec.load("derail/InitShiftLearner").make().reset(seed=0)[0] == 1
+
+
+def test_what_the_code_tells_of_horizons_and_takes_as_options() -> None:
+    theirs = original("RiskyPath").unwrapped
+    assert theirs.horizon is None
+    with pytest.raises(NotImplementedError):
+        theirs.reset(options={})
+    ours = gym.make("derail/RiskyPathSeals-v0")
+    assert ours.spec is not None and ours.spec.max_episode_steps == ours.unwrapped.task.horizon == 5  # type: ignore[attr-defined]
+    ours.reset(options={})
+
+
+def test_the_goal_of_branching_in_the_code() -> None:
+    theirs = original("Branching").unwrapped
+    assert (theirs.transition_matrix[-1, :, -1] == 1).all()
+
+
+@pytest.mark.slow
+def test_what_the_wind_costs() -> None:
+    lines = [line.split("|")[1:4] for line in SECTIONS["CliffWorld"].splitlines() if line.startswith("| CliffWorld")]
+    assert len(lines) == 3
+    for name, best, windless in lines:
+        theirs = original(name.strip()).unwrapped
+        sizes = {"width": theirs.width, "height": theirs.height, "horizon": theirs.horizon}
+        calm = original(name.strip(), **sizes, fail_p=0.0).unwrapped
+        assert planned(theirs, theirs) == pytest.approx(float(best), abs=5e-4)
+        assert planned(calm, theirs) == pytest.approx(float(windless), abs=5e-4)
+
+
+def planned(believed: Any, real: Any) -> float:
+    """The return, in a world, of the plan that is best in another one; of equal actions, the first."""
+    states = np.arange(real.state_dim)
+    hoped, value = np.zeros(len(states)), np.zeros(len(states))
+    for _ in range(real.horizon):
+        q = believed.reward_matrix[:, None] + believed.transition_matrix @ hoped
+        hoped, chosen = q.max(axis=1), q.argmax(axis=1)
+        value = real.reward_matrix + real.transition_matrix[states, chosen] @ value
+    return float(real.initial_state_dist @ value)

@@ -1,0 +1,103 @@
+"""What is public: the names that modules list in `__all__`, all of them said what they are, and no others in what users read."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+
+import pytest
+
+import taskspec
+from taskspec.base.extras import is_installed
+from taskspec.cli.manual.docstrings import markdown
+from taskspec.cli.manual.public import definition, public, public_modules, public_names
+from tests.docs.test_snippets import PAGES, blocks
+
+FOR_CONTRIBUTORS = ("architecture.md", "extending.md", "correctness.md")
+NEEDS = {"taskspec.backends.jax": "jax", "taskspec.envs.functional": "jax", "taskspec.envs.sb3": "stable_baselines3"}
+
+
+@pytest.mark.parametrize("module", public_modules())
+def test_every_public_name_is_there_and_says_what_it_is(module: str) -> None:
+    names = public_names(module)
+    assert len(set(names)) == len(names) and not any(name.startswith("_") for name in names)
+    for name in names:
+        _, text = definition(module, name)
+        assert text, f"{module}.{name}"
+    if module in NEEDS and not is_installed(NEEDS[module]):
+        return
+    found = importlib.import_module(module)
+    assert tuple(found.__all__) == names
+    for name in names:
+        node, _ = definition(module, name)
+        value = getattr(found, name)
+        assert isinstance(node, ast.ClassDef) == isinstance(value, type)
+
+
+def test_the_package_imports_each_public_name_on_first_use() -> None:
+    assert set(taskspec.__all__) == set(taskspec._PUBLIC) <= set(dir(taskspec))
+    for name, module in taskspec._PUBLIC.items():
+        assert getattr(taskspec, name) is getattr(importlib.import_module(module), name)
+
+
+def test_pages_for_users_use_public_names_alone() -> None:
+    public = {module: public_names(module) for module in public_modules()}
+    pages = [page for page in PAGES if page.name not in FOR_CONTRIBUTORS]
+    texts = [block.body for page in pages for block in blocks(page.read_text("utf-8")) if block.language == "python"]
+    used = [pair for text in texts for pair in imported(text)]
+    assert len(used) > 20
+    stray = [(module, name) for module, name in used if name not in public.get(module, ())]
+    assert [pair for pair in stray if ".".join(pair) not in public] == []
+
+
+def imported(program: str) -> list[tuple[str, str]]:
+    """The names of ours that a program takes: those it imports, and the attributes of `taskspec` that it uses."""
+    found = []
+    for node in ast.walk(ast.parse(program)):
+        match node:
+            case ast.ImportFrom(module=str(module), names=names) if module.partition(".")[0] == "taskspec":
+                found += [(module, alias.name) for alias in names]
+            case ast.Attribute(value=ast.Name(id="taskspec"), attr=name):
+                found.append(("taskspec", name))
+    return found
+
+
+def test_the_page_tells_what_docstrings_say() -> None:
+    """Arguments and errors of functions, and members of classes, each of them once."""
+    page = public()
+    assert [line for line in page.splitlines() if line == "### taskspec.load"] == ["### taskspec.load"]
+    assert "### taskspec.envs.Environment" not in page  # told under `taskspec` already
+    for cls in (taskspec.Environment, taskspec.Task):
+        section = page.partition(f"### taskspec.{cls.__name__}\n")[2].partition("\n##")[0]
+        own = {
+            name for name, value in vars(cls).items() if not name.startswith("_") and getattr(value, "__doc__", None)
+        }
+        members = {name for name in own if callable(getattr(cls, name)) or isinstance(vars(cls)[name], property)}
+        assert members - {name for name in members if f"| `{name}" in section} == set()
+
+
+GIVEN = """More of it.
+
+Args:
+    one, two: of a kind,
+        and more.
+    *rest: others.
+
+Raises:
+    SpecError: E999, why.
+"""
+TOLD = """More of it.
+
+**Args**
+
+- `one`, `two`: of a kind,
+  and more.
+- `*rest`: others.
+
+**Raises**
+
+- `SpecError`: E999, why."""
+
+
+def test_sections_of_docstrings_are_lists() -> None:
+    assert markdown(GIVEN) == TOLD

@@ -1,0 +1,277 @@
+"""The documentation is true: generated pages are what the generators give, and every snippet does what is printed below it.
+
+On a page, top to bottom and in a folder of its own:
+
+- a `yaml` block with a `taskspec:` line is a spec; it is written to the file named by `<!-- file: NAME -->` above it, and
+  checked. Any other `yaml` block replaces or adds sections of the last spec, in a copy; with `<!-- add: NAME -->`, in the file.
+  `<!-- error: E302 -->` says which codes the check must give; none unless given.
+- a `python` block is executed; all blocks of a page share their names. A `text` block directly below is what it prints. With
+  `<!-- file: NAME -->` it is a file as well.
+- in a `console` block, lines after `$ ` are commands. Those of taskspec and python are run; what follows is their output.
+- `<!-- script: train.py -->` stands above the text of a file beside the page, which `test_howto_scripts.py` runs.
+- `<!-- skip: reason -->` leaves a block alone, `<!-- needs: package -->` does so where a package is not installed.
+
+In outputs, a line `...` stands for any lines, and durations are not compared. `pytest --update-golden` writes what comes out.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from importlib.util import find_spec
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import pytest
+from gymnasium.envs.registration import registry as gym_registry
+
+from taskspec import registry
+from taskspec.cli import manual
+from taskspec.cli.checking import check_file, check_other
+from taskspec.cli.manual.commands import commands
+from taskspec.cli.targets import files_of
+from taskspec.learners import learner
+from tests.conftest import needs_vectors
+from tests.shared.scripts import script
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+GENERATED: dict[str, Callable[[], str]] = {
+    "language.md": manual.language,
+    "errors.md": manual.errors,
+    "modifiers.md": manual.modifiers,
+    "difficulty.md": manual.difficulty,
+    "names.md": manual.public,
+    "commands.md": commands,
+    "beside.md": lambda: str(script("beside").beside()),
+}
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
+PAGES.remove(DOCS / "errors.md")  # its snippets show mistakes; tests/errors has a whole spec for each
+
+BLOCK = re.compile(
+    r"(?:^<!-- (?P<key>file|add|error|skip|needs|script): (?P<value>.*?) -->\n+)?"
+    r"^```(?P<language>\w+)\n(?P<body>.*?)^```$",
+    re.MULTILINE | re.DOTALL,
+)
+SECTION = re.compile(r"^(?=[A-Za-z_]\w*:)", re.MULTILINE)
+DURATION = re.compile(r"\d+(\.\d+)? m?s\b")
+
+
+@dataclass(frozen=True)
+class Block:
+    language: str
+    body: str
+    key: str | None
+    value: str
+    start: int  # of the body, in the page
+    end: int
+
+    @property
+    def skipped(self) -> bool:
+        return self.key in ("skip", "script") or (self.key == "needs" and find_spec(self.value) is None)
+
+
+@dataclass
+class Page:
+    """A page that is being read: its folder, the names of its Python, its last spec, and changes to its outputs."""
+
+    path: Path
+    folder: Path
+    names: dict[str, Any] = field(default_factory=lambda: {"__name__": "__main__"})
+    spec: Path | None = None
+    changes: list[tuple[int, int, str]] = field(default_factory=list)
+
+
+def blocks(text: str) -> list[Block]:
+    return [
+        Block(m["language"], m["body"], m["key"], m["value"] or "", m.start("body"), m.end("body"))
+        for m in BLOCK.finditer(text)
+    ]
+
+
+# -- generated pages ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", GENERATED)
+def test_generated_pages_are_up_to_date(name: str, update_golden: bool) -> None:
+    path, text = DOCS / name, GENERATED[name]()
+    if update_golden:
+        path.write_text(text, encoding="utf-8")
+    assert path.read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_scripts_on_pages_are_the_files_beside_them(path: Path, update_golden: bool) -> None:
+    text = path.read_text(encoding="utf-8")
+    now = text
+    for block in reversed([block for block in blocks(text) if block.key == "script"]):
+        script = (path.parent / block.value).read_text(encoding="utf-8")
+        now = now[: block.start] + script + now[block.end :]
+    if update_golden:
+        path.write_text(now, encoding="utf-8")
+    assert path.read_text(encoding="utf-8") == now
+
+
+def test_the_readme_has_the_findings_of_the_printed_appendix(update_golden: bool) -> None:
+    table = (ROOT / "tests/appendix_as_printed/README.md").read_text(encoding="utf-8").split("\n\n")[-1].strip()
+    path = ROOT / "README.md"
+    text = path.read_text(encoding="utf-8")
+    wanted = f"<!-- findings -->\n{table}\n<!-- /findings -->"
+    now = re.search(r"<!-- findings -->.*<!-- /findings -->", text, re.DOTALL)
+    assert now is not None
+    if update_golden:
+        path.write_text(text.replace(now[0], wanted), encoding="utf-8")
+    else:
+        assert now[0] == wanted
+
+
+def test_the_readme_prints_what_its_spec_prints(tmp_path: Path) -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    quoted = text.partition("<!-- printed -->\n")[2].partition("<!-- /printed -->")[0].splitlines()
+    spec = next(block for block in blocks(text) if block.language == "yaml")
+    (tmp_path / "risky_path.yaml").write_text(spec.body, encoding="utf-8")
+    done = run(
+        "taskspec", ["docs", "risky_path.yaml", "--format", "markdown", "--no-results", "-o", "printed"], tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    page = "\n".join(path.read_text(encoding="utf-8") for path in (tmp_path / "printed").glob("*.md"))
+    assert quoted
+    for line in quoted:
+        assert line.removeprefix("> ") in page.splitlines()
+
+
+# -- snippets -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def page(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Page]:
+    folder = tmp_path / "mine"  # the name of the suite that specs in it belong to
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(registry, "_registered", dict(registry._registered))
+    known = dict(gym_registry)
+    yield Page(request.param, folder)
+    gym_registry.clear()
+    gym_registry.update(known)
+
+
+@needs_vectors("pages show what happens with a Gymnasium that has vector environments")
+@pytest.mark.parametrize("page", PAGES, indirect=True, ids=lambda path: str(path.relative_to(ROOT)))
+def test_snippets_do_what_the_page_says(page: Page, update_golden: bool) -> None:
+    text = page.path.read_text(encoding="utf-8")
+    found = blocks(text)
+    for block, after in zip_longest(found, found[1:]):
+        if block.skipped:
+            continue
+        if block.language == "yaml":
+            read_spec(block, page)
+        elif block.language == "console":
+            run_commands(block, page)
+        elif block.language == "python":
+            if block.key == "file":
+                (page.folder / block.value).write_text(block.body, encoding="utf-8")
+            printed = after if after and after.language == "text" and after.start - block.end < 16 else None
+            execute(block, printed, page)
+    for start, end, new in reversed(page.changes):
+        text = text[:start] + new + text[end:]
+    if update_golden and page.changes:
+        page.path.write_text(text, encoding="utf-8")
+    else:
+        assert not page.changes, "\n".join(new for _, _, new in page.changes)
+
+
+def read_spec(block: Block, page: Page) -> None:
+    """Write a spec, an experiment, settings of a learner, or a change of a spec, and check it."""
+    if re.search(r"^learner:", block.body, re.MULTILINE):
+        path = page.folder / "learner.yaml"
+        path.write_text(block.body, encoding="utf-8")
+        assert learner(path).configuration != learner("paper/gail_im").configuration
+        return
+    if re.search(r"^experiment:", block.body, re.MULTILINE):
+        path = page.folder / (block.value if block.key == "file" else "experiment.yaml")
+        path.write_text(block.body, encoding="utf-8")
+        assert not check_other(path, "experiment").diagnostics
+        return
+    if re.search(r"^taskspec:", block.body, re.MULTILINE):
+        path = page.folder / (block.value if block.key == "file" else "spec.yaml")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(block.body, encoding="utf-8")
+        page.spec = path
+    else:
+        base = page.folder / block.value if block.key == "add" else page.spec
+        assert base is not None, "a change of no spec"
+        path = base if block.key == "add" else page.folder / "changed.yaml"
+        path.write_text(changed(base.read_text(encoding="utf-8"), block.body), encoding="utf-8")
+    (report,) = [check_file(file) for file in files_of([str(path)])]
+    errors = [d for d in report.diagnostics if d.code.startswith("E")]
+    wanted = block.value.split(", ") if block.key == "error" else []
+    assert [d.code for d in errors] == wanted, errors
+
+
+def changed(text: str, changes: str) -> str:
+    """A spec with the sections of a snippet in place of its own."""
+    sections = {part.split(":")[0]: part for part in SECTION.split(text + "\n") if part.strip()}
+    for part in SECTION.split(changes):
+        sections[part.split(":")[0]] = part
+    return "\n".join(part.rstrip("\n") for part in sections.values()) + "\n"
+
+
+def execute(block: Block, printed: Block | None, page: Page) -> None:
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(compile(block.body, str(page.path), "exec"), page.names)
+    if printed is not None and not printed.skipped:
+        compare(printed.body, out.getvalue(), printed.start, printed.end, page)
+
+
+def run_commands(block: Block, page: Page) -> None:
+    """Run the commands of a console block; a command without output below it must succeed."""
+    parts = re.split(r"^\$ (.*)\n", block.body, flags=re.MULTILINE)
+    assert not parts[0].strip(), "output of no command"
+    offset = block.start + len(parts[0])
+    for command, shown in zip(parts[1::2], parts[2::2], strict=True):
+        start = offset + len(command) + 3
+        offset = start + len(shown)
+        program, *arguments = shlex.split(command)
+        if program not in ("taskspec", "python"):
+            continue
+        done = run(program, arguments, page.folder)
+        if shown.strip():
+            separator = "\n" if shown.endswith("\n\n") else ""
+            compare(shown, done.stdout + done.stderr + separator, start, offset, page)
+        else:
+            assert done.returncode == 0, done.stderr
+
+
+def run(program: str, arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    prefix = [sys.executable, "-m", "taskspec"] if program == "taskspec" else [sys.executable]
+    environment = {**os.environ, "NO_COLOR": "1", "COLUMNS": "90", "PYTHONIOENCODING": "utf-8"}
+    return subprocess.run(
+        [*prefix, *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=False,
+    )
+
+
+def compare(shown: str, came: str, start: int, end: int, page: Page) -> None:
+    """Note a change where an output is not what the page shows."""
+    came = "\n".join(line.rstrip() for line in came.split("\n"))
+    pattern = ".*\n".join(re.escape(part) for part in re.split(r"^\.\.\.\n", plain(shown), flags=re.MULTILINE))
+    if not re.fullmatch(pattern, plain(came), re.DOTALL):
+        page.changes.append((start, end, came))
+
+
+def plain(text: str) -> str:
+    return DURATION.sub("0 s", text)

@@ -1,0 +1,146 @@
+"""Experts as policies of other libraries, experts of other kinds than the spec's, and the model that scores rest on."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec import exact
+from taskspec.exact import Expert, extract, score, scores
+from taskspec.policies.named import named
+
+TASK = taskspec.load("RiskyPath")
+
+
+def soft_return(beta: float) -> float:
+    """Of the Boltzmann policy of soft values on RiskyPath, worked out with loops over its five steps."""
+    reward = {2: 1.0, 3: -100.0}
+    moves = {0: [{1: 1.0}, {2: 0.5, 3: 0.5}], 1: [{2: 1.0}, {1: 1.0}], 2: [{2: 1.0}] * 2, 3: [{3: 1.0}] * 2}
+    value, paid = dict.fromkeys(moves, 0.0), dict.fromkeys(moves, 0.0)
+    for _ in range(5):
+        q = {
+            s: [sum(p * (reward.get(n, 0) + value[n]) for n, p in a.items()) for a in acts] for s, acts in moves.items()
+        }
+        own = {
+            s: [sum(p * (reward.get(n, 0) + paid[n]) for n, p in a.items()) for a in acts] for s, acts in moves.items()
+        }
+        weights = {s: np.exp(beta * (np.array(row) - max(row))) for s, row in q.items()}
+        value = {s: max(q[s]) + float(np.log(w.sum())) / beta for s, w in weights.items()}
+        paid = {s: float((w / w.sum()) @ np.array(own[s])) for s, w in weights.items()}
+    return paid[0]
+
+
+@pytest.mark.parametrize("beta", [0.01, 1.0, 3.0])
+def test_a_soft_expert_is_scored_by_its_own_probabilities(beta: float) -> None:
+    found = score(TASK, Expert(TASK, f"soft({beta})"))
+    assert found.asked == "probabilities" and found.value.exact
+    assert found.value.value == pytest.approx(soft_return(beta), abs=1e-9)
+
+
+def test_a_soft_expert_acts_as_often_as_it_says() -> None:
+    expert = Expert(TASK, "soft(0.01)", seed=1)
+    plan = expert.results.expert_plan
+    assert plan is not None
+    actions, _ = expert.predict(np.zeros(4000, np.int64))
+    assert np.mean(actions == 1) == pytest.approx(plan(0)[1, 0], abs=0.03)
+    assert 0.05 < plan(0)[1, 0] < 0.95
+
+
+def test_an_optimal_expert_reaches_the_optimum_and_others_are_refused() -> None:
+    assert score("Branching", Expert("Branching", "optimal")).value.value == scores("Branching").optimal.value
+    for wrong in ("soft", "soft(x)", "soft(nan)", "best", 3):
+        with pytest.raises(taskspec.SpecError, match="E713"):
+            Expert(TASK, wrong)  # type: ignore[arg-type]
+
+
+def test_an_expert_is_called_as_imitation_calls_policies() -> None:
+    expert, env = Expert(TASK), taskspec.make(TASK)
+    assert (expert.observation_space, expert.action_space) == (env.observation_space, env.action_space)
+    seen, state, starts = np.array([0, 1]), None, np.array([True, True])
+    for _ in range(3):
+        actions, state = expert(seen, state, starts)
+        assert actions.tolist() == [0, 0]
+        starts = np.array([False, True])
+    assert state[0].tolist() == [3, 1]
+
+
+def test_stable_baselines3_evaluates_an_expert() -> None:
+    pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.evaluation import evaluate_policy
+
+    from taskspec.envs.sb3 import Sb3VecEnv
+
+    model: Any = Expert(TASK)
+    mean, _ = evaluate_policy(model, Sb3VecEnv(TASK, 2, backend="numpy"), n_eval_episodes=4, warn=False)
+    assert mean == 4.0
+
+
+def test_the_model_of_an_abstraction_is_extracted() -> None:
+    task = taskspec.load("Sort", L=3)
+    model = extract(task)
+    assert int(model.entered.sum()) == scores(task).states
+    results = exact.Results(task)
+    assert results.model is not None and results.model.n_states == model.n_states
+    assert np.allclose(model.start, results.model.start)
+
+
+def test_an_expert_is_a_policy_of_stable_baselines3_where_one_is_asked_for() -> None:
+    policies = pytest.importorskip("stable_baselines3.common.policies")
+    from taskspec.envs.sb3 import Sb3Expert
+
+    for name in ("derail/InitShiftLearner-v0", "derail/Parabola-v0"):
+        plain, wrapped = Expert(name), Sb3Expert(name)
+        assert isinstance(wrapped, policies.BasePolicy)
+        assert (wrapped.observation_space, wrapped.action_space) == (plain.observation_space, plain.action_space)
+        seen = np.stack([taskspec.make(name).reset(seed=i)[0] for i in range(3)])
+        (actions, steps), (theirs, _) = (
+            wrapped.predict(seen, deterministic=True),
+            plain.predict(seen, deterministic=True),
+        )
+        assert np.array_equal(actions, theirs) and steps[0].tolist() == [1, 1, 1]
+
+
+FAR = """
+taskspec: 1
+name: Far
+state:
+  s: {type: int, low: 0, high: 9, shape: [9]}
+action:
+  a: {type: choice, values: {left: -1, right: 1}}
+horizon: 4
+initial: {s: "[4 for i in range(9)]"}
+dynamics: {s': "clip(s + 2 * a, 0, 9)"}
+reward: "s'[0] == 8"
+terminal: "s'[0] == 8"
+discount: 9/10
+expert: optimal
+"""
+
+
+def test_an_expert_that_is_planned_does_not_guess_in_states_that_no_episode_comes_to(tmp_path: Path) -> None:
+    """It took the plan of the next state that is in the model, and failed after the last one."""
+    (tmp_path / "far.yaml").write_text(FAR)
+    far = taskspec.load(tmp_path / "far.yaml")
+    expert, policy = Expert(far), named(far, "optimal")
+    assert expert.predict(np.full(9, 6), deterministic=True)[0] == 1
+    for state in (7, 9, 77):
+        with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, .*no episode of Far comes there"):
+            expert.predict(np.full(9, state))
+        with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, "):
+            policy.act({"s": np.full((9, 2), [4, state])}, 0, np.zeros((1, 2), np.uint32))
+
+
+def test_the_name_of_an_expert_is_no_policy_but_the_hint_says_how_it_is_one() -> None:
+    with pytest.raises(taskspec.SpecError, match=r"E713(.|\n)*`Expert\(task, 'soft\(1\)'\)`"):
+        score(TASK, "soft(1)")
+
+
+def test_a_return_that_is_no_number_has_no_score_not_the_lowest() -> None:
+    assert math.isnan(exact.normalised(math.nan, 0.0, 2.0))
+    with pytest.raises(taskspec.SpecError, match=r"E713.*return number 2 of 2 is nan"):
+        score(TASK, returns=[1.0, math.nan])

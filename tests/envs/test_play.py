@@ -1,0 +1,120 @@
+"""What tools ask of an environment: its horizon, its frames, and its keys."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+import taskspec
+from taskspec.envs import window
+from tests.conftest import needs_vectors
+
+SPECS = Path(__file__).parents[1] / "specs"
+
+
+@pytest.mark.parametrize("task_id", ["derail/Branching-v0", "derail/LargestSum-v0"])
+def test_the_spec_tells_the_horizon_and_nothing_is_wrapped(task_id: str) -> None:
+    env = gym.make(task_id)
+    assert isinstance(env, gym.Env) and env is env.unwrapped
+    assert env.spec is not None and env.spec.max_episode_steps == taskspec.load(task_id).horizon
+    assert gym.make("derail/Branching-v0", L=4).spec.max_episode_steps == 4
+
+
+def test_an_environment_made_again_from_its_spec_is_the_same() -> None:
+    env = gym.make("derail/Branching-v0", L=4)
+    again = gym.make(env.spec)
+    assert env.reset(seed=1)[0] == again.reset(seed=1)[0]
+    for _ in range(4):
+        assert env.step(1) == again.step(1)
+
+
+def test_a_spec_limits_steps_once_and_never_to_less_than_the_horizon() -> None:
+    env = gym.make("derail/Branching-v0", L=4)
+    assert env.spec is not None and env.spec.kwargs["L"] == 4
+    for _ in range(3):
+        env = gym.make(env.spec)
+        assert env.unwrapped in (env, getattr(env, "env", None))  # at most one wrapper
+    again = EnvSpec.from_json(env.unwrapped.spec.to_json())
+    assert again.make().unwrapped.task == env.unwrapped.task
+    with pytest.raises(taskspec.SpecError, match=r"E713.*have 20 steps, not 4"):
+        gym.make(again, L=20)
+
+
+def test_a_list_of_frames_is_what_gymnasium_collects() -> None:
+    pytest.importorskip("matplotlib")
+    env = gym.make("derail/RiskyPath-v0", render_mode="rgb_array_list")
+    assert env is env.unwrapped
+    theirs = gym.wrappers.RenderCollection(taskspec.make("RiskyPath", render_mode="rgb_array"))
+    for each in (env, theirs):
+        each.reset(seed=0)
+        each.step(0)
+        each.step(1)
+    frames = env.render()
+    assert [f.shape for f in frames] == [(480, 640, 3)] * 3
+    assert np.array_equal(frames, theirs.render())
+    assert env.render() == theirs.render() == []
+    env.step(1)
+    env.reset()
+    assert len(env.render()) == 1
+
+
+def test_keys_are_arrows_for_directions_and_digits_for_the_rest() -> None:
+    pygame_codes = {"right": 1073741903, "left": 1073741904, "down": 1073741905, "up": 1073741906}
+    assert window.legend(taskspec.load("RiskyPath")) == [("0", "safe"), ("1", "risky")]
+    task = taskspec.load("NoisyObs")
+    for key, name in window.legend(task):
+        code = pygame_codes.get(key) or ord(key)
+        action = taskspec.make(task).get_keys_to_action()[(code,)]
+        assert str(task.action[0].domain.labels[action]) == name
+    assert {k for k, _ in window.legend(task)} > {"left", "right", "up", "down"}
+
+
+@pytest.mark.parametrize("path", sorted(SPECS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_key_is_an_action_and_every_action_has_a_key(path: Path) -> None:
+    env = taskspec.make(path)
+    space = env.action_space
+    if isinstance(space, gym.spaces.Box):
+        with pytest.raises(taskspec.SpecError, match="E713"):
+            env.get_keys_to_action()
+        return
+    count = int(np.prod(space.nvec)) if isinstance(space, gym.spaces.MultiDiscrete) else int(space.n)
+    if count > len(window.KEYS):
+        with pytest.raises(taskspec.SpecError, match="E713"):
+            env.get_keys_to_action()
+        return
+    keys = env.get_keys_to_action()
+    assert len(keys) == count == len({np.asarray(action).tobytes() for action in keys.values()})
+    assert all(space.contains(action) for action in keys.values())
+    assert len(window.legend(env.task)) == count
+
+
+@needs_vectors("Gymnasium waits for the player from 1.0 on")
+def test_a_person_plays_an_episode(monkeypatch: pytest.MonkeyPatch) -> None:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    env = taskspec.make("RiskyPath", render_mode="rgb_array")
+    env.reset(seed=0)
+    seen: list[Any] = []
+    pressed = [[], [pygame.event.Event(pygame.KEYDOWN, key=ord("0"))], [], [pygame.event.Event(pygame.QUIT)]]
+    monkeypatch.setattr(pygame.event, "get", lambda: pressed.pop(0))
+    window.play(env, lambda *step: seen.append(step[2:5]), fps=100)
+    assert seen == [(0, 0.0, False), (0, 1.0, False)]
+
+
+def test_the_command_says_so_where_there_is_no_display() -> None:
+    pytest.importorskip("pygame")
+    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    done = subprocess.run(
+        [sys.executable, "-m", "taskspec", "play", "RiskyPath"],
+        env={**environment, "SDL_VIDEODRIVER": "x11", "NO_COLOR": "1"}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode != 0 and "Traceback" not in done.stderr
+    assert "E717" in done.stderr and "1  risky" in done.stdout

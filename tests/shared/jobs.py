@@ -1,0 +1,112 @@
+"""Jobs for the tests of runs, and two programs.
+
+`python -m tests.jobs STORE LOG COUNT SECONDS [CLUSTER]` is a run, and `python -m tests.jobs` a Dask cluster of two workers.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.jobs.engine import Interrupted, run
+from taskspec.jobs.store import Job, Store
+
+
+def square(x: int, log: str | None = None, seconds: float = 0.0) -> dict[str, int]:
+    """A number and its square. A line of the log says when it was begun."""
+    if log is not None:
+        with Path(log).open("a") as file:
+            file.write(f"{x}\n")
+    time.sleep(seconds)
+    return {"x": x, "square": x * x}
+
+
+def threads() -> int:
+    """Those that JAX computes with on this machine's processors."""
+    import jax
+
+    jax.numpy.zeros(3).block_until_ready()
+    names = [path.read_text() for path in Path("/proc/self/task").glob("*/comm")]
+    return sum("XLAEigen" in name for name in names)
+
+
+def wrong(text: str) -> None:
+    raise ValueError(text)
+
+
+def refused() -> None:
+    raise SpecError([Diagnostic("E713", None, "no such thing", "take another")])
+
+
+def odd() -> object:
+    return object()
+
+
+def leave() -> None:
+    sys.exit(3)
+
+
+def die(log: str) -> None:
+    """Kill the process that this runs in, each time."""
+    square(0, log)
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def die_once(log: str) -> dict[str, int]:
+    if not Path(log).exists():
+        die(log)
+    return square(7)
+
+
+def turn() -> None:
+    """A loop in Python, which a signal interrupts."""
+    while True:
+        pass
+
+
+def deaf() -> None:
+    """A loop that catches whatever interrupts it."""
+    while True:
+        try:
+            turn()
+        except BaseException:
+            continue
+
+
+def hold() -> int:
+    """One call in C that holds the interpreter for hours and heeds no signal."""
+    return sum(range(10**13))
+
+
+def squares(count: int, *arguments: Any) -> list[Job]:
+    return [Job(f"k{x}", f"the square of {x}", "tests.jobs:square", (x, *arguments)) for x in range(count)]
+
+
+def cluster() -> None:
+    """A Dask cluster of two workers that lasts until standard input ends: its address and the workers' processes are printed."""
+    import distributed  # takes long, and only this needs it
+
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as found:
+        print(found.scheduler_address, *(worker.pid for worker in found.workers.values()), flush=True)
+        sys.stdin.read()
+
+
+def main(path: str, log: str, count: str, seconds: str, address: str | None = None) -> None:
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # which who starts us in the background may have turned off
+    try:
+        with Store(path) as store:
+            run(squares(int(count), log, float(seconds)), store, workers=None if address else 2, cluster=address)
+    except (SpecError, Interrupted) as error:
+        print(error)
+        sys.exit(1 if isinstance(error, SpecError) else 130)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:]) if len(sys.argv) > 1 else cluster()

@@ -1,0 +1,140 @@
+"""Plans and returns of large tasks: how much memory they take."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from taskspec import source
+from taskspec.base.diagnostics import SpecError
+from taskspec.model.cost import BYTES, Cost
+from taskspec.rules.claims import verdicts
+from taskspec.scores.returns import Results, Return
+from taskspec.solve import plans
+from taskspec.solve.bounded import Bounded
+from taskspec.solve.following import Bound, Policy
+from taskspec.solve.pieces import PIECE
+from taskspec.solve.solver import Finite
+from taskspec.task.build import build
+from taskspec.task.task import Task
+
+HANOI = """
+taskspec: 1
+name: Hanoi
+parameters:
+  n: {type: int, default: 7, low: 1, high: 10, doc: disks}
+state:
+  on: {type: int, shape: [n], low: 0, high: 2, doc: peg of each disk}
+action:
+  source: {type: int, low: 0, high: 2}
+  target: {type: int, low: 0, high: 2}
+definitions:
+  top: "argmax(concat([on[i] == source for i in range(n)], True))"
+  other: "argmax(concat([on[i] == target for i in range(n)], True))"
+horizon: 2**n - 1
+initial: {on: "[0 for i in range(n)]"}
+dynamics:
+  on': "[target if i == top and top < other else on[i] for i in range(n)]"
+reward: all(on' == 2)
+terminal: all(on' == 2)
+expert: optimal
+"""
+
+
+def task(text: str, **parameters: Any) -> Task:
+    return build(source.read_text(text), None, parameters)
+
+
+def peak(act: Callable[[], Any]) -> float:
+    """Megabytes that a computation takes at most."""
+    tracemalloc.start()
+    try:
+        act()
+        return tracemalloc.get_traced_memory()[1] / 2**20
+    finally:
+        tracemalloc.stop()
+
+
+def test_the_return_of_a_planned_expert_keeps_no_policy_for_each_time() -> None:
+    """127 tables of 9 actions in 2,187 states would take 19 MB."""
+    results = Results(task(HANOI))
+    assert results.model is not None and results.model.n_states == 3**7
+    assert peak(lambda: results.expert) < 3
+    assert results.expert == Return(1.0)
+    assert (
+        peak(lambda: [v.status for v in verdicts(task(HANOI + "claims: ['prefers(optimal, source != target)']"))]) < 12
+    )
+
+
+def test_plans_for_any_time_keep_a_few_of_them() -> None:
+    model = Results(task(HANOI)).model
+    assert model is not None
+    plan = plans.optimal_plan(model)
+    assert peak(lambda: [plan(t).sum() for t in range(127)]) < 3
+    late = plans.optimal_plan(model)
+    for t in (126, 0, 63, 64, 5):
+        assert (plan(t) == late(t)).all()
+    assert (plan(500) == plan(126)).all()
+
+
+def test_a_plan_too_large_to_keep_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plans, "MEMORY", 1000)
+    results = Results(task(HANOI, n=3))
+    assert results.model is not None
+    with pytest.raises(SpecError, match=r"E712.*a plan for every time would take"):
+        plans.optimal_plan(results.model)
+    assert results.expert == Return(1.0)
+
+
+WIDE = """
+taskspec: 1
+name: Wide
+state:
+  s: {type: int, low: 0, high: 99999}
+action:
+  a: {type: int, low: 0, high: 15}
+horizon: 3
+discount: 99/100
+initial: {s: "UniformInt(0, 99999)"}
+dynamics: {s': (s + a + 1) % 100000}
+reward: s' % 7 / 3
+expert:
+  a: s % 16
+"""
+
+
+def test_policies_are_followed_without_a_table_of_action_values() -> None:
+    """One of 16 actions in 100,000 states would take 13 MB, and so would that of its errors; the policy does."""
+    model = Results(task(WIDE)).model
+    assert model is not None and model.n_states * model.n_actions > PIECE
+    rule, solver = plans.rule_of(model), Finite(Bounded(model))
+    assert rule is not None
+    assert peak(lambda: solver.value(rule)) < 20 * model.n_states * model.n_actions / 2**20
+
+
+@pytest.mark.parametrize("discount", ["99/100", "1"])
+def test_policies_are_followed_alike_in_many_states_at_once_and_in_all_of_them(discount: str) -> None:
+    model = Results(task(WIDE.replace("99/100", discount))).model
+    assert model is not None
+    numbers, rng = Bounded(model), np.random.default_rng(0)
+    value = Bound(rng.normal(size=model.n_states), rng.uniform(0, 1e-9, model.n_states))
+    table = rng.dirichlet(np.ones(model.n_actions), model.n_states).T
+    some = rng.random(table.shape) < 0.01
+    for policy in (numbers.uniform(), Policy(table), Policy(table, 1e-12 * table), Policy(table, None, some)):
+        found, all_at_once = numbers.followed(policy, 0, value), numbers.follow(policy, numbers.backup(0, value))
+        np.testing.assert_array_equal(found.value, all_at_once.value)
+        np.testing.assert_array_equal(found.error, all_at_once.error)
+
+
+@pytest.mark.parametrize("megabytes", [10, 1000])
+def test_points_that_are_taken_at_once_fit_into_the_memory_that_is_allowed(
+    set_limits: Callable[..., None], megabytes: int
+) -> None:
+    set_limits(megabytes=megabytes)
+    cost = Cost(build(source.read_text(HANOI)).next)
+    assert cost.batch(7) == 7
+    assert 1e6 * megabytes / 2 < cost.batch(1e18) * cost.numbers * BYTES <= 1e6 * megabytes

@@ -1,0 +1,271 @@
+"""Tasks written with the language reference alone at hand, against Gymnasium's originals or a few lines of NumPy."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import taskspec
+from taskspec import draws
+from taskspec.exact import scores, verdicts
+from taskspec.lang.variates.sample import WordLayout
+from taskspec.registry import entries
+
+SPECS = Path(__file__).parents[1] / "specs"
+
+
+def make(name: str, **parameters: Any) -> Any:
+    return taskspec.load(str(SPECS / f"{name}.yaml"), **parameters).make()
+
+
+@pytest.mark.parametrize("entry", list(entries(SPECS)), ids=lambda e: e.name)
+def test_claims_hold(entry: Any) -> None:
+    task = taskspec.load(entry.path, entry.variant)
+    found = list(verdicts(task))
+    assert all(v.holds for v in found), [v.detail for v in found if not v.holds]
+
+
+# -- Gymnasium --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(gym.__version__ < "1", reason="Gymnasium 0.29's Acrobot needs NumPy 1")
+def test_acrobot_moves_as_gymnasiums() -> None:
+    theirs: Any = gym.make("Acrobot-v1").unwrapped
+    ours = make("acrobot")
+    rng = np.random.default_rng(3)
+    assert ours.action_space == theirs.action_space
+    assert ours.observation_space.shape == theirs.observation_space.shape
+    ended = 0
+    for _ in range(400):
+        start = rng.uniform([-np.pi, -np.pi, -8, -15], [np.pi, np.pi, 8, 15])
+        theirs.reset()
+        theirs.state = start
+        ours.reset(seed=0, options={"state": {"s": start}})
+        action = int(rng.integers(3))
+        expected = theirs.step(action)
+        found = ours.step(action)
+        np.testing.assert_allclose(found[0], expected[0], atol=2e-5)
+        assert found[1:3] == expected[1:3]
+        ended += found[2]
+    assert 0 < ended < 400
+
+
+def test_mountain_car_moves_as_gymnasiums() -> None:
+    theirs: Any = gym.make("MountainCar-v0")
+    ours = make("mountain_car")
+    assert ours.observation_space == theirs.observation_space
+    assert ours.action_space == theirs.action_space
+    rng = np.random.default_rng(3)
+    for episode in range(4):
+        theirs.reset(seed=episode)
+        x, v = theirs.unwrapped.state
+        ours.reset(seed=episode, options={"state": {"x": x, "v": v}})
+        done = False
+        while not done:
+            action = 2 * (theirs.unwrapped.state[1] >= 0) if episode % 2 else int(rng.integers(3))
+            expected, found = theirs.step(int(action)), ours.step(int(action))
+            np.testing.assert_array_equal(found[0], expected[0])
+            assert found[1:4] == expected[1:4]
+            done = found[2] or found[3]
+
+
+class Deck:
+    """Stands for a random generator: hands out given cards."""
+
+    def __init__(self, cards: list[int]) -> None:
+        self.cards = iter(cards)
+
+    def choice(self, deck: Any) -> int:
+        return next(self.cards)
+
+
+def test_blackjack_is_played_as_gymnasiums() -> None:
+    theirs: Any = gym.make("Blackjack-v1").unwrapped
+    ours = make("blackjack")
+    task = ours.task
+    layout = WordLayout.of((*task.next, task.reward, task.terminal, *task.next_observation))
+    card, dealt = (next(d for d in layout.draws if d.type.size == n) for n in (1, 12))
+    rng = np.random.default_rng(0)
+    ours.reset(seed=11)
+    n = 0
+    for game in range(600):
+        if game:
+            ours.reset()
+        theirs.reset(seed=game)
+        state = ours.state
+        total, ace = state["hand"].tolist()
+        rest = total - ace
+        second = [] if rest == 0 else [rest] if rest <= 10 else [10, rest - 10]
+        theirs.player = [1] * ace + (second or [1])[: 2 if not ace else 1]
+        theirs.player += [] if sum(theirs.player) == total else [total - sum(theirs.player)]
+        done = False
+        while not done:
+            words = draws.words(11, draws.STEP, n, layout.count)
+            cards = [min(1 + draws.index(w, 13), 10) for w in words]
+            hidden, *later = cards[layout.first[dealt.site] :][:12]
+            theirs.dealer = [state["dealer"], hidden]
+            action = int(rng.integers(2)) if sum(theirs.player) > 11 else 1
+            theirs._np_random = Deck(later if action == 0 else [cards[layout.first[card.site]]])
+            expected, found = theirs.step(action), ours.step(action)
+            assert found[1:3] == expected[1:3]
+            assert found[0].tolist() == [int(v) for v in expected[0]]
+            n, done = n + 1, found[2]
+
+
+# -- a few lines of NumPy ---------------------------------------------------------------------------------------------
+
+
+def test_catch() -> None:
+    env = make("catch")
+    observation, _ = env.reset(seed=1)
+    for action in np.random.default_rng(0).integers(3, size=300):
+        ball, paddle = np.argwhere(observation[:-1] == 1), int(np.flatnonzero(observation[-1])[-1])
+        row, column = ball[0] if len(ball) else (None, None)
+        observation, reward, terminated, _, _ = env.step(action)
+        paddle = int(np.clip(paddle + action - 1, 0, 4))
+        assert observation[-1, paddle] == 1
+        assert terminated == (row == 8)
+        assert reward == ((1 if paddle == column else -1) if terminated else 0)
+        if terminated:
+            observation, _ = env.reset()
+
+
+def test_game_of_life() -> None:
+    env = make("life", n=8)
+    alive = env.reset(seed=2)[0].astype(int)
+    for cell in np.random.default_rng(1).integers(-1, 64, size=30):
+        if cell >= 0:
+            alive[divmod(cell, 8)] ^= 1
+        shifts = [s for s in itertools.product((-1, 0, 1), repeat=2) if s != (0, 0)]
+        around = sum(np.roll(alive, s, axis=(0, 1)) for s in shifts)
+        alive = ((around == 3) | ((around == 2) & (alive == 1))).astype(int)
+        observation, reward, *_ = env.step(cell)
+        np.testing.assert_array_equal(observation, alive)
+        assert reward == alive.sum() / 64
+
+
+def test_lights_out() -> None:
+    env = make("lights_out", n=4)
+    lit = env.reset(seed=2)[0].astype(int)
+    for i, j in np.random.default_rng(1).integers(0, 4, size=(15, 2)):
+        for r, c in ((i, j), (i + 1, j), (i - 1, j), (i, j + 1), (i, j - 1)):
+            if 0 <= r < 4 and 0 <= c < 4:
+                lit[r, c] ^= 1
+        observation, reward, terminated, *_ = env.step(np.array([i, j]))
+        np.testing.assert_array_equal(observation, lit)
+        assert (reward, terminated) == (-float(lit.any()), not lit.any())
+
+
+def test_queens() -> None:
+    env = make("n_queens", n=6)
+    env.reset(seed=0)
+    assert [env.step(c)[1] for c in (1, 3, 5, 0, 2, 4)] == [0] * 6
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        env.reset()
+        columns = rng.integers(6, size=6)
+        for t, column in enumerate(columns):
+            attacks = sum(columns[k] == column or abs(columns[k] - column) == t - k for k in range(t))
+            assert env.step(column)[1] == -attacks
+
+
+def won(board: Any, who: int) -> bool:
+    square = np.asarray(board).reshape(3, 3)
+    lines = [*square, *square.T, np.diag(square), np.diag(np.fliplr(square))]
+    return any((line == who).all() for line in lines)
+
+
+def test_tic_tac_toe() -> None:
+    env = make("tic_tac_toe")
+    rng, outcomes = np.random.default_rng(0), set()
+    board, _ = env.reset(seed=0)
+    for _ in range(2000):
+        cell = int(rng.integers(9))
+        after, reward, terminated, _, _ = env.step(cell)
+        mine = board.copy()
+        mine[cell] = 1
+        if board[cell] != 0:
+            assert (reward, terminated, after.tolist()) == (-1, True, board.tolist())
+        elif won(mine, 1) or (mine != 0).all():
+            assert (reward, terminated, after.tolist()) == (float(won(mine, 1)), True, mine.tolist())
+        else:
+            (reply,) = np.flatnonzero(after != mine)
+            assert mine[reply] == 0
+            assert after[reply] == -1
+            assert terminated == (won(after, -1) or not (after == 0).any())
+            assert reward == -float(won(after, -1))
+        outcomes.add((reward, terminated))
+        board = env.reset()[0] if terminated else after
+    assert outcomes == {(-1, True), (1, True), (0, False)} | (outcomes & {(0, True)})
+
+
+def test_memory_is_asked_for_at_the_end() -> None:
+    env = make("memory_len", length=4, bits=3)
+    for seed in range(8):
+        observation, _ = env.reset(seed=seed)
+        context = observation[2:] > 0
+        assert (np.abs(observation[2:]) == 1).all()
+        for _ in range(4):
+            observation, reward, terminated, _, _ = env.step(1)
+            assert (reward, terminated, np.abs(observation[2:]).sum()) == (0, False, 0)
+        query = env.state["query"]
+        guess = int(context[query])
+        _, reward, terminated, _, _ = env.step(guess if seed % 2 else 1 - guess)
+        assert (reward, terminated) == (1 if seed % 2 else -1, True)
+
+
+def test_choices_of_several_components_and_labels_that_are_no_names() -> None:
+    env = make("tiger")
+    env.reset(seed=0, options={"state": {"tiger": "left"}})
+    assert env.step(1)[1] == -100
+    assert env.step(0)[1] == -1
+    cook = make("multi_choice")
+    cook.reset(seed=0)
+    np.testing.assert_array_equal(cook.step(np.array([2, 0, 1]))[0], [1, 0])
+    assert cook.state == {"heat": "low", "done": 0}
+
+
+def test_variants_of_variants() -> None:
+    offset = taskspec.load(str(SPECS / "two_goals.yaml"), "TwoGoalsOffset")
+    assert (offset.expert, offset.claims, offset.values) == (None, (), {"L": 5})
+    env = offset.make()
+    starts = {int(env.reset(seed=s)[0]) for s in range(200)}
+    assert starts == {k for k in range(-5, 6) if k != 0}
+
+
+def test_cars_are_moved_as_value_iteration_does() -> None:
+    """Over all numbers of customers and cars brought back, with a Poisson tail that weighs nothing."""
+    task = taskspec.load(str(SPECS / "car_rental.yaml"))
+    most, moves = task.values["N"], task.values["M"]
+    chances = {rate: [math.exp(-rate) * rate**k / math.factorial(k) for k in range(60)] for rate in (2, 3, 4)}
+
+    def day(asked: int, back: int) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
+        """Where the cars of a place are in the evening, by how many are there in the morning; and what they earn."""
+        ways, paid = np.zeros((most + 1, most + 1)), np.zeros(most + 1)
+        for cars, (wanted, p) in itertools.product(range(most + 1), enumerate(chances[asked])):
+            paid[cars] += 10 * min(cars, wanted) * p
+            for returned, q in enumerate(chances[back]):
+                ways[cars, min(max(cars - wanted, 0) + returned, most)] += p * q
+        return ways, paid
+
+    (first, earned), (second, more) = day(3, 3), day(4, 2)
+    value = np.zeros((most + 1, most + 1))
+    for _ in range(300):
+        morning = earned[:, None] + more + 0.9 * first @ value @ second.T
+        value = np.array([
+            [
+                max(
+                    morning[min(i - m, most), min(j + m, most)] - 2 * abs(m)
+                    for m in range(-min(moves, j), min(moves, i) + 1)
+                )
+                for j in range(most + 1)
+            ]
+            for i in range(most + 1)
+        ])  # fmt: skip
+    assert scores(task).optimal.value == pytest.approx(value[most // 2, most // 2], rel=1e-9)

@@ -1,0 +1,74 @@
+"""Episodes from seeds: the environment that the documentation describes, one step at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from tests.verification.oracle.reference.moment import Moment
+from tests.verification.oracle.reference.task import State, Task
+from tests.verification.oracle.reference.values import Value, number, scalar
+
+Seen = list[tuple[str, Value]]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a reset or a step gives."""
+
+    state: State
+    seen: Seen
+    reward: Value
+    terminated: bool
+    truncated: bool
+    time: int
+
+
+@dataclass
+class Episodes:
+    """All episodes that follow from one seed."""
+
+    task: Task
+    absorb: bool = False
+    seed: int = 0
+    steps: int = 0
+    """Steps since the seed was set."""
+    begun: int = 0
+    """Episodes since the seed was set."""
+    time: int = 0
+    over: bool = True
+    absorbed: bool = False
+    state: State = field(default_factory=dict)
+
+    def reset(self, seed: int | None = None, given: State | None = None) -> Result:
+        if seed is not None:
+            self.seed, self.steps, self.begun = seed, 0, 0
+        moment = Moment.begin(self.task, self.task.words("reset", self.seed, self.begun), given)
+        self.begun += 1
+        self.time, self.over, self.absorbed = 0, False, False
+        self.state = moment.state
+        return Result(self.state, moment.observation(), scalar(0.0), False, False, 0)
+
+    def step(self, action: State) -> Result:
+        """One step; all its draws are made whether or not the state is absorbed."""
+        assert not self.over
+        chance = self.task.words("step", self.seed, self.steps)
+        moment = Moment(self.task, self.state, action, self.time, chance)
+        self.steps += 1
+        reward, terminated = self._absorbed(moment) if self.absorbed else self._moved(moment)
+        self.time += 1
+        truncated = self.task.horizon is not None and self.time >= self.task.horizon
+        self.state = moment.following
+        self.over = truncated or (terminated and not self.absorb)
+        result = Result(self.state, moment.observation(), reward, terminated and not self.absorb, truncated, self.time)
+        self.absorbed = self.absorbed or terminated
+        return result
+
+    def _moved(self, moment: Moment) -> tuple[Value, bool]:
+        moment.following = moment.next_state()
+        return moment.reward(), moment.terminal()
+
+    def _absorbed(self, moment: Moment) -> tuple[Value, bool]:
+        """A step after the end, where terminal states absorb: the state stays."""
+        reward = moment.absorbing_reward()
+        moment.following = dict(self.state)
+        return number(reward), False
