@@ -31,7 +31,7 @@ from taskspec.base.limits import how_to_raise, limits
 
 RATE, LONG = 5000, 20
 """Characters of a kernel that are compiled in a second, nominally; and seconds that are worth a line of warning."""
-_LIBRARY = ("basics", "compile", "draws", "lanes", "operators", "target")
+_LIBRARY = ("compile", "draws", "runtime", "target")
 _UNREACHED = (
     "NRT_Free", "numba_do_raise", "numba_gil_ensure", "numba_gil_release", "numba_runtime_build_excinfo_struct", "numba_unpickle",
 )  # fmt: skip

@@ -51,7 +51,7 @@ def generate(
 _IMPORT = (
     "\n".join(
         f"from taskspec.backends.numba.{module} import *  # noqa: F403"
-        for module in ("basics", "draws", "operators", "lanes")
+        for module in ("runtime", "draws")
     )
     + f"\nfrom math import {', '.join(sorted({name for operator in OPERATORS.values() for name in operator.kernel.names}))}"
 )
