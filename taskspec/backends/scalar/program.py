@@ -18,6 +18,7 @@ from taskspec.backends.lowering.hoist import Invariants, changing, cold_componen
 from taskspec.backends.lowering.phase import Phase
 from taskspec.backends.scalar.emit import row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
+from taskspec.backends.scalar.stream import phase_stream
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.variates.sample import sampler
@@ -87,8 +88,8 @@ class ScalarProgram:
 
     def start(self, seed: int, failures: Failures, clock: Clock = _ZERO) -> Lane:
         """Functions of one environment, whose draws go on from where a clock stands."""
-        first = self.reset_phase.stream(seed, draws.RESET, clock.episodes)
-        later = self.step_phase.stream(seed, draws.STEP, clock.past + clock.time)
+        first = phase_stream(self.reset_phase, seed, draws.RESET, clock.episodes)
+        later = phase_stream(self.step_phase, seed, draws.STEP, clock.past + clock.time)
         parts = self._namespace["lane"](first, later, failures.action, failures.not_running)
         return Lane(*parts)
 
