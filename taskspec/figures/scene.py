@@ -211,7 +211,7 @@ def shaft(line: Line) -> tuple[Point, ...]:
 WIDTH, LETTERS, LINE = 44, 0.3, 0.5
 
 
-def stated(task: Task, needed: str) -> Scene:
+def not_drawn(task: Task, needed: str) -> Scene:
     """A frame with the size of the task and what a figure of its kind would need."""
     size = f"{_size(task, 'state')} and {_size(task, 'action')}"
     lines = [
