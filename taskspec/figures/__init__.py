@@ -148,13 +148,22 @@ def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Pa
     drawn = scene(task, overlay(task, overlays))
     if drawn is None:
         raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn", HINT),))
+    return save(drawn, path)
+
+
+def save(scene: Scene, path: Path) -> Path:
+    """Write a scene to a file that ends in `.svg`, `.tex` (TikZ), `.png` or `.pdf`; the same scene gives the same bytes.
+
+    Raises:
+        SpecError: E713 for another ending; E705 without matplotlib, which PNG and PDF need.
+    """
     match path.suffix:
         case ".svg":
-            write_text(path, svg(drawn) + "\n")
+            write_text(path, svg(scene) + "\n")
         case ".tex" | ".tikz":
-            write_text(path, f"{tikz_colors()}\n{tikz(drawn)}\n")
+            write_text(path, f"{tikz_colors()}\n{tikz(scene)}\n")
         case ".png" | ".pdf":
-            raster.save(drawn, path, path.suffix[1:])
+            raster.save(scene, path, path.suffix[1:])
         case other:
             message = f"'{other}' is not a format of figures"
             raise SpecError((Diagnostic("E713", None, message, "use .svg, .tex, .png or .pdf"),))
