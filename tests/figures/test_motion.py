@@ -14,7 +14,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.envs.window import Frames
 from taskspec.figures import Overlay, render_frame, scene, undrawn
 from taskspec.figures.scene import Box, Circle, Label, Line, Scene
-from taskspec.figures.series import followed
+from taskspec.figures.series import episode_series
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -138,7 +138,7 @@ def test_frames_of_numbers_without_a_figure_and_without_bounds() -> None:
     assert np.array_equal(
         first, render_frame(one, {"x": 130.0, "v": -0.03}, "Spring, step 0 of 30", seen={0: {"x": 130.0, "v": -0.03}})
     )
-    found = followed(
+    found = episode_series(
         one, Overlay(here={"x": 140.0, "v": -0.03}, seen={0: {"x": 130.0, "v": -0.03}, 1: {"x": 140.0, "v": -0.03}})
     )
     assert found is not None

@@ -11,11 +11,11 @@ from taskspec.base import limits
 from taskspec.cli.manual import probes
 from taskspec.cli.manual.keys import keys, sections
 from taskspec.cli.manual.markdown import code, table
-from taskspec.figures import KINDS
 from taskspec.lang import dists
 from taskspec.lang.operators import FUNCTIONS, INFIX
 from taskspec.rules import vocabulary
 from taskspec.scores import saved
+from taskspec.task.figure_kinds import FIGURE_KINDS
 
 _MARK = re.compile(r"<!-- (\w+)(?: (\w+))? -->")
 
@@ -172,7 +172,10 @@ def _words(name: str) -> str:
 
 
 def _figures() -> str:
-    return ", ".join(code(name) for name in KINDS)
+    names: dict[str, list[str]] = {}
+    for kind in FIGURE_KINDS.values():
+        names.setdefault(kind.doc, []).append(code(kind.name))
+    return table(("kind", "further keys"), ((", ".join(kinds), doc) for doc, kinds in names.items()))
 
 
 def _statuses(which: str) -> str:
