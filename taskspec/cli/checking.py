@@ -176,14 +176,14 @@ def _experiment(path: Path) -> tuple[Sequence[Diagnostic], int]:
 
 
 def _exam(path: Path) -> tuple[Sequence[Diagnostic], int]:
-    from taskspec.exam.rules import read_exam
+    from taskspec.rules.books import read_exam
 
     found = read_exam(path)
     return found.diagnostics, len(found.rules)
 
 
 def _findings(path: Path) -> tuple[Sequence[Diagnostic], int]:
-    from taskspec.exam.rules import read_findings
+    from taskspec.rules.books import read_findings
 
     found = read_findings(path)
     return found.diagnostics, len(found.rules)
