@@ -91,7 +91,7 @@ def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
     from taskspec.figures import undrawn
 
     wanted = sense and defaults
-    return exact.check(task, ranges=wanted, with_sense=sense, claims=wanted, beside=undrawn if sense else None)
+    return exact.check(task, ranges=wanted, with_warnings=sense, claims=wanted, beside=undrawn if sense else None)
 
 
 def finding(report: Report, examples: int) -> Finding:

@@ -128,14 +128,16 @@ class _Reader:
         known = tuple(entry.name for entry in registry.entries(folder))
         self.check_members(described.tasks, known, "task", ("tasks",))
         tasks = tuple(described.tasks) or known
-        is_findings = isinstance(described, FindingsDocument)
-        learners = tuple(described.learners) if is_findings else ()
-        instances = tuple(described.instances) if is_findings else ()
+        learners: tuple[str, ...] = ()
+        instances: tuple[str, ...] = ()
+        if isinstance(described, FindingsDocument):
+            learners = tuple(described.learners)
+            instances = tuple(described.instances)
         for name, members in described.groups.items():
             has_learners = bool(members) and members[0] in learners
             kind = "learner" if has_learners else "task"
             self.check_members(members, learners if has_learners else tasks, kind, ("groups", name))
-        if is_findings:
+        if isinstance(described, FindingsDocument):
             self._check_aliases(described, tasks, learners)
         groups = {name: tuple(members) for name, members in described.groups.items()}
         return RuleNames(tasks, learners, groups, instances)

@@ -99,6 +99,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         return Truth(found.holds, (Reason(found.evidence[-1].text, expr),))
 
     def statement(self, expr: s.Expr) -> Truth[Reason]:
+        holds: bool | None
         match expr:
             case s.Boolean(value=value):
                 return Truth(value, (Reason(str(value).lower(), expr),))
