@@ -15,7 +15,8 @@ from taskspec.lang.types import Kind
 from taskspec.lang.variates.sample import WordLayout, batch_sampler
 from taskspec.modifiers import modify
 from taskspec.rollout.rollout import Choose, State, by_expert, reads_of
-from taskspec.scores.returns import normalised, simulate
+from taskspec.rollout.simulate import simulate
+from taskspec.scores.returns import normalised
 from taskspec.task.task import Component, Task
 
 # ---------- symmetries

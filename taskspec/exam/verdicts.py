@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.results import CapabilityVerdict, Exam, Examined, Flag, Grade, Score, Told
-from taskspec.exam.statistics import ALARM, CONFIDENCE, Difference, estimate, mean, paired, unpaired
+from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, estimate, mean, paired, unpaired
 
 # ---------- verdicts
 # Verdicts: which capabilities a learner masters, from the interval of its mean score and not from the mean.

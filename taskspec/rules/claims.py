@@ -12,9 +12,10 @@ from taskspec.lang import syntax as s
 from taskspec.model.space import words
 from taskspec.modifiers import modify
 from taskspec.registry import load
+from taskspec.rollout.simulate import EPISODES
 from taskspec.rules.evaluator import Evaluator, Terms, Truth
 from taskspec.rules.vocabulary import Undecidable, Unfit
-from taskspec.scores.returns import EPISODES, Results
+from taskspec.scores.returns import Results
 from taskspec.scores.saved import CLAIMS, OfClaim
 from taskspec.source import Path
 from taskspec.task.build import build

@@ -18,9 +18,9 @@ from taskspec.exam import findings
 from taskspec.exam.rules import Judge, Judged, SeedScores, read_exam
 from taskspec.exam.rules.check import FIXED, FUNCTIONS, NUMBERS, QUANTIFIERS, SIDES, RuleChecker, RuleNames
 from taskspec.exam.rules.judge import ONE
-from taskspec.exam.statistics import estimate, mean
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
+from taskspec.rollout.statistics import estimate, mean
 from taskspec.task.schema.experiments import exam_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam

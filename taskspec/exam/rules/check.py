@@ -9,8 +9,8 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, suggest
-from taskspec.exam.statistics import Statistic, deviation, mean
 from taskspec.lang import syntax as s
+from taskspec.rollout.statistics import Statistic, deviation, mean
 from taskspec.rules.vocabulary import Word
 
 # ---------- vocabulary

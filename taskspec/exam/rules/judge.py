@@ -14,9 +14,9 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.exam.rules.check import NUMBERS, RuleNames
-from taskspec.exam.statistics import Estimate, estimate
 from taskspec.exam.verdicts import side
 from taskspec.lang import syntax as s
+from taskspec.rollout.statistics import Estimate, estimate
 from taskspec.rules.vocabulary import Undecidable
 
 # ---------- samples
