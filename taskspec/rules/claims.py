@@ -16,10 +16,11 @@ from taskspec.lang import syntax as s
 from taskspec.model.space import words
 from taskspec.modifiers import modify
 from taskspec.registry import load
+from taskspec.rollout.simulate import EPISODES
 from taskspec.rules.evaluator import Undecidable
 from taskspec.rules.results import ClaimEvaluator, Reason, Terms
 from taskspec.rules.vocabulary import InvalidClaim
-from taskspec.scores.returns import EPISODES, Results
+from taskspec.scores.returns import Results
 from taskspec.scores.saved import CLAIMS, OfClaim
 from taskspec.source import Path
 from taskspec.task.build import build

@@ -10,8 +10,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, suggest
 from taskspec.lang import syntax as s
+from taskspec.rollout.statistics import Statistic, deviation, mean
 from taskspec.rules.evaluator import Evaluator, Truth
-from taskspec.rules.statistics import Statistic, deviation, mean
 from taskspec.rules.vocabulary import Word
 
 # -- words --------------------------------------------------------------------------------------------

@@ -14,9 +14,9 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.lang import syntax as s
+from taskspec.rollout.statistics import Estimate, estimate
 from taskspec.rules.evaluator import Evaluator, Truth, Undecidable, combine, evidence_for
 from taskspec.rules.scores import NUMBERS, RuleNames
-from taskspec.rules.statistics import Estimate, estimate
 from taskspec.solve.enclosure import Enclosure, compare
 
 # -- scores -------------------------------------------------------------------------------------------

@@ -17,11 +17,11 @@ from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
 from taskspec.exam import findings
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
+from taskspec.rollout.statistics import estimate, mean
 from taskspec.rules.books import read_exam
 from taskspec.rules.evaluator import Truth
 from taskspec.rules.scores import FIXED, FUNCTIONS, NUMBERS, QUANTIFIERS, SIDES, RuleNames, ScoreChecker
 from taskspec.rules.seeds import ONE, Comparison, ScoreEvaluator, SeedScores
-from taskspec.rules.statistics import estimate, mean
 from taskspec.task.schema.experiments import exam_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam

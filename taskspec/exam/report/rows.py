@@ -13,8 +13,8 @@ from taskspec.base import ids
 from taskspec.base.files import whole
 from taskspec.data.files import write_table
 from taskspec.exam.verdicts import grade
+from taskspec.rollout.statistics import estimate, mean
 from taskspec.rules.seeds import side
-from taskspec.rules.statistics import estimate, mean
 
 # ---------- tables
 # Scores of exams as a table in Parquet: a row for each seed on each task.
