@@ -21,7 +21,7 @@ from taskspec.data import demonstrations
 from taskspec.exact import Expert, Results, check, score, scores
 from taskspec.pages.page import page
 from taskspec.rollout.rollout import by_expert
-from taskspec.scores.returns import simulate
+from taskspec.rollout.simulate import simulate
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.invariants import broken

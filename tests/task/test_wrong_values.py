@@ -238,7 +238,7 @@ def outcome(text: str, variant: str | None = None, whole: bool = False) -> tuple
     """What is said about a spec: all that is done with it, from reading to a step, raises SpecError or nothing."""
     try:
         task = build(read_text(text, "walk.yaml"), variant)
-        found = check(task, ranges=bool(task.parameters), with_sense=whole, claims=whole).diagnostics
+        found = check(task, ranges=bool(task.parameters), with_warnings=whole, claims=whole).diagnostics
         env = task.make()
         env.reset(seed=0)
         env.step(env.action_space.sample())

@@ -12,9 +12,10 @@ import numpy as np
 from taskspec.base import ids
 from taskspec.base.files import whole
 from taskspec.data.files import write_table
-from taskspec.exam.statistics import estimate, mean
-from taskspec.exam.verdicts import grade, side
+from taskspec.exam.verdicts import grade
 from taskspec.figures.chart import Rgb, blend
+from taskspec.rollout.statistics import estimate, mean
+from taskspec.rules.seeds import side
 
 # ---------- tables
 # Scores of exams as a table in Parquet: a row for each seed on each task.

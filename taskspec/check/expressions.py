@@ -1,45 +1,48 @@
-"""Warnings about indices outside their vector, and slices that do not divide a vector evenly."""
+"""Warnings about expressions: indices and slices outside a vector, draws without chance, reals that are whole."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Collector
-from taskspec.check.case import Linted
+from taskspec.check.context import LintContext, Problem
+from taskspec.check.names import followed, mentioned
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Apply, Const, Node, Role, children, reads, walk
+from taskspec.lang.dists import CATEGORICAL, DISTS
+from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draws, reads, walk
+from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators.structure import STRUCTURES
 from taskspec.lang.scope import Value
-from taskspec.lang.types import INT
+from taskspec.lang.types import INT, Kind
 from taskspec.lang.variates.sample import WordLayout, batch_sampler
 from taskspec.model.space import Reads, shown, words
 from taskspec.rollout.rollout import visited
-from taskspec.soundness.places import SectionScope
-from taskspec.task.task import Task
+from taskspec.soundness.places import SectionScope, distributions
+from taskspec.task.task import Component, Task
 
-# ---------- indices
-# Indices that lie outside their vector in some episode, and are moved to the nearest end.
+# -- indices --------------------------------------------------------------------------------------
 
 POINTS = 100_000
 """States, actions and times that are looked at, at most."""
 BATCH = 4096
 
 
-def moved(case: Linted, collector: Collector) -> None:
-    """W510: an index that lies outside in a state in which episodes act, where its value matters."""
-    task = case.task
+def moved(context: LintContext) -> Iterator[Problem]:
+    """An index that lies outside in a state in which episodes act, where its value matters."""
+    task = context.task
     left = {id(m.node): m for m in task.surface.moved}
     for roots in (task.observation.nodes, _expert(task), (*task.raw_next, task.reward, task.terminal)):
         found = [left[id(n)] for n in walk(roots) if id(n) in left]
-        for points in _points(case, roots) if found else ():
+        for points in _points(context, roots) if found else ():
             for each in _outside(roots, found, points, task):
                 del left[id(each[0].node)]
-                _report(*each, collector)
+                yield _problem(*each)
             found = [m for m in found if id(m.node) in left]
 
 
@@ -47,24 +50,24 @@ def _expert(task: Task) -> tuple[Node, ...]:
     return task.expert if isinstance(task.expert, tuple) else ()
 
 
-def _report(m: ClampedIndex, index: int, reads: Reads, task: Task, collector: Collector) -> None:
+def _problem(m: ClampedIndex, index: int, reads: Reads, task: Task) -> Problem:
     components = ((r, c) for r, cs in ((Role.STATE, task.state), (Role.ACTION, task.action)) for c in cs)
     where = [f"{c.name} = {shown(c, reads[r, c.name][..., 0])}" for r, c in components if (r, c.name) in reads]
     where += [f"t = {words(int(v[0]))}" for (r, _), v in reads.items() if r is Role.TIME]
     place = f"for {', '.join(where)}, " if where else ""
     end = 0 if index < 0 else m.length - 1
     message = f"{place}this index is {index}; it is moved to {end}, the nearest of 0 ... {m.length - 1}"
-    collector.add("W510", m.place, message, "if this is intended, write `clip(i, 0, n - 1)`")
+    return Problem(m.place, message, "if this is intended, write `clip(i, 0, n - 1)`")
 
 
 # -- points -------------------------------------------------------------------------------------------------------
 
 
-def _points(case: Linted, roots: Sequence[Node]) -> Iterator[Reads]:
+def _points(context: LintContext, roots: Sequence[Node]) -> Iterator[Reads]:
     """What is read where episodes act: all of it where there is an exact model, samples elsewhere."""
-    model, read = case.model, reads(roots)
+    model, read = context.model, reads(roots)
     if model is None:
-        found = visited(case.task)
+        found = visited(context.task)
         yield from _batches({k: v for k, v in found.items() if k in read}, max(v.shape[-1] for v in found.values()))
         return
     timed = (Role.TIME, "t") in read
@@ -128,8 +131,7 @@ def _needed(
     return needed
 
 
-# ---------- slices
-# Slices that do not divide a vector as they seem to.
+# -- slices ---------------------------------------------------------------------------------------
 
 Cut = tuple[s.Subscript, s.Slice]
 MOST = 1000
@@ -137,11 +139,11 @@ MOST = 1000
 SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation", "memory", "expert")
 
 
-def past_the_end(case: Linted, collector: Collector) -> None:
-    """W514: a slice that asks for more than there is."""
-    for _, nodes, where in _sliced(case.task):
+def past_the_end(context: LintContext) -> Iterator[Problem]:
+    """A slice that asks for more than there is."""
+    for _, nodes, where in _sliced(context.task):
         for node, cut in nodes:
-            _check_ends(node, cut, where, collector)
+            yield from _check_ends(node, cut, where)
 
 
 def _sliced(task: Task) -> Iterator[tuple[s.Expr, list[Cut], SectionScope]]:
@@ -155,35 +157,36 @@ def _sliced(task: Task) -> Iterator[tuple[s.Expr, list[Cut], SectionScope]]:
             yield expr, found, where
 
 
-def _check_ends(node: s.Subscript, cut: s.Slice, where: SectionScope, collector: Collector) -> None:
+def _check_ends(node: s.Subscript, cut: s.Slice, where: SectionScope) -> Iterator[Problem]:
     length = _length(node, where)
     for end in (cut.start, cut.stop):
         at = None if end is None else _constant(end, where)
         if end is not None and at is not None and length is not None and not -length <= at <= length:
             message = f"this slice goes to {at}, but the vector has {length} elements"
-            collector.add("W514", end.place, message)
+            yield Problem(end.place, message)
             return
     numbers = all(end is None or not list(s.names(end)) for end in (cut.start, cut.stop, cut.step))
     ends = [None if end is None else _constant(end, where) for end in (cut.start, cut.stop, cut.step)]
     if numbers and length and not range(length)[slice(*ends)]:
-        collector.add("W514", cut.place, "this slice has no elements for any parameters")
+        yield Problem(cut.place, "this slice has no elements for any parameters")
 
 
-def uneven(case: Linted, collector: Collector) -> None:
-    """W515: a first and a last part of one vector that overlap, or that leave something out between them.
+def uneven(context: LintContext) -> Iterator[Problem]:
+    """A first and a last part of one vector that overlap, or that leave something out between them.
 
     `v[1:]` beside `v[:-1]` sets neighbours side by side, and `concat(v[:i], v[j:])` cuts a piece out: both are meant so.
     """
-    for expr, nodes, where in _sliced(case.task):
+    for expr, nodes, where in _sliced(context.task):
         joined = {id(arg) for call in s.below(expr) if _is_concat(call) for arg in call.args}
-        _check_halves([(node, cut) for node, cut in nodes if id(node) not in joined], where, collector)
+        separate = [(node, cut) for node, cut in nodes if id(node) not in joined]
+        yield from _check_halves(separate, where)
 
 
 def _is_concat(node: object) -> bool:
     return isinstance(node, s.Call) and node.function == "concat"
 
 
-def _check_halves(found: list[Cut], where: SectionScope, collector: Collector) -> None:
+def _check_halves(found: list[Cut], where: SectionScope) -> Iterator[Problem]:
     heads = {id(v.node): (i, node) for v, i, node in _parts(found, where, head=True)}
     for vector, start, node in _parts(found, where, head=False):
         stop, _ = heads.get(id(vector.node), (start, node))
@@ -191,7 +194,7 @@ def _check_halves(found: list[Cut], where: SectionScope, collector: Collector) -
         if stop != start and stop + start != length:
             what = f"both hold elements {start} to {stop - 1}" if stop > start else f"leave out {stop} to {start - 1}"
             message = f"the parts before {stop} and from {start} of this vector {what}"
-            collector.add("W515", node.place, message, "use the same index for both")
+            yield Problem(node.place, message, "use the same index for both")
 
 
 def _parts(found: list[Cut], where: SectionScope, head: bool) -> Iterator[tuple[Value, int, s.Subscript]]:
@@ -225,3 +228,116 @@ def expressions(task: Task) -> Iterator[tuple[s.Expr, SectionScope]]:
     for expr in (task.surface.sections.get("definitions") or {}).values():
         if expr is not None:
             yield expr, SectionScope(task, "reward")
+
+
+# -- draws ----------------------------------------------------------------------------------------
+
+
+def certain(context: LintContext) -> Iterator[Problem]:
+    """A draw with a single outcome. Where a real parameter has a say, its ends may be why."""
+    reals = {p.name for p in context.task.parameters if p.kind == "real"}
+    for written, where in _written(context.task):
+        words = {n.id for n in s.names(written) if isinstance(n, s.Name)}
+        if _is_certain(written, where) and not followed(context.task, words) & reals:
+            yield Problem(written.place, "this draw has only one outcome", "write the value itself")
+
+
+def _written(task: Task) -> Iterator[tuple[s.Call | s.Weights, SectionScope]]:
+    """Every distribution of the spec, with the section it stands in."""
+    for section in SECTIONS:
+        entries = task.surface.sections.get(section)
+        where = SectionScope(task, section)
+        for expr in entries.values() if isinstance(entries, dict) else [entries]:
+            for written in distributions(expr, where) if expr is not None else ():
+                yield written.expr, where
+
+
+def _is_certain(expr: s.Call | s.Weights, where: SectionScope) -> bool:
+    match expr:
+        case s.Weights(pairs=pairs) | s.Call(args=(s.Weights(pairs=pairs),)):
+            return _one_weight(pairs, where)
+        case s.Call(args=(s.Comprehension(),)):
+            return False  # what is left of a set may be a matter of the map that it is made from
+        case s.Call(args=(s.SetOf(),)):
+            return _one_element(expr, where)
+        case s.Call(function=name, args=args, keywords=keywords):
+            dist = CATEGORICAL if name == CATEGORICAL.name else DISTS[name]
+            names = [a.name for a in dist.arguments]
+            given = dict(zip(names, args, strict=False)) | dict(keywords)
+            return dist.certain({key: where.number(value) for key, value in given.items() if key in names})
+
+
+def _one_weight(pairs: tuple[tuple[s.Expr, s.Expr], ...], where: SectionScope) -> bool:
+    """Whether one value alone has a probability above 0."""
+    weights = [where.number(p) for _, p in pairs]
+    return all(isinstance(w, Const) for w in weights) and sum(_above_zero(w) for w in weights) == 1
+
+
+def _one_element(expr: s.Call, where: SectionScope) -> bool:
+    """Whether the set that is drawn from has one element."""
+    value = where.value(expr)
+    found = [] if value is None else draws([value.node])
+    return value is not None and all(_counts(draw) == 1 for draw in found)
+
+
+def _counts(draw: Draw) -> int | None:
+    """How many outcomes a draw from a set has, where that is fixed."""
+    first = draw.args[0] if draw.args else None
+    return int(first.value) if draw.base == "index" and isinstance(first, Const) and first.type.is_scalar else None
+
+
+def _above_zero(node: Node | None) -> bool:
+    return isinstance(node, Const) and any(v > 0 for v in node.flat)
+
+
+# -- reals ----------------------------------------------------------------------------------------
+
+
+def whole(context: LintContext) -> Iterator[Problem]:
+    """A real component of the state that is whole in every state of every episode."""
+    for c in _whole_components(context.task):
+        message = f"'{c.name}' is declared real, but only takes whole values"
+        yield Problem(context.key("state", c.name), message, "declare it `type: int`")
+
+
+def _whole_components(task: Task) -> list[Component]:
+    """The largest set of real components that start whole and stay whole while all of them are."""
+    reals = {p.name for p in task.parameters if p.kind == "real"}
+    nodes = {c.name: pair for c, *pair in zip(task.state, task.initial, task.next, strict=True)}
+    found = {
+        c.name: c for c in task.state if c.type.kind is Kind.REAL and c.type.size and not _words(task, c.name) & reals
+    }
+    while broken := [name for name in found if not all(_is_whole(node, found.keys()) for node in nodes[name])]:
+        for name in broken:
+            del found[name]
+    return [c for name, c in found.items() if not _is_fixed(name, *nodes[name])]
+
+
+def _is_fixed(name: str, first: Node, following: Node) -> bool:
+    """Whether a component starts as a constant and stays as it is."""
+    return isinstance(first, Const) and isinstance(following, Read) and (following.name == name)
+
+
+def _words(task: Task, name: str) -> set[str]:
+    """What the lines of a component mention; a real parameter there is whole by chance at the most."""
+    return mentioned(task, "initial", name) | mentioned(task, "dynamics", name + "'")
+
+
+def _is_whole(root: Node, assumed: object) -> bool:
+    """Whether a value is whole if the components in `assumed` are."""
+    whole: dict[int, bool] = {}
+    for node in walk([root]):
+        whole[id(node)] = node.type.kind is not Kind.REAL or _keeps(node, whole, assumed)
+    return whole[id(root)]
+
+
+def _keeps(node: Node, whole: dict[int, bool], assumed: object) -> bool:
+    match node:
+        case Const():
+            return all(math.isfinite(v) and v == int(v) for v in node.flat)
+        case Read(role=role, name=name):
+            return role is Role.STATE and name in assumed  # type: ignore[operator]
+        case Apply(op=op, args=args):
+            return (op in STRUCTURES or OPERATORS[op].whole) and all(whole[id(a)] for a in args)
+        case Draw():
+            return False
