@@ -82,7 +82,7 @@ app.add_typer(bench, name="bench", rich_help_panel=USE)
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from taskspec import __version__
+        from taskspec.base import __version__
 
         typer.echo(f"taskspec {__version__}")
         raise typer.Exit

@@ -81,8 +81,7 @@ def fits(section: str, template: str, expression: str) -> bool:
 
 def spaces(changes: dict[str, Any]) -> tuple[str, str]:
     """The observation space and the action space of the probe with some sections replaced."""
-    from taskspec.envs.spaces import space
-    from taskspec.task.spaces import action_layout, observation_layout
+    from taskspec.task.spaces import space
 
     found = task(changes)
-    return str(space(observation_layout(found))), str(space(action_layout(found)))
+    return str(space(found.observation_layout)), str(space(found.action_layout))
