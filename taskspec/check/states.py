@@ -12,8 +12,7 @@ from taskspec.base.diagnostics import Collector, SpecError
 from taskspec.check.case import SMALL, Linted
 from taskspec.check.names import mentioned
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, draws, reads, walk
-from taskspec.lang.operators import OPERATORS
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators import entry_of
 from taskspec.lang.types import Interval, Kind
 from taskspec.lang.variates import VARIATES
 from taskspec.model.extract import extract
@@ -219,6 +218,6 @@ def _keeps(node: Node, whole: dict[int, bool], assumed: object) -> bool:
         case Read(role=role, name=name):
             return role is Role.STATE and name in assumed  # type: ignore[operator]
         case Apply(op=op, args=args):
-            return (op in STRUCTURES or OPERATORS[op].whole) and all(whole[id(a)] for a in args)
+            return entry_of(op).whole and all(whole[id(a)] for a in args)
         case Draw():
             return False

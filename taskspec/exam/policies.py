@@ -28,8 +28,8 @@ class Learned:
     """A policy, and the reward that it was learned from.
 
     Args:
-        reward: float64 (S, A, S) over the states and actions of `taskspec.data.tabular(task)`, or a function of (obs, action, next_obs), all
-            (N, ...); `reward_distance` says how far it is from the true one.
+        reward: float64 (S, A, S) over the states and actions of `taskspec.data.tabular(task)`, or a function of
+            (obs, action, next_obs), all (N, ...); `reward_distance` says how far it is from the true one.
     """
 
     policy: Any
