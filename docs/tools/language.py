@@ -12,7 +12,6 @@ from typing import Any
 from docs.tools.markdown import code, table
 from taskspec.base import limits
 from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
-from taskspec.envs.spaces import space
 from taskspec.lang import dists
 from taskspec.lang.builder import Builder
 from taskspec.lang.check import Checker
@@ -28,7 +27,7 @@ from taskspec.source.scan import EXTENDS, REQUIRED
 from taskspec.task.build import build
 from taskspec.task.figure_kinds import FIGURE_KINDS
 from taskspec.task.schema.export import json_schema
-from taskspec.task.spaces import action_layout, observation_layout
+from taskspec.task.spaces import space
 from taskspec.task.task import Task
 
 _MARK = re.compile(r"<!-- (\w+)(?: (\w+))? -->")
@@ -259,7 +258,7 @@ def _fits(section: str, template: str, expression: str) -> bool:
 def _probe_spaces(changes: dict[str, Any]) -> tuple[str, str]:
     """The observation space and the action space of the probe with some sections replaced."""
     found = _task(changes)
-    return str(space(observation_layout(found))), str(space(action_layout(found)))
+    return str(space(found.observation_layout)), str(space(found.action_layout))
 
 
 # The rest.

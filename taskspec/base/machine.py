@@ -10,7 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import taskspec
+from taskspec.base import __version__
 
 PACKAGES = (
     "numpy",
@@ -47,7 +47,7 @@ def _processor() -> str:
 
 
 def _versions() -> dict[str, str]:
-    found = {"taskspec": taskspec.__version__}
+    found = {"taskspec": __version__}
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
             found[name] = metadata.version(name)

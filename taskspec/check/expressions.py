@@ -16,8 +16,7 @@ from taskspec.lang.basechecker import ClampedIndex
 from taskspec.lang.batch import evaluate
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, draws, reads, walk
-from taskspec.lang.operators import OPERATORS
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators import entry_of
 from taskspec.lang.scope import Value
 from taskspec.lang.types import INT, Kind
 from taskspec.lang.variates.sample import WordLayout, batch_sampler
@@ -338,6 +337,6 @@ def _keeps(node: Node, whole: dict[int, bool], assumed: object) -> bool:
         case Read(role=role, name=name):
             return role is Role.STATE and name in assumed  # type: ignore[operator]
         case Apply(op=op, args=args):
-            return (op in STRUCTURES or OPERATORS[op].whole) and all(whole[id(a)] for a in args)
+            return entry_of(op).whole and all(whole[id(a)] for a in args)
         case Draw():
             return False

@@ -78,7 +78,7 @@ for _name, _function, _panel in COMMANDS:
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from taskspec import __version__
+        from taskspec.base import __version__
 
         typer.echo(f"taskspec {__version__}")
         raise typer.Exit

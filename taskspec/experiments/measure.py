@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec import __version__
+from taskspec.base import __version__
 from taskspec.base.limits import also
 from taskspec.base.progress import tell
 from taskspec.data.episodes import recorded

@@ -18,8 +18,7 @@ from taskspec.lang import interval
 from taskspec.lang.batch import evaluate
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, children, draws, reads, rewrite, walk
-from taskspec.lang.operators import OPERATORS
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators import entry_of
 from taskspec.lang.types import Range
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.entry import ProbabilityArithmetic
@@ -85,7 +84,7 @@ def _is_linear(root: Node, draw: Draw) -> bool:
 
 
 def _keeps_linear(op: str, below: list[bool]) -> bool:
-    return (OPERATORS[op] if op in OPERATORS else STRUCTURES[op]).linear(below)
+    return entry_of(op).linear(below)
 
 
 # ---------- outcomes

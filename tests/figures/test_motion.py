@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec import load, make_vec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.window import Frames
@@ -153,7 +154,7 @@ def test_a_lane_draws_the_series_of_its_own_episode(tmp_path: Path) -> None:
     path = tmp_path / "spring.yaml"
     path.write_text(f"{SPRING}figure: {{kind: series}}\n", encoding="utf-8")
     lanes = make_vec(path, num_envs=2, render_mode="rgb_array", autoreset_mode="Disabled")
-    single = load(path).make(render_mode="rgb_array")
+    single = taskspec.make(load(path), render_mode="rgb_array")
     lanes.reset(seed=0)
     single.reset(seed=1)
     for number in range(4):

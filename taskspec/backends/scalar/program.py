@@ -22,7 +22,7 @@ from taskspec.backends.scalar.stream import phase_stream
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.variates.sample import sampler
-from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, singles
+from taskspec.task.spaces import SpaceLayout, pack, singles
 from taskspec.task.task import Task
 
 # ---------- scalars
@@ -121,7 +121,7 @@ class Lane:
 @lru_cache(maxsize=64)
 def compile_scalar(task: Task) -> ScalarProgram:
     """Generate and compile the scalar program of a task."""
-    observation, action = observation_layout(task), action_layout(task)
+    observation, action = task.observation_layout, task.action_layout
     invariants = Invariants.of(task, observation.form == "box" and bool(observation.shape))
     roots = invariants.replaced(task, (*task.next, task.reward, task.terminal))
     seen = () if invariants.observation else invariants.replaced(task, task.next_observation)
