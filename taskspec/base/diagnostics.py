@@ -121,6 +121,11 @@ class SpecError(TaskspecError, ValueError):
         return render(self.diagnostics)
 
 
+def spec_error(code: str, message: str, hint: str | None = None) -> SpecError:
+    """Return an error with one diagnostic that has no place in a file."""
+    return SpecError([Diagnostic(code, None, message, hint)])
+
+
 class Collector:
     """Gathers diagnostics, so that one pass reports every problem and not only the first."""
 

@@ -148,3 +148,11 @@ class Unfinished:
 
 def _failure(message: str, hint: str | None = None) -> SpecError:
     return SpecError([Diagnostic("E716", None, message, hint)])
+
+
+def near(path: Path) -> Path:
+    """Return a path relative to the current folder, where it lies below that."""
+    try:
+        return path.relative_to(Path.cwd())
+    except (ValueError, OSError):
+        return path

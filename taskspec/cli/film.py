@@ -8,10 +8,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import Unfinished, refused, write_bytes
 from taskspec.base.progress import tell
 from taskspec.cli.console import say
-from taskspec.cli.failures import misuse, refuse
+from taskspec.cli.failures import misuse
 
 if TYPE_CHECKING:
     from taskspec.cli.rollouts import Watch
@@ -149,7 +150,7 @@ def _find_ffmpeg(module: Any) -> None:
     try:
         module.get_ffmpeg_exe()
     except RuntimeError as error:
-        raise refuse("E705", "an MP4 needs ffmpeg, which was not found", "install ffmpeg, or make a GIF") from error
+        raise spec_error("E705", "an MP4 needs ffmpeg, which was not found", "install ffmpeg, or make a GIF") from error
 
 
 def warn_unseen() -> None:

@@ -70,6 +70,29 @@ def bar(name: str) -> Iterator[Callable[[Standing], None]]:
         yield lambda s: shown.update(row, total=s.total, completed=s.over, words=_words(s))
 
 
+@contextmanager
+def counter(name: str, total: int, delay: float = 0.0, quiet: bool = False) -> Iterator[Callable[[], None]]:
+    """Yield a function that advances a bar of `total` parts, shown on a terminal after `delay` seconds."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from taskspec.cli.console import console
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    shown = Progress(*columns, console=console(err=True), transient=True, disable=quiet or not is_terminal())
+    row = shown.add_task(name, total=total)
+    start = time.monotonic()
+
+    def advance() -> None:
+        if not shown.live.is_started and time.monotonic() - start >= delay:
+            shown.start()
+        shown.advance(row)
+
+    try:
+        yield advance
+    finally:
+        shown.stop()
+
+
 def _words(standing: Standing) -> str:
     failed = f"{standing.failed} failed" if standing.failed else ""
     rate = "" if standing.left is None else f"{standing.rate:.3g}/s, {timedelta(seconds=round(standing.left))} left"

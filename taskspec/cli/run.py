@@ -67,7 +67,7 @@ def run(
     """
     from taskspec.cli import film
     from taskspec.cli.console import write_records
-    from taskspec.cli.targets import beside, tasks_of
+    from taskspec.targets import beside, tasks_of
 
     kind = film.kind_of(render, output)
     if json and kind == "ansi":
@@ -122,24 +122,13 @@ def _episodes(
 
 
 def _with_bar(done: Iterator[Episode], count: int) -> Iterator[Episode]:
-    """The same episodes; a progress bar appears on standard error when they take their time."""
-    from time import perf_counter
+    """Yield the same episodes, with a progress bar when they take long."""
+    from taskspec.cli.progress import counter
 
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from taskspec.cli.console import console
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    progress = Progress(*columns, console=console(err=True), transient=True, disable=not console(err=True).is_terminal)
-    bar, start = progress.add_task("episodes", total=count), perf_counter()
-    try:
+    with counter("episodes", count, BAR_AFTER) as advance:
         for episode in done:
-            if not progress.live.is_started and perf_counter() - start > BAR_AFTER:
-                progress.start()
-            progress.advance(bar)
+            advance()
             yield episode
-    finally:
-        progress.stop()
 
 
 # -- output -------------------------------------------------------------------------------------------------------
@@ -164,35 +153,37 @@ def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Epi
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
     from rich.table import Table
 
-    from taskspec.cli.console import VisibleText, console, line, number
-    from taskspec.cli.records import defaults
+    from taskspec.base.numbers import decimal
+    from taskspec.cli.console import VisibleText, console, line
+    from taskspec.task.record import settings
 
     out = console()
-    settings = f" {defaults(task)}".rstrip()
+    given = f" {settings(task)}".rstrip()
     who = policy if "." in policy else f"{policy} policy"
-    out.print(line((task.id, "name"), (settings, "value"), (f"  {who}, seed {seed}", "quiet")))
+    out.print(line((task.id, "name"), (given, "value"), (f"  {who}, seed {seed}", "quiet")))
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(style="quiet")
     table.add_row("  return", _mean(summary))
     if summary.deviation > 0:
-        spread = f"{number(summary.lowest)} to {number(summary.highest)}, standard deviation {summary.deviation:.3g}"
+        spread = f"{decimal(summary.lowest)} to {decimal(summary.highest)}, standard deviation {summary.deviation:.3g}"
         table.add_row("", VisibleText(spread, style="quiet"))
     if task.discount != 1:
-        plain = f"discounted by {task.discount:g} a step; {number(summary.undiscounted)} without"
+        plain = f"discounted by {task.discount:g} a step; {decimal(summary.undiscounted)} without"
         table.add_row("", VisibleText(plain, style="quiet"))
-    table.add_row("  length", f"{number(summary.length, 2)} steps")
+    table.add_row("  length", f"{decimal(summary.length, 2)} steps")
     table.add_row("  episodes", _endings(summary))
     out.print(table)
 
 
 def _mean(summary: Summary) -> Any:
-    from taskspec.cli.console import line, measured, number
+    from taskspec.base.numbers import decimal, estimate
+    from taskspec.cli.console import line
 
     if summary.half is None or summary.deviation == 0:
         every = "  in every episode" if summary.episodes > 1 else ""
-        return line((number(summary.mean), "title"), (every, "quiet"))
-    mean, half = measured(summary.mean, summary.half)
-    low, high = (measured(summary.mean + side * summary.half, summary.half)[0] for side in (-1, 1))
+        return line((decimal(summary.mean), "title"), (every, "quiet"))
+    mean, half = estimate(summary.mean, summary.half)
+    low, high = (estimate(summary.mean + side * summary.half, summary.half)[0] for side in (-1, 1))
     return line((mean, "title"), f" ± {half}", (f"   95 % CI: {low} to {high}", "quiet"))
 
 
