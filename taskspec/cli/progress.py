@@ -15,7 +15,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from taskspec.base.display import visible
-from taskspec.base.progress import told_to
+from taskspec.base.progress import progress_listener
 from taskspec.cli.console import say
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def progress(name: str) -> Iterator[None]:
     """
     line = _Line(name) if is_terminal() else _Watch(name)
     try:
-        with told_to(line.show):
+        with progress_listener(line.show):
             yield
     finally:
         line.clear()

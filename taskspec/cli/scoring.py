@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from taskspec.base.diagnostics import spec_error
+from taskspec.base.numbers import decimal, estimate, number
 from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, TaskArgument, Variant
 
 if TYPE_CHECKING:
@@ -226,13 +227,12 @@ def _seen_rows(seen: Yardsticks) -> Iterator[tuple[str, str, str, str]]:
         elif value.error <= 1e-9 * abs(value.value):
             yield f"  {name}", *_return(Return(value.value, bound=value.error)), remark
         else:
-            low, high = (f"{end:.6g}".replace("-", "−") for end in value.ends)
+            low, high = (number(end) for end in value.ends)
             yield f"  {name}", f"{low} to {high}", "proved bounds", remark
 
 
 def _return(value: Return | None) -> tuple[str, str]:
     """A return, and how sure it is."""
-    from taskspec.base.numbers import estimate
     from taskspec.scores.saved import NUMBERS
 
     if value is None:
@@ -240,7 +240,7 @@ def _return(value: Return | None) -> tuple[str, str]:
     if not value.episodes:
         sure = NUMBERS[value.status].shown.format(episodes=f"{value.tested:,}") or value.status
         off = f"± {value.bound:.2g}, " if value.bound > 1e-10 * abs(value.value) else ""
-        return f"{value.value:.10g}".replace("-", "−"), off + sure
+        return number(value.value, 10), off + sure
     mean, half = estimate(value.value, value.half)
     if not math.isfinite(value.value):
         return mean, f"({value.episodes:,} episodes)"
@@ -248,8 +248,6 @@ def _return(value: Return | None) -> tuple[str, str]:
 
 
 def _remark(found: Scores, name: str) -> str:
-    from taskspec.base.numbers import decimal
-
     if name != "expert":
         is_unsettled = getattr(found, name) is None and found.states is not None  # otherwise the last line says why
         return (found.why_not_exact or "") if is_unsettled else ""
@@ -279,14 +277,13 @@ def _print_difficulty(found: Difficulty, known: str | None) -> None:
 
     table = columns("  difficulty", "", "", right=(1,), fold=(2,))
     for name, value, unit, _ in found.rows():
-        shown = "unknown" if value is None else f"{value:.6g}".replace("-", "−")
+        shown = "unknown" if value is None else number(value)
         reason = found.why_not.get(name, unit)
         table.add_row(f"  {name}", shown, VisibleText("" if reason == known else reason, style="quiet"))
     console().print(table)
 
 
 def _print_score(task: Task, result: Score) -> None:
-    from taskspec.base.numbers import decimal
     from taskspec.cli.console import console, line
 
     out = console()
