@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taskspec.cli.failures import refuse
+from taskspec.base.diagnostics import spec_error as refuse
 from taskspec.data.actors import function_of, is_function
 from taskspec.lang.batch import DTYPES
 from taskspec.lang.types import Kind
@@ -193,7 +193,7 @@ def _element(c: Component, item: Any) -> Any:
 
 
 def _needs(task: Task, layout: SpaceLayout) -> str:
-    from taskspec.cli.records import domain_words, space_words
+    from taskspec.task.record import domain_words, space_words
 
     listed = ", ".join(f"{c.name}: {domain_words(c)}" for c in task.action)
     return f"{listed} ({space_words(layout)})"

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from taskspec.pages import facts
 from taskspec.base.progress import tell, telling
 from taskspec.cli import progress
 from taskspec.cli.app import app
+from taskspec.pages import facts
 
 
 class Terminal(StringIO):

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 import taskspec
-from taskspec.pages import facts
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.limits import limits
 from taskspec.cli import rollouts
+from taskspec.pages import facts
 from tests.shared import commands
 from tests.shared.sparse import sparse
 
