@@ -15,7 +15,7 @@ from taskspec.model.model import Model
 from taskspec.model.reach import differs, groups
 from taskspec.model.space import shown
 from taskspec.rollout.rollout import at_random, is_bounded
-from taskspec.scores.pomdp_bounds import yardsticks
+from taskspec.scores.partial_observability import pomdp_bounds
 from taskspec.scores.returns import Return
 from taskspec.task.task import Component, Soft, Task
 
@@ -45,7 +45,7 @@ def expert(case: Linted, collector: Collector) -> None:
         _no_better(case, found, collector)
         return
     best, whose = optimal.value, ""
-    if case.task.memory is not None and (seen := yardsticks(case.results)) is not None:
+    if case.task.memory is not None and (seen := pomdp_bounds(case.results)) is not None:
         if seen.remembering is None:
             whose = ", which knows the state"
         else:

@@ -14,13 +14,12 @@ from taskspec import draws
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
 from taskspec.base.extras import is_installed
-from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.types import Kind
-from taskspec.lang.variates.sample import WordLayout, batch_sampler
+from taskspec.lang.variates.sample import WordLayout
 from taskspec.model.model import Model, misused, refuse
 from taskspec.policies.policy import Actions, EpisodeBatch, Tabulated, TaskPolicy, drawn
-from taskspec.rollout.rollout import State, reads_of
+from taskspec.rollout.rollout import State, expert_actions
 from taskspec.scores.returns import Given, Results, Return
 from taskspec.solve import solve
 from taskspec.solve.plans import Plan, rule_of, tables, uniform_plan
@@ -45,6 +44,7 @@ class NamedPolicy(TaskPolicy):
     """
 
     words: int
+    given: Given = None
 
     @abstractmethod
     def by_words(self, states: State, t: int, words: Array) -> Actions:
@@ -59,16 +59,30 @@ class NamedPolicy(TaskPolicy):
     def choose(self, batch: EpisodeBatch) -> Actions:
         return self.by_words(batch.states, batch.t, batch.draws.words(self.words))
 
-    @abstractmethod
     def plan(self, model: Model) -> Plan:
         """Return its probabilities of actions (A, S) at each time on an exact model of its task.
 
         Raises:
             SpecError: E712, where they are unknown.
         """
+        rule = rule_of(model, self.given)
+        if rule is None:
+            refuse(
+                f"the policy '{self.name}' of {model.task.id} remembers, or draws from too many outcomes: it has no table"
+            )
+        return tables(model, rule)
 
     def tabulate(self, model: Model) -> Tabulated:
         return Tabulated(self.plan(model), "probabilities")
+
+    @cached_property
+    def results(self) -> Results:
+        """Exact results of its task, with this policy in place of the expert."""
+        return Results(self.task, expert=self.given)
+
+    @cached_property
+    def value(self) -> Return | None:
+        return _exact_return(self.results, "expert")
 
 
 def named(task: Task, name: str) -> NamedPolicy:
@@ -160,7 +174,7 @@ class RandomPolicy(NamedPolicy):
 
     @cached_property
     def value(self) -> Return | None:
-        return _exact_return(Results(self.task), "random")
+        return _exact_return(self.results, "random")
 
 
 def _uniform(c: Component, words: Array) -> Array:
@@ -182,22 +196,11 @@ class ExpressedExpert(NamedPolicy):
     def __init__(self, task: Task) -> None:
         assert isinstance(task.expert, tuple)
         self.task = task.remembering()
-        self.nodes = task.expert
         self.layout = WordLayout.of(task.expert)
         self.words = self.layout.count
 
     def by_words(self, states: State, t: int, words: Array) -> Actions:
-        lanes = words.shape[-1]
-        values = evaluate(self.nodes, reads_of(states, {}, t), batch_sampler(self.layout, words))
-        pairs = zip(self.task.action, values, strict=True)
-        return {c.name: np.broadcast_to(v, (*v.shape[:-1], lanes)) for c, v in pairs}
-
-    def plan(self, model: Model) -> Plan:
-        return _plan_of(model, self.name, None)
-
-    @cached_property
-    def value(self) -> Return | None:
-        return _exact_return(Results(self.task), "expert")
+        return expert_actions(self.task, states, t, self.layout, words)
 
 
 class PlannedPolicy(NamedPolicy):
@@ -209,7 +212,6 @@ class PlannedPolicy(NamedPolicy):
         self.name = name
         self.task = task
         self.given = given
-        self.results = Results(task, expert=given)
         plan = self.results.expert_plan
         if plan is None:
             refuse(
@@ -218,15 +220,8 @@ class PlannedPolicy(NamedPolicy):
             )
         self._plan = plan
 
-    def plan(self, model: Model) -> Plan:
-        return _plan_of(model, self.name, self.given)
-
     def by_words(self, states: State, t: int, words: Array) -> Actions:
         return decoded(self.results, drawn(probabilities_of(self.results, self._plan, states, t), words[0] * 2.0**-32))
-
-    @cached_property
-    def value(self) -> Return | None:
-        return _exact_return(self.results, "expert")
 
 
 class EpsilonPolicy(NamedPolicy):
@@ -235,7 +230,8 @@ class EpsilonPolicy(NamedPolicy):
     def __init__(self, task: Task, name: str, epsilon: float) -> None:
         self.name = name
         self.epsilon = epsilon
-        self.base = named(task, "optimal" if task.expert is None else "expert")
+        self.given = "optimal" if task.expert is None else None
+        self.base = named(task, self.given or "expert")
         self.task = self.base.task
         self.random = RandomPolicy(task)
         self.words = 1 + self.base.words + self.random.words
@@ -253,12 +249,11 @@ class EpsilonPolicy(NamedPolicy):
 
     @cached_property
     def value(self) -> Return | None:
-        results = Results(self.task, expert="optimal" if self.task.expert is None else None)
-        if _exact_return(results, "expert") is None:
+        if _exact_return(self.results, "expert") is None:
             return None
-        model = results.model  # of the task with the expert's memory, where it has one
+        model = self.results.model  # of the task with the expert's memory, where it has one
         assert model is not None
-        return Return(solve.policy_return(model, self.plan(model)), tested=results.tested("expert"))
+        return Return(solve.policy_return(model, self.plan(model)), tested=self.results.tested("expert"))
 
 
 # -- on the exact model -----------------------------------------------------------------------------------------------
@@ -277,13 +272,6 @@ def decoded(results: Results, indices: Array) -> Actions:
     assert results.model is not None
     values = results.model.actions.decode(indices)
     return {name: value for (role, name), value in values.items() if role is Role.ACTION}
-
-
-def _plan_of(model: Model, name: str, given: Given) -> Plan:
-    rule = rule_of(model, given)
-    if rule is None:
-        refuse(f"the policy '{name}' of {model.task.id} remembers, or draws from too many outcomes: it has no table")
-    return tables(model, rule)
 
 
 def _exact_return(results: Results, which: str) -> Return | None:

@@ -120,18 +120,23 @@ def _unbounded(low: float, high: float, lanes: int, rng: np.random.Generator) ->
 
 
 def by_expert(task: Task) -> Choose:
-    """The actions of an expert given by expressions."""
-    experts = task.expert
-    assert isinstance(experts, tuple)
+    """Return the actions of an expert given by expressions."""
+    assert isinstance(task.expert, tuple)
+    layout = WordLayout.of(task.expert)
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]
-        layout = WordLayout.of(experts)
-        words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
-        values = evaluate(experts, reads_of(state, {}, t), batch_sampler(layout, words))
-        return {c.name: np.broadcast_to(v, (*v.shape[:-1], lanes)) for c, v in zip(task.action, values, strict=True)}
+        return expert_actions(task, state, t, layout, rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32))
 
     return choose
+
+
+def expert_actions(task: Task, state: State, t: int, layout: WordLayout, words: Array) -> Mapping[str, Array]:
+    """Return actions by component, (*shape, N), of an expert given by expressions, from random words uint32 (count, N)."""
+    assert isinstance(task.expert, tuple)
+    values = evaluate(task.expert, reads_of(state, {}, t), batch_sampler(layout, words))
+    pairs = zip(task.action, values, strict=True)
+    return {c.name: _spread(v, words.shape[-1]) for c, v in pairs}
 
 
 LANES, STEPS, MANY_STEPS = 64, 60, 1000

@@ -12,8 +12,8 @@ from taskspec.base.diagnostics import SpecError, suggest
 from taskspec.base.display import html_table
 from taskspec.base.progress import tell
 from taskspec.model.model import Model, misused, refuse
-from taskspec.scores.hidden import hidden_bits
 from taskspec.scores.lookahead import effective_horizon, least_lookahead
+from taskspec.scores.partial_observability import hidden_bits
 from taskspec.scores.random_success import best_chance, mean_length, reward_chance, solution_length
 from taskspec.scores.returns import Results
 from taskspec.solve.enclosure import NoNumber

@@ -98,7 +98,7 @@ class Results:
         self.limit: int | None = limit
         self.unsettled: str | None = None
         self.searched: dict[tuple[str, bool], Enclosure] = {}
-        """What `scoring.yardsticks` found of those who see observations only, by name and reading."""
+        """Best returns under observations that hide the state, by name and reading."""
         self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
         self._samples: dict[tuple[str, int], Return | None] = {}
 
