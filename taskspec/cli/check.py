@@ -113,7 +113,7 @@ def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
     from taskspec.figures import undrawn
 
     wanted = sense and defaults
-    return exact.check(task, ranges=wanted, with_sense=sense, claims=wanted, beside=undrawn if sense else None)
+    return exact.check(task, ranges=wanted, with_warnings=sense, claims=wanted, beside=undrawn if sense else None)
 
 
 def check_other(path: Path, kind: Kind) -> FileReport:
@@ -134,7 +134,7 @@ def _entries(path: Path, kind: Kind) -> tuple[Sequence[Diagnostic], int]:
 
         expanded = expand(read(path))
         return [*expanded.diagnostics, *expanded.refused], len(expanded.instances)
-    from taskspec.exam.rules import read_exam, read_findings
+    from taskspec.rules.books import read_exam, read_findings
 
     found = read_exam(path) if kind == "exam" else read_findings(path)
     return found.diagnostics, len(found.rules)

@@ -18,7 +18,7 @@ from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, TaskA
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.exact import Difficulty, Return, Score, Scores, Yardsticks
+    from taskspec.exact import Difficulty, PomdpBounds, Return, Score, Scores
     from taskspec.task.task import Task
 
 Episodes = Annotated[int, typer.Option("--episodes", "-n", min=2, help="Used where simulation is needed.")]
@@ -76,7 +76,7 @@ def solve(
     for each in found:
         with progress(each.instance_id):
             measured, results = exact.scores(each, episodes, seed), exact.Results(each)
-            seen = exact.yardsticks(results)
+            seen = exact.pomdp_bounds(results)
             hard = exact.difficulty(results) if difficulty else None
         if output is not None:
             measured.save(output if len(found) == 1 else beside(output, each))
@@ -178,14 +178,14 @@ def _is_number(text: str) -> bool:
 # -- output -------------------------------------------------------------------------------------------------------
 
 
-def _seen_record(seen: Yardsticks) -> dict[str, Any]:
+def _seen_record(seen: PomdpBounds) -> dict[str, Any]:
     """The best returns of those who see observations only, as the bounds that are proved."""
     values = {"remembering": seen.remembering, "memoryless": seen.memoryless}
     told = {k: None if v is None else list(v.ends) for k, v in values.items()}
     return told | {"why_not": seen.why_not}
 
 
-def _print_scores(task: Task, found: Scores, seen: Yardsticks | None) -> None:
+def _print_scores(task: Task, found: Scores, seen: PomdpBounds | None) -> None:
     from taskspec.cli.console import console, line
     from taskspec.task.record import settings
 
@@ -196,7 +196,7 @@ def _print_scores(task: Task, found: Scores, seen: Yardsticks | None) -> None:
     _print_discount(task)
 
 
-def _score_table(found: Scores, seen: Yardsticks | None) -> Table:
+def _score_table(found: Scores, seen: PomdpBounds | None) -> Table:
     from rich.table import Table
 
     from taskspec.cli.console import VisibleText
@@ -213,7 +213,7 @@ def _score_table(found: Scores, seen: Yardsticks | None) -> Table:
     return table
 
 
-def _seen_rows(seen: Yardsticks) -> Iterator[tuple[str, str, str, str]]:
+def _seen_rows(seen: PomdpBounds) -> Iterator[tuple[str, str, str, str]]:
     """Rows for the best of those who see observations only: name, return, how sure it is, a remark."""
     from taskspec.exact import Return
 

@@ -1,6 +1,6 @@
 """Jobs for the tests of runs, and two programs.
 
-`python -m tests.shared.jobs STORE LOG COUNT SECONDS [CLUSTER]` is a run, and `python -m tests.shared.jobs` a Dask cluster of two workers.
+`python -m tests.shared.jobs STORE LOG COUNT SECONDS [CLUSTER]` is a run; without arguments, it is a Dask cluster of two workers.
 """
 
 from __future__ import annotations
