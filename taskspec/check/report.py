@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from taskspec.abstraction.faithful import unfaithful
-from taskspec.abstraction.symmetries import Kept, kept, not_kept
+from taskspec.abstraction.symmetries import SymmetryCheck, invalid_symmetries, verify_symmetry
+from taskspec.abstraction.verify import unfaithful
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError, TaskspecError, in_order
 from taskspec.base.display import html_table
@@ -58,7 +58,7 @@ class Report:
     results: Results | None = field(default=None, repr=False)
     accepted: tuple[Accepted, ...] = ()
     wrong_examples: frozenset[int] = frozenset()  # by number
-    symmetries: tuple[Kept, ...] = ()
+    symmetries: tuple[SymmetryCheck, ...] = ()
 
     @property
     def errors(self) -> tuple[Diagnostic, ...]:
@@ -107,8 +107,8 @@ def check(
         others = check_ranges(task)
         found += others.diagnostics
         cases = others.cases
-    mirrored = tuple(kept(task, each) for each in task.symmetries) if is_as_written(task) else ()
-    found += not_kept(task, mirrored)
+    mirrored = tuple(verify_symmetry(task, each) for each in task.symmetries) if is_as_written(task) else ()
+    found += invalid_symmetries(task, mirrored)
     followed = list(wrong_examples(task)) if claims else []
     found += [diagnostic for _, diagnostic in followed]
     report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(followed)), symmetries=mirrored)
@@ -140,7 +140,7 @@ def _warnings(task: Task, results: Results) -> list[Diagnostic]:
         stand_in = results.abstraction
     except SpecError as error:
         return list(error.diagnostics)
-    problem = None if stand_in is None else unfaithful(stand_in, results.faith)
+    problem = None if stand_in is None else unfaithful(stand_in, results.abstraction_check)
     return [*warnings(task, results), *([] if problem is None else [problem])]
 
 

@@ -17,7 +17,7 @@ from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, Targe
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.abstraction.symmetries import Kept
+    from taskspec.abstraction.symmetries import SymmetryCheck
     from taskspec.cli.checking import Checked, FileReport
     from taskspec.cli.targets import File
     from taskspec.exact import Verdict
@@ -235,7 +235,7 @@ def _claim(verdict: Verdict) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _symmetry(found: Kept) -> dict[str, Any]:
+def _symmetry(found: SymmetryCheck) -> dict[str, Any]:
     """One symmetry: `points` is how many it was tested at, 0 where it is proved."""
     status = "false" if found.problem is not None else "proved" if found.is_proved else "tested"
     return {

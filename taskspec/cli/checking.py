@@ -16,7 +16,7 @@ from taskspec.cli.targets import File, name_of, task_in, variants_of
 from taskspec.source import scan
 
 if TYPE_CHECKING:
-    from taskspec.abstraction.symmetries import Kept
+    from taskspec.abstraction.symmetries import SymmetryCheck
     from taskspec.exact import Accepted, Report, Verdict
     from taskspec.model.points import Method
     from taskspec.task.task import Task
@@ -46,7 +46,7 @@ class Finding:
     examples: int = 0
     wrong_examples: int = 0
     verdicts: tuple[Verdict, ...] = ()
-    symmetries: tuple[Kept, ...] = ()
+    symmetries: tuple[SymmetryCheck, ...] = ()
 
     @property
     def claims_words(self) -> str:

@@ -118,7 +118,7 @@ def _evaluated(claim: Claim, results: Results) -> tuple[bool | None, Reason, int
     if episodes:
         if holds is None:
             holds, reason = _decided(ClaimEvaluator(results, claim.options, replace(terms, soundly=False)), claim)
-            holds = holds is not False
+            holds = None if holds is False else True
         return holds, reason, episodes
     if holds and evaluator.rests_on:
         episodes = evaluator.rests_on

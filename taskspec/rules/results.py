@@ -223,7 +223,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         model = self.results.model
         if model is None:
             raise Undecidable(f"this claim needs an exact model, which does not exist: {self.results.why_not}", expr)
-        if self.results.faith is not None and self.results.faith.problem is not None:
+        if self.results.abstraction_check is not None and self.results.abstraction_check.problem is not None:
             raise Undecidable("the abstraction that this would be told from is not faithful", expr)
         self.rests_on = max(self.rests_on, self.results.tested())
         return model
