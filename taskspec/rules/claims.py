@@ -17,8 +17,8 @@ from taskspec.model.space import words
 from taskspec.modifiers import modify
 from taskspec.registry import load
 from taskspec.rollout.simulate import EPISODES
+from taskspec.rules.claim_rules import ClaimEvaluator, Reason, Terms
 from taskspec.rules.evaluator import Undecidable
-from taskspec.rules.results import ClaimEvaluator, Reason, Terms
 from taskspec.rules.vocabulary import InvalidClaim
 from taskspec.scores.returns import Results
 from taskspec.scores.saved import CLAIMS, OfClaim

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from taskspec.rules.results import ClaimEvaluator
+from taskspec.rules.claim_rules import ClaimEvaluator
 from taskspec.scores.returns import Results
 from taskspec.solve import enclosure
 from taskspec.solve.enclosure import Enclosure

@@ -153,11 +153,8 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
         except Inexact:
             return Enclosure.exactly(value)
 
-    def negative(self, number: Enclosure) -> Enclosure:
-        return negative(number)
-
-    def arithmetic(self, op: str, left: Enclosure, right: Enclosure) -> Enclosure:
-        return arithmetic(op, left, right)
+    def arithmetic(self, op: str, *numbers: Enclosure) -> Enclosure:
+        return negative(*numbers) if op == "neg" else arithmetic(op, *numbers)
 
     def quantity(self, expr: s.Expr) -> Enclosure:
         match expr:
