@@ -194,9 +194,11 @@ class ScoreEvaluator(Evaluator[Estimate, Comparison]):
         sides = [self._name(arg, tuple(SIDES), "side of a task") for arg in args[len(kinds) :]]
         if name in FIXED:
             return Estimate.exactly(self.scores.constant(task))
-        key = (name, *(learners or [ONE]), task, *(sides or ["printed"]))
+        learner = learners[0] if learners else ONE
+        side = sides[0] if sides else "printed"
+        key = (name, learner, task, side)
         if key not in self._known:
-            values = self.scores.values(*key[1:], NUMBERS[name].entry)
+            values = self.scores.values(learner, task, side, NUMBERS[name].entry)
             self._known[key] = estimate(values, NUMBERS[name].statistic, "/".join(key[1:]))
         return self._known[key]
 
