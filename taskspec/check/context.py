@@ -21,8 +21,8 @@ SMALL = 3_000_000
 
 
 @dataclass(frozen=True)
-class Problem:
-    """Something to warn about; the code of the warning is that of the check that found it."""
+class Doubt:
+    """Something to warn about, at its place; the code of the warning is that of the check that found it."""
 
     place: Placed | None
     message: str

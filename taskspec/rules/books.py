@@ -88,7 +88,7 @@ def _read(path: Path, check: Any, section: str, key: str) -> RuleBook:
     described, diagnostics = check(document)
     if described is None:
         raise SpecError(diagnostics)
-    reader = _Reader(document, Collector())
+    reader = _RuleReader(document, Collector())
     reader.collector.extend(diagnostics)
     names = reader.names(described, path.parent)
     references = beside([path])
@@ -115,7 +115,7 @@ def _sources(described: ExamDocument | FindingsDocument) -> Iterator[tuple[tuple
 
 
 @dataclass(frozen=True)
-class _Reader:
+class _RuleReader:
     """A document, and a collector of mistakes at places in it."""
 
     document: Document
