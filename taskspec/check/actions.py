@@ -198,7 +198,7 @@ def expert(context: LintContext) -> Iterator[Doubt]:
 
 
 def _no_better(context: LintContext, found: Return) -> Iterator[Doubt]:
-    """By simulation: an expert that is one returns more, on average, than random actions do."""
+    """Compare an expert with random actions by simulation."""
     results = context.results
     random = results.random if is_bounded(context.task) else results.estimated(at_random(context.task), 200)
     if random is not None and random.value >= found.value:

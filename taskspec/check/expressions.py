@@ -29,7 +29,7 @@ from taskspec.task.task import Component, Task
 # -- indices --------------------------------------------------------------------------------------
 
 POINTS = 100_000
-"""States, actions and times that are looked at, at most."""
+"""States, actions and times that are evaluated, at most."""
 BATCH = 4096
 
 
@@ -64,7 +64,7 @@ def _problem(m: ClampedIndex, index: int, reads: Reads, task: Task) -> Doubt:
 
 
 def _points(context: LintContext, roots: Sequence[Node]) -> Iterator[Reads]:
-    """What is read where episodes act: all of it where there is an exact model, samples elsewhere."""
+    """Yield the values read at points at which episodes act: all if there is an exact model, otherwise samples."""
     model, read = context.model, reads(roots)
     if model is None:
         found = visited(context.task)
@@ -111,7 +111,7 @@ def _outside(
 
 
 def _choice(node: Node) -> bool:
-    """Whether the first argument decides which of the others matter."""
+    """Return whether the first argument decides which of the others matter."""
     return isinstance(node, Apply) and node.op in ("where", "and", "or") and node.type.is_scalar
 
 
@@ -135,7 +135,7 @@ def _needed(
 
 Cut = tuple[s.Subscript, s.Slice]
 MOST = 1000
-"""Slices that are looked at."""
+"""Slices that are checked, at most."""
 SECTIONS = ("noise", "initial", "dynamics", "reward", "terminal", "observation", "memory", "expert")
 
 
@@ -268,20 +268,20 @@ def _is_certain(expr: s.Call | s.Weights, where: SectionScope) -> bool:
 
 
 def _one_weight(pairs: tuple[tuple[s.Expr, s.Expr], ...], where: SectionScope) -> bool:
-    """Whether one value alone has a probability above 0."""
+    """Return whether a single value has a probability above 0."""
     weights = [where.number(p) for _, p in pairs]
     return all(isinstance(w, Const) for w in weights) and sum(_above_zero(w) for w in weights) == 1
 
 
 def _one_element(expr: s.Call, where: SectionScope) -> bool:
-    """Whether the set that is drawn from has one element."""
+    """Return whether a set that is drawn from has one element."""
     value = where.value(expr)
     found = [] if value is None else draws([value.node])
     return value is not None and all(_counts(draw) == 1 for draw in found)
 
 
 def _counts(draw: Draw) -> int | None:
-    """How many outcomes a draw from a set has, where that is fixed."""
+    """Return the number of outcomes of a draw from a set; None if it varies."""
     first = draw.args[0] if draw.args else None
     return int(first.value) if draw.base == "index" and isinstance(first, Const) and first.type.is_scalar else None
 
@@ -314,17 +314,17 @@ def _whole_components(task: Task) -> list[Component]:
 
 
 def _is_fixed(name: str, first: Node, following: Node) -> bool:
-    """Whether a component starts as a constant and stays as it is."""
+    """Return whether a component starts as a constant and never changes."""
     return isinstance(first, Const) and isinstance(following, Read) and (following.name == name)
 
 
 def _words(task: Task, name: str) -> set[str]:
-    """What the lines of a component mention; a real parameter there is whole by chance at the most."""
+    """Return the words in the equations of a component; a real parameter among them need not be whole."""
     return mentioned(task, "initial", name) | mentioned(task, "dynamics", name + "'")
 
 
 def _is_whole(root: Node, assumed: object) -> bool:
-    """Whether a value is whole if the components in `assumed` are."""
+    """Return whether a value is whole if the components in `assumed` are."""
     whole: dict[int, bool] = {}
     for node in walk([root]):
         whole[id(node)] = node.type.kind is not Kind.REAL or _keeps(node, whole, assumed)

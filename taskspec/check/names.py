@@ -132,7 +132,7 @@ ALIKE = str.maketrans(
 
 
 def foreign_letters(context: LintContext) -> Iterator[Doubt]:
-    """A name that nobody can tell from one in Latin letters."""
+    """A name that looks like one in Latin letters."""
     names = [((section, written), name) for section, written, name in _names(context)]
     for section, components in (("state", context.task.state), ("action", context.task.action)):
         labels = [((section, c.name), str(label)) for c in components if c.domain for label in c.domain.labels]

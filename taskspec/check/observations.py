@@ -84,7 +84,7 @@ def _first_looks(model: Model, first: Array) -> Array | None:
         if draws([node]):
             if reads([node]):
                 return None
-            continue  # noise alone tells nothing
+            continue  # noise alone carries no information
         (value,) = evaluate([node], given)
         rows.append(np.broadcast_to(value, (*value.shape[:-1], len(first))).reshape(-1, len(first)))
     return np.concatenate(rows).T.astype(np.float64) if rows else np.zeros((len(first), 1))
@@ -121,9 +121,10 @@ def hidden(context: LintContext) -> Iterator[Doubt]:
     task = context.task
     if task.observation.is_state or "W509" in context.codes:
         return
-    told, paid = mentioned(task, "observation"), mentioned(task, "reward")
+    shown = mentioned(task, "observation")
+    paid = mentioned(task, "reward")
     for c in task.state:
-        if c.name in paid and c.name not in told and c.low != c.high and _varies(context, c):
+        if c.name in paid and c.name not in shown and c.low != c.high and _varies(context, c):
             message = f"the reward depends on '{c.name}', which the observation does not show"
             yield Doubt(context.key("observation"), message)
 

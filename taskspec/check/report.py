@@ -190,8 +190,8 @@ class Scores:
     def record(self) -> dict[str, Any]:
         """Return all of it as plain data for JSON."""
         returns = {name: getattr(self, name) for name in RETURNS}
-        told = {name: None if r is None else asdict(r) | {"status": r.status} for name, r in returns.items()}
-        return asdict(self) | told | {"parameters": dict(self.parameters), "gap": self.gap}
+        found = {name: None if r is None else asdict(r) | {"status": r.status} for name, r in returns.items()}
+        return asdict(self) | found | {"parameters": dict(self.parameters), "gap": self.gap}
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one flat row for each known return, as `pandas.DataFrame` takes them."""

@@ -27,7 +27,7 @@ SLACK = 1e-6
 def unreachable(context: LintContext) -> Iterator[Doubt]:
     """Values of a component that occur in no episode, however long, of this task or of one that shares its roles.
 
-    Where there is an exact model all values are looked at, elsewhere what intervals prove about the ends of ranges.
+    With an exact model, all values are checked; otherwise the ends of ranges, by interval arithmetic.
     """
     model = context.results.model
     if model is not None and model.entries <= SMALL:
@@ -139,7 +139,7 @@ def unread(context: LintContext) -> Iterator[Doubt]:
 
 
 def forgotten(context: LintContext) -> Iterator[Doubt]:
-    """What the expert remembers, and nothing that it does depends on."""
+    """A component of the expert's memory that no action of it depends on."""
     task = context.task
     if task.memory is None:
         return

@@ -58,9 +58,9 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """How a claim is evaluated: by which reading of floats; at which confidence and on how many episodes if simulated.
+    """Settings of an evaluation: the reading of floats; confidence and episodes of simulations.
 
-    With `soundly`, intervals of simulated returns hold whatever their distribution; otherwise they are normal ones.
+    With `soundly`, intervals of simulated returns hold for any distribution; otherwise they are normal ones.
     """
 
     as_written: bool = False
@@ -311,7 +311,7 @@ class ClaimEvaluator(Evaluator[Enclosure, Reason]):
 
 
 def _sides(left: s.Expr, a: Enclosure, right: s.Expr, b: Enclosure, holds: bool | None) -> str:
-    """Both sides with their values, in as many digits as tell them apart."""
+    """Return both sides with their values, in enough digits to distinguish them."""
     shown = str(a), str(b)
     if not holds and shown[0] == shown[1]:
         shown = _closely(a), _closely(b)

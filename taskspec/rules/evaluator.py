@@ -28,7 +28,7 @@ class Undecidable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Truth(Generic[Evidence]):
-    """Whether a condition holds (None: undecided), and the evidence that decides it, or leaves it open."""
+    """The truth of a condition (None: undecided), and the evidence that decides it, or leaves it open."""
 
     holds: bool | None
     evidence: tuple[Evidence, ...] = ()

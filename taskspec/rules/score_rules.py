@@ -48,7 +48,7 @@ class Comparison:
 
     @property
     def is_missing(self) -> bool:
-        """Whether results that it needs are missing; the text says which."""
+        """True if results that it needs are missing; the text names them."""
         return math.isnan(self.value)
 
     def __str__(self) -> str:

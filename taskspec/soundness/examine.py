@@ -155,7 +155,7 @@ class Examination:
 
     @cached_property
     def _searchable(self) -> bool:
-        """Whether the search for states that episodes visit is cheap enough."""
+        """True if the search for states that episodes visit is cheap enough."""
         steps = Steps(self.task)
         if steps.uses_time and self.task.horizon is None:  # the search would not end
             return False
