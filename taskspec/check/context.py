@@ -21,8 +21,8 @@ SMALL = 3_000_000
 
 
 @dataclass(frozen=True)
-class Problem:
-    """Something to warn about; the code of the warning is that of the check that found it."""
+class Doubt:
+    """Something to warn about, at its place; the code of the warning is that of the check that found it."""
 
     place: Placed | None
     message: str
@@ -69,7 +69,7 @@ class LintContext:
 
     @property
     def is_constant(self) -> bool:
-        """Whether all steps have the same reward, and their number makes no difference."""
+        """True if all steps have the same reward, and their number makes no difference."""
         paid, model = self.paid, self.results.model
         if model is None or paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
             return False

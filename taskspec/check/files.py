@@ -15,7 +15,7 @@ from taskspec.source import scan
 from taskspec.targets import File, name_of, task_in, variants_of
 
 if TYPE_CHECKING:
-    from taskspec.abstraction.symmetries import Kept
+    from taskspec.abstraction.symmetries import SymmetryCheck
     from taskspec.check.names import Accepted
     from taskspec.check.report import Report
     from taskspec.model.points import Method
@@ -44,7 +44,7 @@ class Finding:
     examples: int = 0
     wrong_examples: int = 0
     verdicts: tuple[Verdict, ...] = ()
-    symmetries: tuple[Kept, ...] = ()
+    symmetries: tuple[SymmetryCheck, ...] = ()
 
     @property
     def claims_words(self) -> str:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from taskspec.abstraction.symmetries import Kept
+    from taskspec.abstraction.symmetries import SymmetryCheck
     from taskspec.check.files import Checked, FileReport, Finding
     from taskspec.check.report import Report
     from taskspec.exact import Verdict
@@ -284,7 +284,7 @@ def _claim(verdict: Verdict) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _symmetry(found: Kept) -> dict[str, Any]:
+def _symmetry(found: SymmetryCheck) -> dict[str, Any]:
     """One symmetry: `points` is how many it was tested at, 0 where it is proved."""
     status = "false" if found.problem is not None else "proved" if found.is_proved else "tested"
     return {

@@ -59,7 +59,7 @@ def visits(steps: Steps, limit: int | None = None, hint: str | None = None, each
     while len(level) and (horizon is None or t < horizon):
         budget.spend(merging, len(level), LEVEL)
         acting.add(level)
-        going, ended = _successors(steps, level, t, lambda outcomes: budget.spend(cost, outcomes))
+        going, ended = successors(steps, level, t, lambda outcomes: budget.spend(cost, outcomes))
         entered.add(union([going, ended]))
         _check_few(entered.size, limit, hint, each)
         level = going if steps.uses_time else acting.without(going)
@@ -73,10 +73,13 @@ def _check_few(entered: int, limit: int | None, hint: str | None, each: str) -> 
         refuse(told, f"choose smaller parameters, or: {hint}" if hint else None)
 
 
-def _successors(steps: Steps, states: Array, t: int, spend: Callable[[int], None]) -> tuple[Array, Array]:
-    """States entered from the given ones: those where the episode goes on, and those where it ends.
+def successors(
+    steps: Steps, states: Array, t: int, spend: Callable[[int], None] = lambda outcomes: None
+) -> tuple[Array, Array]:
+    """Return the states entered from given states: those in which the episode goes on, and those in which it ends.
 
-    `spend` is told of outcomes before they are sorted.
+    Args:
+        spend: called with the number of outcomes of each batch before they are sorted.
     """
     going, ended = [states[:0]], [states[:0]]
     per_chunk = max(1, int(min(CHUNK, OUTCOMES // max(1.0, steps.branching))) // steps.actions.size)

@@ -46,7 +46,7 @@ def _model(results: Results) -> Model:
     """Return the exact model; raise E712 if there is none, or its abstraction is not faithful."""
     if results.model is None:
         refuse(results.why_not or "there is no exact model", results.remedy)
-    if results.faith is not None and results.faith.problem is not None:
+    if results.abstraction_check is not None and results.abstraction_check.problem is not None:
         refuse("the abstraction is not faithful")
     return results.model
 

@@ -14,7 +14,7 @@ import pytest
 import taskspec
 from taskspec import exact, source
 from taskspec.abstraction.abstraction import abstraction
-from taskspec.abstraction.faithful import unfaithful
+from taskspec.abstraction.verify import unfaithful
 from taskspec.base.diagnostics import SpecError, TaskspecError
 from taskspec.model import rows
 from taskspec.rollout.rollout import at_random
