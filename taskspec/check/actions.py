@@ -160,8 +160,8 @@ def _steps(model: Model) -> list[Any]:
 
 
 def _gaps(step: Any, a: Any, b: Any) -> Iterator[Any]:
-    yield step.reward[a] - step.reward[b]
-    for matrix in (step.going, step.ending):
+    yield step.R[a] - step.R[b]
+    for matrix in (step.P, step.P_end):
         if matrix is not None:
             yield (matrix[a] - matrix[b]).data
 

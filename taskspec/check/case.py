@@ -45,9 +45,7 @@ class Linted:
             return None
         low, high = [], []
         for t, level in model.levels() if model.is_timed else [(0, model.acting)]:
-            for paid in model.step(t).reward.reshape(
-                model.n_actions, -1
-            ):  # one by one, as there may be no memory for all
+            for paid in model.step(t).R.reshape(model.n_actions, -1):  # one by one, as there may be no memory for all
                 if level.any():
                     low.append(paid[level].min())
                     high.append(paid[level].max())
@@ -59,4 +57,4 @@ class Linted:
         paid, model = self.paid, self.results.model
         if model is None or paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
             return False
-        return all(step.ending is None for step in model.steps) or abs(paid[0]) <= SAME
+        return all(step.P_end is None for step in model.steps) or abs(paid[0]) <= SAME

@@ -42,14 +42,14 @@ def _later_reward(case: Linted, before: float) -> int | None:
     if model is None or model.horizon is None or model.is_timed:
         return None
     level, seen = model.start > 0, np.zeros(model.n_states, np.bool_)
-    paid = model.step(0).reward.reshape(model.n_actions, -1)
+    paid = model.step(0).R.reshape(model.n_actions, -1)
     for t in range(model.horizon + LONGER):
         if not (level & ~seen).any():
             return None
         if np.ptp(np.append(paid[:, level].reshape(-1), before)) > SAME:
             return t + 1
         seen |= level
-        level = model.successors(model.step(0).going, level)
+        level = model.successors(model.step(0).P, level)
     return None
 
 

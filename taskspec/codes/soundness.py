@@ -140,4 +140,18 @@ reward: {by: [s], rows: {goal: 1, else: 0}}    # right
 ```
 """,
     ),
+    Code(
+        "E411",
+        "number-outside-domain",
+        "a number that is too large, or too close to 0",
+        """
+The numbers of which rewards are made are 0, or between 1e-100 and 1e100 in size, and probabilities are 0, 1, or at least
+1e-100 from both. Products of others may be too small for a float, so that nothing could be proved of them.
+
+```yaml
+reward: 1e-200 * (s' == goal)     # wrong
+reward: 1e-9 * (s' == goal)       # right
+```
+""",
+    ),
 )

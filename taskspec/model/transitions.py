@@ -32,15 +32,6 @@ from taskspec.task.task import Task
 # ---------- expectation
 # The expected reward where the reward itself is noisy: real draws that enter it linearly are replaced by their means.
 
-SMALL = 1e-100
-"""A product of such sizes may be too small for a float."""
-
-
-def is_faint(reward: Node, mean: Node) -> bool:
-    """Whether so small numbers went into the expectation of a reward that it may be 0 in floats, and is not."""
-    constants = (node for node in walk([reward, mean]) if isinstance(node, Const))
-    return reward is not mean and any(0 < abs(v) < SMALL for node in constants for v in node.flat)
-
 
 def expected(reward: Node, builder: Builder, shared: Collection[Draw] = ()) -> Node:
     """The reward with every draw that is not finite and enters linearly replaced by its mean.
@@ -248,7 +239,6 @@ class Steps:
         self.actions = Space(task.action, Role.ACTION)
         decisive = draws((*task.next, task.terminal))
         self.reward = task.reward if as_paid else expected(task.reward, task.builder, decisive)
-        self.is_faint = is_faint(task.reward, self.reward)
         self.roots = lumped((*task.raw_next, self.reward, task.terminal), task.builder)
         self.first = lumped(task.raw_initial, task.builder)
 

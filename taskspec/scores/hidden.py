@@ -14,7 +14,7 @@ from taskspec.lang.ir import Node, draws, reads
 from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import TIME, branches, count
 from taskspec.scores.random_success import mean_length, undiscounted
-from taskspec.solve.chains import Chain
+from taskspec.solve.infinite_horizon import chain_values
 from taskspec.solve.plans import uniform_plan
 from taskspec.solve.solve import occupancy
 from taskspec.task.task import Task
@@ -85,14 +85,14 @@ def _often(model: Model) -> Array:
         return occupancy(undiscounted(model, model.steps), plan)
     mean_length(model, plan)  # refuses where episodes may never end
     shape = (model.n_actions, model.n_states, model.n_states)
-    going = model.step(0).going
+    going = model.step(0).P
     matrix = sum(going[a * shape[1] : (a + 1) * shape[1]] for a in range(shape[0])) / shape[0]
-    return Chain(matrix.T.tocsr(), lambda x: x, model.acting).solved(model.start)
+    return chain_values(matrix.T.tocsr(), model.start, model.acting)
 
 
 def _often_at_each_time(model: Model) -> list[Array]:
     plan, found, now = uniform_plan(model), [], model.start
     for t in range(model.horizon or 0):
         found.append(now)
-        now = model.step(t).going.T @ (plan(t) * now).reshape(-1)
+        now = model.step(t).P.T @ (plan(t) * now).reshape(-1)
     return found

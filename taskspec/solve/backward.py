@@ -56,7 +56,7 @@ def all_values(steps: Iterable[tuple[int, Q, V]]) -> list[V]:
     return found[::-1]
 
 
-def action_values(P: Any, R: Array, gamma: float, V: Array) -> Array:  # noqa: N803  # the field's symbols
+def action_values(P: Any, R: Array, gamma: float, V: Array) -> Array:
     """Return Q, float64 (A, S, ...), of one time.
 
     Args:

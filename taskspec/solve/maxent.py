@@ -26,10 +26,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.model.model import Model, refuse, scipy_sparse
 from taskspec.model.transitions import Steps
-from taskspec.solve.bounded import Bounded
-from taskspec.solve.following import Bound, Policy
+from taskspec.solve.bounded import SMALLEST, UNIT, Bound, Bounded, Policy
 from taskspec.solve.policy_rules import Rule
-from taskspec.solve.rounding import FLOOR, UNIT
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class MaxEnt(Rule):
     def policy(self, numbers: Bounded, t: int, q: Bound) -> Policy:
         return numbers.boltzmann(q, 1.0)
 
-    def settled(self, numbers: Any) -> Any:
+    def stationary(self, numbers: Any) -> Any:
         return self.backup(numbers)
 
 
@@ -87,26 +85,28 @@ class _Table:
         self.paid = beta * np.where(model.acting[rows % model.n_states], rewards, 0.0)[order]
         self.logs, slack = np.log(weights[order]), numbers.slack
         off = slack.relative + 2 * slack.absolute / weights[order] + 8 * UNIT * (np.abs(self.logs) + 1)
-        # what is left out may pay anything, and of chances that no float holds nothing is known
-        self.error = np.where((slack.missing > 0) | (weights[order] < FLOOR), np.inf, off)
+        self.error = float(np.max(off, initial=0.0))
+        if slack.missing > 0 or weights.min(initial=1.0) < SMALLEST:  # outcomes that are left out may pay anything
+            self.error = np.inf
         self.starts = np.searchsorted(rows[order], np.arange(size))
         self.counts = np.diff(np.append(self.starts, len(rows)))
 
     def log_q(self, log_z: Bound, t: int) -> Bound:
         """log Z(s, a), (A, S), from log Z (S,) at the next time; 0 for rows without outcomes, where nobody acts."""
         paid = self.discount**t * self.paid
-        rounded = 8 * UNIT * np.abs(paid) * (1 + (t if self.discount != 1 else 0))
+        largest = float(np.max(np.abs(paid), initial=0.0))
+        rounded = 8 * UNIT * largest * (1 + (t if self.discount != 1 else 0))
         terms = self.logs + paid + np.where(self.ends, 0.0, log_z.value[self.columns])
-        errors = self.error + rounded + np.where(self.ends, 0.0, log_z.error[self.columns])
         some = self.counts > 0
         starts = self.starts[some]
         top = np.maximum.reduceat(terms, starts)
         total = np.add.reduceat(np.exp(terms - np.repeat(top, self.counts[some])), starts)
-        found, error = np.zeros(len(self.counts)), np.zeros(len(self.counts))
+        found = np.zeros(len(self.counts))
         found[some] = top + np.log(total)
-        rounding = (16 * self.counts[some] + 32) * UNIT * (1 + np.abs(found[some]))
-        error[some] = np.maximum.reduceat(errors, starts) + rounding
-        return Bound(found.reshape(self.shape), error.reshape(self.shape))
+        size = 1 + float(np.max(np.abs(found), initial=0.0))
+        rounding = (16 * int(self.counts.max(initial=0)) + 32) * UNIT * size
+        error = self.error + rounded + float(log_z.error.max(initial=0.0)) + rounding
+        return Bound(found.reshape(self.shape), 0.0, error)
 
 
 def outcome_table(model: Model, t: int = 0) -> tuple[Array, Array, Array, Array, Array]:

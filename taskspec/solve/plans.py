@@ -20,8 +20,7 @@ from taskspec.lang.ir import Node, draws, reads
 from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import TIME, count
 from taskspec.solve.backward import backward
-from taskspec.solve.bounded import Bounded
-from taskspec.solve.following import Bound, Policy
+from taskspec.solve.bounded import Bound, Bounded, Policy
 from taskspec.solve.maxent import MaxEnt
 from taskspec.solve.policy_rules import Rule
 from taskspec.task.task import Soft
@@ -40,7 +39,7 @@ class Uniform(Rule):
     def policy(self, numbers: Any, t: int, q: Any) -> Any:
         return numbers.uniform()
 
-    def settled(self, numbers: Any) -> Any:
+    def stationary(self, numbers: Any) -> Any:
         return numbers.uniform()
 
 
@@ -61,7 +60,7 @@ class Expressed(Rule):
     def policy(self, numbers: Any, t: int, q: Any) -> Any:
         return numbers.tabulated(self.nodes, t)
 
-    def settled(self, numbers: Any) -> Any:
+    def stationary(self, numbers: Any) -> Any:
         if self.is_timed:
             refuse("the expert depends on the time, and there is no horizon")
         return numbers.tabulated(self.nodes, 0)
@@ -77,7 +76,7 @@ class Given(Rule):
     def policy(self, numbers: Any, t: int, q: Any) -> Any:
         return Policy(self.tables(t))
 
-    def settled(self, numbers: Any) -> Any:
+    def stationary(self, numbers: Any) -> Any:
         return Policy(self.tables(0))
 
 
@@ -107,8 +106,8 @@ class Greedy(Rule):
     def policy(self, numbers: Any, t: int, q: Any) -> Any:
         return numbers.greedy(q)
 
-    def settled(self, numbers: Any) -> Any:
-        return numbers.greedy(numbers.settled_best(self.shift))
+    def stationary(self, numbers: Any) -> Any:
+        return numbers.greedy(numbers.q_values(self.shift))
 
 
 @dataclass(frozen=True)
@@ -125,8 +124,8 @@ class Boltzmann(Rule):
     def policy(self, numbers: Bounded, t: int, q: Bound) -> Policy:
         return numbers.boltzmann(q, self.beta)
 
-    def settled(self, numbers: Any) -> Policy:
-        found: Policy = numbers.boltzmann(numbers.settled_soft(self.beta), self.beta)
+    def stationary(self, numbers: Any) -> Policy:
+        found: Policy = numbers.boltzmann(numbers.soft_q_values(self.beta), self.beta)
         return found
 
 
@@ -191,9 +190,9 @@ class Tables:
 def tables(model: Model, rule: Rule) -> Plan:
     """A rule's probabilities of actions at any time."""
     if model.horizon is None:
-        from taskspec.solve.infinite_horizon import Endless
+        from taskspec.solve.infinite_horizon import InfiniteHorizon
 
-        return stationary(rule.settled(Endless(model)).table)
+        return stationary(rule.stationary(InfiniteHorizon(model)).table)
     if rule.is_planned:
         return Tables(model, rule)
     numbers = Bounded(model)

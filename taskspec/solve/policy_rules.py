@@ -44,7 +44,7 @@ class Rule(ABC):
         """Return the policy (A, S) at a time."""
 
     @abstractmethod
-    def settled(self, numbers: Any) -> Any:
+    def stationary(self, numbers: Any) -> Any:
         """Return the policy (A, S) without a horizon."""
 
     def plan(self, numbers: Any) -> Iterator[tuple[int, Any, Any]]:
