@@ -17,8 +17,8 @@ from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import TIME
 from taskspec.rules.vocabulary import Undecidable, Unfit
 from taskspec.scores.returns import Results
+from taskspec.solve.backward import Rule
 from taskspec.solve.bounded import UNKNOWN
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.solver import Solver
 from taskspec.task.task import Task
 

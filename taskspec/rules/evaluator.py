@@ -32,6 +32,7 @@ from taskspec.rules.conditions import (
 from taskspec.rules.vocabulary import RESULTS, RETURNS, Undecidable, Unfit, holds_of_all, refuse_misplaced, rule_named
 from taskspec.scores.pomdp_bounds import SEARCHES, best_observing
 from taskspec.scores.returns import Results
+from taskspec.solve.backward import Rule
 from taskspec.solve.enclosure import (
     Enclosure,
     Inexact,
@@ -43,7 +44,6 @@ from taskspec.solve.enclosure import (
     digits,
     negative,
 )
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.solver import Solver
 
 

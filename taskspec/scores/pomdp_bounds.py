@@ -9,8 +9,7 @@ from taskspec.model.model import refuse
 from taskspec.scores.returns import Results
 from taskspec.solve.beliefs import BeliefSearch
 from taskspec.solve.enclosure import Enclosure
-from taskspec.solve.memoryless import ReactiveSearch
-from taskspec.solve.observation_classes import hides, looks
+from taskspec.solve.memoryless import ReactiveSearch, hides, observation_classes
 from taskspec.solve.rational import Rational
 
 SEARCHES = {"remembering": BeliefSearch, "memoryless": ReactiveSearch}
@@ -32,7 +31,7 @@ def yardsticks(results: Results) -> Yardsticks | None:
         return None
     model = results.model
     try:
-        if not hides(model, looks(model)):
+        if not hides(model, observation_classes(model)):
             return None
         return Yardsticks(best_observing(results, "remembering"), best_observing(results, "memoryless"))
     except SpecError as error:
@@ -52,7 +51,7 @@ def best_observing(results: Results, which: str, as_written: bool = False) -> En
         refuse("what is seen is not told of an abstraction")
     if model.horizon is None:
         refuse("episodes have no horizon")
-    seen = looks(model)
+    seen = observation_classes(model)
     solver = results.solvers.of(None, as_written)
     numbers = solver.numbers
     if not isinstance(numbers, Rational):

@@ -24,9 +24,9 @@ from taskspec.registry import load
 from taskspec.rollout.confidence import CUT, mean_interval, return_range
 from taskspec.rollout.rollout import Choose, Rollout, at_random, by_expert, is_bounded
 from taskspec.scores.saved import OfNumber
+from taskspec.solve.backward import Rule
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.solve.plans import Greedy, Plan, Uniform, rule_of, tables
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.solver import Solvers, why_endless
 from taskspec.task.task import Soft, Task, TaskLike
 

@@ -22,9 +22,9 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.model.model import Model, NoModel, refuse, scipy_module, scipy_sparse
+from taskspec.solve.backward import Rule
 from taskspec.solve.bounded import QUIET, UNIT, Bound, Bounded, Policy
 from taskspec.solve.enclosure import Enclosure
-from taskspec.solve.policy_rules import Rule
 
 DIRECT = 3000
 """The number of states up to which equations are solved directly."""

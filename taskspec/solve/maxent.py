@@ -26,8 +26,8 @@ import numpy as np
 from taskspec.base.arrays import Array
 from taskspec.model.model import Model, refuse, scipy_sparse
 from taskspec.model.transitions import Steps
+from taskspec.solve.backward import Rule
 from taskspec.solve.bounded import SMALLEST, UNIT, Bound, Bounded, Policy
-from taskspec.solve.policy_rules import Rule
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,9 @@ from taskspec.base.arrays import Array
 from taskspec.lang.ir import Node, draws, reads
 from taskspec.model.model import Model, refuse
 from taskspec.model.transitions import TIME, count
-from taskspec.solve.backward import backward
+from taskspec.solve.backward import Rule, backward
 from taskspec.solve.bounded import Bound, Bounded, Policy
 from taskspec.solve.maxent import MaxEnt
-from taskspec.solve.policy_rules import Rule
 from taskspec.task.task import Soft
 
 Plan = Callable[[int], Array]

@@ -12,10 +12,9 @@ from taskspec.base.arrays import Array
 from taskspec.base.extras import is_installed
 from taskspec.base.progress import tell
 from taskspec.model.model import Model
-from taskspec.solve.backward import backward, first_values
+from taskspec.solve.backward import Rule, backward, first_values
 from taskspec.solve.bounded import QUIET, Bounded
 from taskspec.solve.enclosure import Enclosure, Inexact, Reader
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.rational import Rational
 
 LONG = 100_000_000
