@@ -58,7 +58,7 @@ Sparse = Any  # scipy.sparse.csr_array
 
 
 @dataclass(frozen=True)
-class Rounding:
+class RoundingTerms:
     """What bounds of rounding errors need to know of a step.
 
     `terms` is the largest number of outcomes of a row; the rewards of all outcomes are from `lowest` to `highest`.
@@ -86,7 +86,7 @@ class Step:
     P: Sparse
     P_end: Sparse | None
     R: Array
-    rounding: Rounding = Rounding()
+    rounding: RoundingTerms = RoundingTerms()
     escaping: Array | None = None
 
     def same(self, other: Step) -> bool:

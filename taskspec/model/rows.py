@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.model.model import Rounding, Step, scipy_sparse
+from taskspec.model.model import RoundingTerms, Step, scipy_sparse
 from taskspec.model.transitions import LOOP_FROM, Outcomes, Steps
 
 CHUNK = 16_384
@@ -78,7 +78,7 @@ class RowCollector:
         if self.entry <= TIDY:
             built = [_tidy(matrix.copy()) for matrix in built]
         P_end = built[1] if len(built) > 1 else None
-        rounding = Rounding(self.terms, self.lowest, self.highest)
+        rounding = RoundingTerms(self.terms, self.lowest, self.highest)
         return Step(built[0], P_end, self.reward, rounding, self.marked.get("escaping"))
 
 

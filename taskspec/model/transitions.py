@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -227,6 +228,20 @@ class Outcomes:
     terminal: Array
 
 
+class OutcomeTable(NamedTuple):
+    """Outcomes (N,) of all actions in all states.
+
+    `row` is a*S + s, `column` the index of the next state, where that is `inside`; `ends` says which end the episode.
+    """
+
+    row: Array
+    column: Array
+    weight: Array
+    reward: Array
+    ends: Array
+    inside: Array
+
+
 class Steps:
     """The dynamics, reward and termination of a task whose states are finite, ready to be enumerated.
 
@@ -282,6 +297,18 @@ class Steps:
             size = lanes if branch.origin is None else len(branch.origin)
             code, outside = self.states.encode(values[:-2], size)
             yield Outcomes(branch.weight, branch.origin, code, outside, values[-2], values[-1])
+
+    def table(self, codes: Array, t: int, numbers: ProbabilityArithmetic = FLOATS) -> OutcomeTable:
+        """Return every outcome of every action in some states (S,), sorted codes, at a time."""
+        parts: list[tuple[Array, ...]] = []
+        for a in range(self.actions.size):
+            for found in self.outcomes(codes, np.array([a]), t, numbers):
+                point = np.arange(len(codes)) if found.origin is None else found.origin
+                column = np.minimum(np.searchsorted(codes, found.code), len(codes) - 1)
+                inside = np.ones(1, np.bool_) if found.outside is None else ~found.outside
+                values = (a * len(codes) + point, column, found.weight, found.reward, found.terminal, inside)
+                parts.append(tuple(np.broadcast_to(v, (len(point),)) for v in values))
+        return OutcomeTable(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
     def starts(self, numbers: ProbabilityArithmetic = FLOATS) -> tuple[Array, Array]:
         """Codes (N,) of the first states and their probabilities (N,), each code once.

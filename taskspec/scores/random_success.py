@@ -66,8 +66,8 @@ def _pays(model: Model, t: int) -> Array:
     step = model.step(t)
     paid = step.R != 0
     if step.rounding.lowest < 0 < step.rounding.highest:  # outcomes of both signs may cancel
-        rows, _, weights, rewards, _ = outcome_table(model, t)
-        paid = np.bincount(rows, (weights > 0) & (rewards != 0), len(paid)) > 0
+        found = outcome_table(model, t)
+        paid = np.bincount(found.row, found.reward != 0, len(paid)) > 0
     return np.asarray(paid.reshape(model.n_actions, model.n_states), np.float64)
 
 

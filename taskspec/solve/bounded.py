@@ -165,7 +165,7 @@ def _smallest(values: Array) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Weights:
+class ExpectationError:
     """Errors of expectations: `relative` to the sum of all sizes, and `absolute` for values of size 1.
 
     `smallest` is the smallest probability.
@@ -176,7 +176,7 @@ class Weights:
     smallest: float
 
     @classmethod
-    def of(cls, terms: int, slack: Slack, smallest: float) -> Weights:
+    def of(cls, terms: int, slack: Slack, smallest: float) -> ExpectationError:
         absolute = slack.absolute * terms + 2 * slack.missing
         if smallest < SMALLEST:  # which stands for what no float holds
             absolute += UNDERFLOW * terms
@@ -212,8 +212,10 @@ class Bounded:
         steps = Steps(model.task)
         first = draws(steps.first)
         self.slack = Slack.of(steps.draws, builder, steps.reward)
-        self.start_weights = Weights.of(int(count(first, {})), Slack.of(first, builder), _smallest(model.start))
-        self._weights: dict[int, Weights] = {}
+        self.start_weights = ExpectationError.of(
+            int(count(first, {})), Slack.of(first, builder), _smallest(model.start)
+        )
+        self._weights: dict[int, ExpectationError] = {}
         self._chosen: tuple[Step, Policy, Step] | None = None
 
     @cached_property
@@ -233,12 +235,12 @@ class Bounded:
         found = [step.rounding for step in self.model.steps]
         return all(r.lowest >= 0 for r in found) or all(r.highest <= 0 for r in found)
 
-    def weights(self, step: Step) -> Weights:
+    def weights(self, step: Step) -> ExpectationError:
         """Return the errors of expectations over the outcomes of a step."""
         if id(step) not in self._weights:
             matrices = [m for m in (step.P, step.P_end) if m is not None]
             smallest = min(_smallest(m.data) for m in matrices)
-            found = Weights.of(step.rounding.terms, self.slack, smallest)
+            found = ExpectationError.of(step.rounding.terms, self.slack, smallest)
             self._weights[id(step)] = replace(found, smallest=smallest * self.model.discount)
         return self._weights[id(step)]
 
@@ -363,7 +365,7 @@ class Bounded:
         if policy.actions is not None:
             return Bound(total, relative, absolute, is_signed)
         number = len(policy.table)
-        weights = Weights(gamma(number + 4) + policy.relative, number * policy.absolute, policy.smallest)
+        weights = ExpectationError(gamma(number + 4) + policy.relative, number * policy.absolute, policy.smallest)
         return weights.expectation(total, Bound(np.array([size]), relative, absolute, is_signed), smallest)
 
     def at_start(self, V: Bound) -> Enclosure:

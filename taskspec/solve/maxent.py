@@ -23,9 +23,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from taskspec.base.arrays import Array
-from taskspec.model.model import Model, refuse, scipy_sparse
-from taskspec.model.transitions import Steps
+from taskspec.model.model import Model, refuse
+from taskspec.model.transitions import OutcomeTable, Steps
 from taskspec.solve.backward import Rule
 from taskspec.solve.bounded import SMALLEST, UNIT, Bound, Bounded, Policy
 
@@ -77,7 +76,7 @@ class _Table:
 
     def __init__(self, numbers: Bounded, t: int, beta: float) -> None:
         model = numbers.model
-        rows, columns, weights, rewards, ends = outcome_table(model, t)
+        rows, columns, weights, rewards, ends, _ = outcome_table(model, t)
         order = np.argsort(rows, kind="stable")
         self.step, self.shape = model.step(t), (model.n_actions, model.n_states)
         self.columns, self.ends, size = columns[order], ends[order], model.n_actions * model.n_states
@@ -109,29 +108,8 @@ class _Table:
         return Bound(found.reshape(self.shape), 0.0, error)
 
 
-def outcome_table(model: Model, t: int = 0) -> tuple[Array, Array, Array, Array, Array]:
-    """Every outcome at a time: row a*S + s, column s', probability, reward, whether it ends; all (N,)."""
-    steps, size = Steps(model.task), model.n_states
-    parts: list[tuple[Array, ...]] = []
-    for a in range(model.n_actions):
-        for found in steps.outcomes(model.codes, np.array([a]), t):
-            point = np.arange(size) if found.origin is None else found.origin
-            n = len(point)
-            weight = np.broadcast_to(found.weight, (n,))
-            column = np.minimum(np.searchsorted(model.codes, found.code), size - 1)
-            keep = weight > 0 if found.outside is None else (weight > 0) & ~found.outside
-            values = (a * size + point, column, weight, found.reward, found.terminal)
-            parts.append(tuple(np.broadcast_to(v, (n,))[keep] for v in values))
-    joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    return joined[0], joined[1], joined[2], joined[3], joined[4]
-
-
-def reward_matrix(model: Model, t: int = 0) -> Any:
-    """R(s, a, s') expected where it is also random, as a sparse matrix (A*S, S); entries of probability 0 are absent."""
-    rows, columns, weights, rewards, _ = outcome_table(model, t)
-    sparse = scipy_sparse()
-    shape = (model.n_actions * model.n_states, model.n_states)
-    mass = sparse.csr_array((weights, (rows, columns)), shape=shape)
-    paid = sparse.csr_array((weights * rewards, (rows, columns)), shape=shape)
-    paid.data = paid.data / mass.data
-    return paid
+def outcome_table(model: Model, t: int = 0) -> OutcomeTable:
+    """Return every outcome at a time that may happen and stays in the model."""
+    found = Steps(model.task).table(model.codes, t)
+    kept = (found.weight > 0) & found.inside
+    return OutcomeTable(*(column[kept] for column in found))

@@ -153,14 +153,8 @@ class Rational:
         return Scaled.of(start)
 
     def _step(self, steps: Steps, t: int) -> _Step:
-        model, parts = self.model, []
-        for a in range(model.n_actions):
-            for found in steps.outcomes(model.codes, np.array([a]), t, self.chances):
-                point = np.arange(model.n_states) if found.origin is None else found.origin
-                column = np.minimum(np.searchsorted(model.codes, found.code), model.n_states - 1)
-                values = (a * model.n_states + point, column, found.weight, found.reward, found.terminal)
-                parts.append(tuple(np.broadcast_to(v, (len(point),)) for v in values))
-        rows, columns, weights, rewards, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
+        model = self.model
+        rows, columns, weights, rewards, ends, _ = steps.table(model.codes, t, self.chances)
         order = np.argsort(rows, kind="stable")
         first = np.searchsorted(rows[order], np.arange(model.n_actions * model.n_states))
         acting = model.acting[rows % model.n_states]  # what is paid elsewhere need not even be a number

@@ -17,7 +17,7 @@ from taskspec.lang.ir import Draw, Role
 from taskspec.model.model import Model
 from taskspec.model.reach import visits
 from taskspec.model.transitions import Steps
-from taskspec.solve import maxent, solve
+from taskspec.solve import solve
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.task import Task
@@ -130,13 +130,6 @@ def test_names_both_ways() -> None:
     assert [model.action_name(a) for a in range(2)] == ["a = safe", "a = risky"]
     with pytest.raises(KeyError):
         extract(shipped("branching")).state_index({"s": 21})
-
-
-def test_rewards_by_next_state() -> None:
-    small = Small(3)
-    matrix = maxent.reward_matrix(small.model).toarray().reshape(small.actions, small.states, small.states)
-    expected = np.where(small.p > 0, small.r, 0).transpose(1, 0, 2)
-    np.testing.assert_allclose(matrix, expected)
 
 
 def test_size_is_bounded_before_memory_is_spent() -> None:
