@@ -50,14 +50,14 @@ def _later_reward(context: LintContext, before: float) -> int | None:
         return None
     level = model.start > 0
     seen = np.zeros(model.n_states, np.bool_)
-    rewards = model.step(0).reward.reshape(model.n_actions, -1)
+    rewards = model.step(0).R.reshape(model.n_actions, -1)
     for t in range(model.horizon + LONGER):
         if not (level & ~seen).any():
             return None
         if np.ptp(np.append(rewards[:, level].reshape(-1), before)) > SAME:
             return t + 1
         seen |= level
-        level = model.successors(model.step(0).going, level)
+        level = model.successors(model.step(0).P, level)
     return None
 
 
@@ -164,8 +164,8 @@ def _steps(model: Model) -> list[Any]:
 
 
 def _gaps(step: Any, a: Any, b: Any) -> Iterator[Any]:
-    yield step.reward[a] - step.reward[b]
-    for matrix in (step.going, step.ending):
+    yield step.R[a] - step.R[b]
+    for matrix in (step.P, step.P_end):
         if matrix is not None:
             yield (matrix[a] - matrix[b]).data
 

@@ -136,18 +136,18 @@ def differs(model: Model, action: str, state: str | None = None) -> tuple[bool |
     )
     unsure: int | None = None
     for step in {id(x): x for x in model.steps}.values():
-        parts = [step.going @ collapse] + ([] if step.ending is None else [step.ending @ collapse])
+        parts = [step.P @ collapse] + ([] if step.P_end is None else [step.P_end @ collapse])
         if state is not None:
             parts = [sum(parts[1:], parts[0])]
         for column in range(1, table.shape[1]):
             rows, others = _rows(model, table[:, 0]), _rows(model, table[:, column])
-            gap = _gap(step.reward[rows], step.reward[others]) if state is None else np.zeros(len(rows))
+            gap = _gap(step.R[rows], step.R[others]) if state is None else np.zeros(len(rows))
             for part in parts:
                 gap = gap + _apart(part, rows, others) + _apart(part.sign(), rows, others)
             if (gap > CLEAR).any():
                 at = int(np.flatnonzero(gap > CLEAR)[0])
                 return True, f"it does in {model.state_name(int(rows[at] % model.n_states))}"
-            if unsure is None and (gap > (step.terms + 4) * 2.0**-50).any():
+            if unsure is None and (gap > (step.rounding.terms + 4) * 2.0**-50).any():
                 unsure = int(rows[gap.argmax()] % model.n_states)
     if unsure is not None:
         return None, f"in {model.state_name(unsure)} chances differ by no more than 1e-12"

@@ -33,6 +33,7 @@ from taskspec.rules.evaluator import Evaluator, Truth, Undecidable
 from taskspec.rules.vocabulary import RESULTS, RETURNS, InvalidClaim, holds_of_all, refuse_misplaced, rule_named
 from taskspec.scores.partial_observability import SEARCHES, best_observing
 from taskspec.scores.returns import Results
+from taskspec.solve.backward import Rule
 from taskspec.solve.enclosure import (
     Enclosure,
     Inexact,
@@ -44,7 +45,6 @@ from taskspec.solve.enclosure import (
     digits,
     negative,
 )
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.solver import Solver
 
 

@@ -19,8 +19,8 @@ from taskspec.model.transitions import TIME
 from taskspec.rules.evaluator import Undecidable
 from taskspec.rules.vocabulary import InvalidClaim
 from taskspec.scores.returns import Results
+from taskspec.solve.backward import Rule
 from taskspec.solve.bounded import UNKNOWN
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.solver import Solver
 from taskspec.task.task import Task
 

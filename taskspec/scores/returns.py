@@ -22,9 +22,9 @@ from taskspec.rollout.rollout import Choose, at_random, by_expert, is_bounded
 from taskspec.rollout.simulate import EPISODES, return_range, simulate
 from taskspec.rollout.statistics import CONFIDENCE, mean_interval
 from taskspec.scores.saved import OfNumber
+from taskspec.solve.backward import Rule
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.solve.plans import Greedy, Plan, Uniform, rule_of, tables
-from taskspec.solve.policy_rules import Rule
 from taskspec.solve.solver import Solvers, why_endless
 from taskspec.task.task import Soft, Task, TaskLike
 

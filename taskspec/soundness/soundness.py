@@ -21,6 +21,7 @@ from taskspec.base.limits import also, limits
 from taskspec.base.progress import tell
 from taskspec.lang.check import TooManyExpressions
 from taskspec.lang.ir import Role, reads
+from taskspec.model.extract import number_words, outside_domain
 from taskspec.model.points import Method
 from taskspec.model.space import domain, shown, words
 from taskspec.modifiers import modify
@@ -188,7 +189,20 @@ def examine(task: TaskLike, limit: int | None = None) -> Soundness:
         for violation in _causes(list(examination.violations())):
             report(violation, examination, collector)
         methods.append(examination.method)
+    _report_numbers(load(task), collector)
     return Soundness(collector.diagnostics, Method.joined(methods))
+
+
+def _report_numbers(task: Task, collector: Collector) -> None:
+    """Report (E411) a number that is too large or too small."""
+    found = outside_domain(task)
+    if found is not None:
+        section, value = found
+        lines = [expr for _, expr in entries(task, section)]
+        message = (
+            f"the {section} has the number {number_words(value)}, which is too {'large' if value > 1 else 'close to 0'}"
+        )
+        collector.add("E411", lines[0].place if lines else None, message, "choose another unit, or write 0")
 
 
 def _causes(violations: list[Violation]) -> list[Violation]:
