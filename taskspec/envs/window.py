@@ -24,9 +24,6 @@ from taskspec.envs.spaces import labels
 from taskspec.task.spaces import action_layout, unpack
 from taskspec.task.task import Task
 
-# ---------- window
-# Frames of an environment, and the window that shows them: `render_mode="rgb_array"` and `"human"`.
-#
 # Figures lie above environments in the layers, so they are resolved by name, as `Task.make` does it, and when needed.
 
 LETTERS, LINES = 42, 2
@@ -136,8 +133,7 @@ def _pyplot() -> Any:
     return importlib.import_module("matplotlib.pyplot")
 
 
-# ---------- keyboard
-# Tasks played by a person: which key does what, and Gymnasium's window for it.
+# -- playing from the keyboard ------------------------------------------------------------------------------------
 #
 # Needs finitely many actions, and no more of them than there are digits and letters.
 

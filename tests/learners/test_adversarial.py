@@ -24,13 +24,13 @@ from taskspec.learners.deep.adversarial import Discriminator  # noqa: E402
 from taskspec.learners.deep.ppo import sampler  # noqa: E402
 from taskspec.learners.deep.rewards import RewardInputs, RewardModel, demonstration_inputs, reward_inputs  # noqa: E402
 from taskspec.learners.deep.trpo import TrpoUpdate, objective, ridge_regression  # noqa: E402
-from taskspec.learners.deep.world import Rollout, World, in_complete_episode  # noqa: E402
+from taskspec.learners.deep.world import StepBatch, World, in_complete_episode  # noqa: E402
 from tests.learners.test_deep import agrees  # noqa: E402
 from tests.shared.sparse import sparse  # noqa: E402
 
 
 @lru_cache
-def walked(task: str, config: Trpo | Ppo, steps: int = 40, absorb: bool = False) -> tuple[World, Any, Rollout]:
+def walked(task: str, config: Trpo | Ppo, steps: int = 40, absorb: bool = False) -> tuple[World, Any, StepBatch]:
     world = World.of(taskspec.load(task), absorb)
     held = TrpoUpdate(Trpo(config.experience, hidden=config.hidden), world).init(jax.random.key(0))
     walk = world.begin(jax.random.key(2), 1)

@@ -23,7 +23,7 @@ from taskspec.learners.deep.reinforce import (
     world_of,
 )
 from taskspec.learners.deep.rewards import RewardInputs, RewardModel, RewardNets, demonstration_inputs, reward_inputs
-from taskspec.learners.deep.world import Rollout, Schedule, World, in_complete_episode, seed_slice, train_seeds
+from taskspec.learners.deep.world import Schedule, StepBatch, World, in_complete_episode, seed_slice, train_seeds
 from taskspec.learners.learned import NetPolicy
 from taskspec.learners.table import Adversarial
 
@@ -114,14 +114,14 @@ class AdversarialRound:
         recent = None
         if self.config.kept:
             _, steps = jax.eval_shape(lambda k: collect(self.policy, learning, k), key)
-            shapes = reward_inputs(jax.eval_shape(Rollout.flat, steps))
+            shapes = reward_inputs(jax.eval_shape(StepBatch.flat, steps))
             recent = RewardInputs(*(jnp.zeros((self.config.kept, *x.shape[1:]), x.dtype) for x in shapes))
         return AdversarialState(learning, *self.judge.init(second), recent, jnp.int32(0))
 
     def advance(self, contest: AdversarialState, key: AnyArray, shown: RewardInputs) -> AdversarialState:
         keys = jax.random.split(key, self.config.every + 1)
 
-        def round_(learning: PolicyState, key: AnyArray) -> tuple[PolicyState, Rollout]:
+        def round_(learning: PolicyState, key: AnyArray) -> tuple[PolicyState, StepBatch]:
             first, second = jax.random.split(key)
             walk, steps = collect(self.policy, learning, first)
             pay = self.judge.pay(contest.nets, learning.policy.actor, reward_inputs(steps))

@@ -10,11 +10,11 @@ import optax
 
 from taskspec.base.arrays import AnyArray
 from taskspec.learners.deep.nets import Net, forward, net, orthogonal
-from taskspec.learners.deep.world import Act, Rollout, RolloutState, World, in_complete_episode, round_length
+from taskspec.learners.deep.world import Act, RolloutState, StepBatch, World, in_complete_episode, round_length
 from taskspec.learners.table import Ppo
 
 
-def critic_observations(world: World, steps: Rollout, walk: RolloutState, sees_time: bool) -> AnyArray:
+def critic_observations(world: World, steps: StepBatch, walk: RolloutState, sees_time: bool) -> AnyArray:
     """Return the inputs (T + 1, E, D) of a critic: steps, and the states that they led to."""
     return jnp.concatenate([_seen(world, *steps[:3], sees_time), _last(world, walk, sees_time)[None]])
 
@@ -98,7 +98,7 @@ class PpoUpdate:
         return ActorCritic(found, judge, self._adam.init((found, judge)))
 
     def update(
-        self, held: ActorCritic, steps: Rollout, walk: RolloutState, rewards: AnyArray, key: AnyArray
+        self, held: ActorCritic, steps: StepBatch, walk: RolloutState, rewards: AnyArray, key: AnyArray
     ) -> ActorCritic:
         """Return the policy after a rollout (T, E, ...) with `rewards` (T, E) that led to `walk`."""
         config = self.config

@@ -21,7 +21,7 @@ from taskspec.learners.deep.rewards import (
     RewardNets,
     reward_inputs,
 )
-from taskspec.learners.deep.world import Rollout, Schedule, World, seed_slice, train_seeds
+from taskspec.learners.deep.world import Schedule, StepBatch, World, seed_slice, train_seeds
 from taskspec.learners.learned import NetPolicy
 from taskspec.learners.table import Comparing
 
@@ -81,7 +81,7 @@ class PreferenceRound:
         novel = None if self.curious is None else self.curious.init(third)
         return PreferenceState(learning, nets, self._adam.init((nets.theta, nets.phi)), kept, jnp.int32(0), novel)
 
-    def query(self, learning: PolicyState, key: AnyArray) -> tuple[Pairs, Rollout]:
+    def query(self, learning: PolicyState, key: AnyArray) -> tuple[Pairs, StepBatch]:
         """Return the labelled pairs of a round, from new episodes of the policy, and their steps (T, E, ...)."""
         begin, noise, coins = jax.random.split(key, 3)
         world, act = self.judge, sampler(self.judge, learning.policy.actor)
@@ -96,7 +96,7 @@ class PreferenceRound:
         live = jnp.cumprod(jnp.concatenate([jnp.ones_like(steps.ended[:1]), 1 - steps.ended[:-1]]), axis=0)
         return self.compared(steps, live), steps
 
-    def compared(self, steps: Rollout, live: AnyArray) -> Pairs:
+    def compared(self, steps: StepBatch, live: AnyArray) -> Pairs:
         """Return pairs of neighbouring episodes; of single steps, if episodes differ in length."""
         world = self.judge
         advantages = steps.reward * live * jnp.float32(world.task.discount) ** steps.time

@@ -16,7 +16,7 @@ from taskspec.learners.case import LearnerCase
 from taskspec.learners.deep.nets import forward
 from taskspec.learners.deep.ppo import ActorCritic, PolicyNet, PpoUpdate, init_actor, sampler
 from taskspec.learners.deep.trpo import TrpoUpdate
-from taskspec.learners.deep.world import Rollout, RolloutState, Schedule, World, seed_slice, train_seeds
+from taskspec.learners.deep.world import RolloutState, Schedule, StepBatch, World, seed_slice, train_seeds
 from taskspec.learners.learned import NetPolicy
 from taskspec.learners.table import Cloning, Experience, Ppo, Trpo
 from taskspec.model.model import misused
@@ -52,7 +52,7 @@ def init_policy_state(update: Update, key: AnyArray) -> PolicyState:
     return PolicyState(update.init(first), update.world.begin(second, update.experience.lanes))
 
 
-def collect(update: Update, learning: PolicyState, key: AnyArray) -> tuple[RolloutState, Rollout]:
+def collect(update: Update, learning: PolicyState, key: AnyArray) -> tuple[RolloutState, StepBatch]:
     """Return the steps of a round of the current policy, and the state that they led to."""
     first, second = jax.random.split(key)
     world, experience = update.world, update.experience

@@ -12,13 +12,13 @@ import optax
 from taskspec.base.arrays import AnyArray
 from taskspec.data import Demonstrations
 from taskspec.learners.deep.nets import Net, forward, net
-from taskspec.learners.deep.world import Rollout, World
+from taskspec.learners.deep.world import StepBatch, World
 from taskspec.learners.learned import LearnedReward
 from taskspec.learners.table import Novelty, Reward
 
 
 class RewardInputs(NamedTuple):
-    """The fields of steps (N, ...) that rewards and discriminators take (see `Rollout`)."""
+    """The fields of steps (N, ...) that rewards and discriminators take (see `StepBatch`)."""
 
     seen: AnyArray
     gone: AnyArray
@@ -38,7 +38,7 @@ class RewardNets(NamedTuple):
     count: AnyArray
 
 
-def reward_inputs(steps: Rollout) -> RewardInputs:
+def reward_inputs(steps: StepBatch) -> RewardInputs:
     return RewardInputs(steps.seen, steps.gone, steps.action, steps.taken, steps.next_seen, steps.next_gone)
 
 

@@ -21,7 +21,7 @@ from taskspec.learners.deep.ppo import (
     mean,
     standardise,
 )
-from taskspec.learners.deep.world import Rollout, RolloutState, World, in_complete_episode, round_length
+from taskspec.learners.deep.world import RolloutState, StepBatch, World, in_complete_episode, round_length
 from taskspec.learners.table import Trpo
 
 Product = Callable[[AnyArray], AnyArray]
@@ -56,7 +56,7 @@ class TrpoUpdate:
         return ActorCritic(actor, critic, self._adam.init(critic))
 
     def update(
-        self, held: ActorCritic, steps: Rollout, walk: RolloutState, rewards: AnyArray, key: AnyArray
+        self, held: ActorCritic, steps: StepBatch, walk: RolloutState, rewards: AnyArray, key: AnyArray
     ) -> ActorCritic:
         """Return the policy after a rollout (T, E, ...) with `rewards` (T, E) that led to `walk`."""
         config, lasts = self.config, in_complete_episode(steps) if self.experience.whole else jnp.ones_like(rewards)
@@ -75,11 +75,11 @@ class TrpoUpdate:
             return ActorCritic(actor, ridge_regression(rows, targets, lasts.reshape(-1), config.ridge), ())
         return ActorCritic(actor, *self._fit(held, rows, targets, key))
 
-    def natural_gradient_step(self, actor: PolicyNet, steps: Rollout, advantages: AnyArray) -> PolicyNet:
+    def natural_gradient_step(self, actor: PolicyNet, steps: StepBatch, advantages: AnyArray) -> PolicyNet:
         """Return the policy after a step along the natural gradient, for standardised advantages (N,)."""
         config, (start, whole) = self.config, ravel_pytree(actor)
         better, distance = objective(self.world, actor, steps, advantages, config.entropy)
-        some = Rollout(*(x[:: config.fisher_every] for x in steps))
+        some = StepBatch(*(x[:: config.fisher_every] for x in steps))
         _, near = objective(self.world, actor, some, advantages[:: config.fisher_every], 0.0)
         slope = jax.grad(lambda x: better(whole(x)))(start)
         curve = jax.grad(lambda x: near(whole(x)))
@@ -118,7 +118,9 @@ class TrpoUpdate:
         return jax.lax.scan(batch, (held.critic, held.optimiser), orders)[0]
 
 
-def objective(world: World, actor: PolicyNet, steps: Rollout, advantages: AnyArray, entropy: float) -> tuple[Any, Any]:
+def objective(
+    world: World, actor: PolicyNet, steps: StepBatch, advantages: AnyArray, entropy: float
+) -> tuple[Any, Any]:
     """Return two functions of a policy: its surrogate advantage on these steps, and its mean divergence from `actor`."""
     head, old = world.head, (forward(actor.net, steps.seen), actor.deviations)
     before = head.log_prob(*old, steps.action)

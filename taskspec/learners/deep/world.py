@@ -30,7 +30,7 @@ class RolloutState(NamedTuple):
     gone: AnyArray
 
 
-class Rollout(NamedTuple):
+class StepBatch(NamedTuple):
     """Steps, (T, E, ...) in order; `next_seen` is the observation after the step, before a reset.
 
     `gone` is 1.0 for steps taken in an absorbing state, and `next_gone` for those that led to one; `seen` and `taken`
@@ -49,9 +49,9 @@ class Rollout(NamedTuple):
     ended: AnyArray
     weight: AnyArray
 
-    def flat(self) -> Rollout:
+    def flat(self) -> StepBatch:
         """Return the steps with the first two axes joined."""
-        return Rollout(*(x.reshape(-1, *x.shape[2:]) for x in self))
+        return StepBatch(*(x.reshape(-1, *x.shape[2:]) for x in self))
 
 
 Act = Callable[[AnyArray, AnyArray], AnyArray]
@@ -102,7 +102,7 @@ class World:
         state, seen = program.reset(words)
         return RolloutState(state, self._vectors(seen), jnp.zeros(lanes))
 
-    def step(self, walk: RolloutState, action: AnyArray) -> tuple[RolloutState, Rollout]:
+    def step(self, walk: RolloutState, action: AnyArray) -> tuple[RolloutState, StepBatch]:
         """Take a step in every lane; lanes whose episodes end are reset."""
         program = compile_jax(self.task)
         after, result = program.step(walk.state, acted(program.action, self.head.program_action(action)))
@@ -116,13 +116,13 @@ class World:
             jnp.where(ended, 0.0, gone),
         )
         taken = self.head.vectors.one_hot(action) * (1 - walk.gone)[:, None]
-        step = Rollout(
+        step = StepBatch(
             walk.seen, walk.gone, walk.state.time, action, taken, next_seen, gone,
             result.reward, ended.astype(jnp.float32), 1 - walk.gone,
         )  # fmt: skip
         return following, step
 
-    def rollout(self, walk: RolloutState, act: Act, key: AnyArray, steps: int) -> tuple[RolloutState, Rollout]:
+    def rollout(self, walk: RolloutState, act: Act, key: AnyArray, steps: int) -> tuple[RolloutState, StepBatch]:
         """Take steps in every lane: (T, E, ...)."""
         noise = self.head.noise(key, (steps, len(walk.seen)))
         return jax.lax.scan(lambda w, n: self.step(w, act(w.seen, n)), walk, noise)
@@ -139,7 +139,7 @@ def round_length(world: World, experience: Experience) -> int:
     return -(-experience.steps // world.length) * world.length
 
 
-def in_complete_episode(steps: Rollout) -> AnyArray:
+def in_complete_episode(steps: StepBatch) -> AnyArray:
     """Return 1.0 for steps (T, E) of episodes that end within them, 0.0 for those of a last one that is cut off."""
     return jnp.flip(jax.lax.cummax(jnp.flip(steps.ended, 0), axis=0), 0)
 
