@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from taskspec.figures.marks import signed
 from taskspec.figures.scene import (
     BROAD,
     Anchor,
@@ -51,6 +52,10 @@ Shape = Literal["circle", "square", "diamond", "up", "down"]
 SHAPES: tuple[Shape, ...] = ("circle", "square", "diamond", "up", "down")
 TICK = 0.1
 """The length of a tick."""
+GAP = 0.15
+SYMBOL = 0.3
+TICKS = 0.25
+"""Of axes that are arrows: their distance from the plane, and the sizes of symbols and numbers."""
 Rgb = tuple[int, int, int]
 
 
@@ -126,7 +131,7 @@ class Axis:
         """Return how far a value is along the axis: 0 at `low`, 1 at `high`."""
         if self.log:
             return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
+        return (value - self.low) / ((self.high - self.low) or 1.0)
 
 
 def axis(values: Iterable[float], label: str = "", log: bool = False, most: int = 6, margin: float = 0.05) -> Axis:
@@ -211,6 +216,27 @@ def frame(plot: Plot, grid: bool = False, size: float = SMALL) -> Iterator[Item]
         widest = max((breadth(text, size) for _, text in plot.y.ticks), default=0.0)
         middle = (plot.left - TICK - widest - 0.3, plot.top + plot.height / 2)
         yield from words(plot.y.label, middle, size, angle=90)
+
+
+def arrow_axes(plot: Plot, symbols: Sequence[m.Math]) -> Iterator[Item]:
+    """Yield axes as arrows with the numbers at their ends, and fine lines through zero, as figures of tasks have them."""
+    left, right, top, bottom = plot.left, plot.right, plot.top, plot.bottom
+    if plot.x.low < 0 < plot.x.high:
+        x, _ = plot.at(0.0, plot.y.low)
+        yield Line(((x, bottom), (x, top)), color="faint", width=0.02)
+    if plot.y.low < 0 < plot.y.high:
+        _, y = plot.at(plot.x.low, 0.0)
+        yield Line(((left, y), (right, y)), color="faint", width=0.02)
+    corner = (left - GAP, bottom + GAP)
+    yield Line((corner, (right + GAP, bottom + GAP)), arrow=True, color="muted", width=0.02)
+    yield Line((corner, (left - GAP, top - GAP)), arrow=True, color="muted", width=0.02)
+    ends = ((right + GAP + 0.22, bottom + GAP), (left - GAP, top - GAP - 0.25))
+    for symbol, place in zip(symbols, ends, strict=False):
+        yield Label(place, symbol, SYMBOL)
+    for x in (plot.x.low, plot.x.high):
+        yield Label((plot.at(x, plot.y.low)[0], bottom + GAP + 0.25), signed(x), TICKS, color="muted")
+    for y in (plot.y.low, plot.y.high):
+        yield Label((left - GAP - 0.1, plot.at(plot.x.low, y)[1]), signed(y), TICKS, "end", color="muted")
 
 
 def below_axis(axis: Axis, size: float = SMALL) -> float:

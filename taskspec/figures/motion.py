@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.figures.curve import HEIGHT, WIDTH, axes, plane, runs, turn
+from taskspec.figures.chart import arrow_axes
+from taskspec.figures.curve import HEIGHT, WIDTH, plane, runs, turn
 from taskspec.figures.marks import sign
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import Box, Circle, Color, Item, Line, Point, Scene, fitted
@@ -41,14 +42,14 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
         return None
     pair = [known[node.name] for node in at if isinstance(node, Read)]
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
-    to = plane(ends[0], ends[1])
+    plot = plane(ends[0], ends[1])
     path = [dict(overlay.here)] if overlay.here is not None else expert_path(task, min(task.horizon or STEPS, STEPS))
     places = np.array([[float(state[c.name]) for c in pair] for state in path])
     if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
         return None
-    dots = [to((float(x), float(y))) for x, y in np.clip(places, *np.transpose(ends))]
+    dots = [plot.at(float(x), float(y)) for x, y in np.clip(places, *np.transpose(ends))]
     names = of_task(task)
-    items: list[Item] = [*axes(*ends[0], *ends[1], to, [names.symbol(c.name) for c in pair])]
+    items: list[Item] = [*arrow_axes(plot, [names.symbol(c.name) for c in pair])]
     items[:0] = _shades(task, [c.name for c in pair], ends, path[0])
     items += _flow(task, [c.name for c in pair], ends, path[0])
     lines = (tuple(dots[run]) for run in runs(places.tolist(), [turn(task, node) for node in at]))
@@ -94,13 +95,14 @@ def _shades(
     task: Task, pair: Sequence[str], ends: Sequence[tuple[float, float]], state: dict[str, Any]
 ) -> Iterator[Item]:
     """Where the conditions of the figure section hold: strips in their colours, and a sign in the middle of them."""
-    points, to = _grid(ends, (WIDE, HIGH), 0.5), plane(ends[0], ends[1])
+    points = _grid(ends, (WIDE, HIGH), 0.5)
+    plot = plane(ends[0], ends[1])
     reads, width, height = _reads(task, pair, points, state), WIDTH / WIDE, HEIGHT / HIGH
     for name, node in ({} if task.figure is None else task.figure.highlight).items():
         if name not in SIGNED or node.type.shape:
             continue
         holds = at_states(task, node, reads, len(points)).astype(bool)
-        spots = np.array([to((float(x), float(y))) for x, y in points[holds]])
+        spots = np.array([plot.at(float(x), float(y)) for x, y in points[holds]])
         for y in np.unique(spots[:, 1]) if len(spots) else ():
             row = np.sort(spots[spots[:, 1] == y, 0])
             for run in np.split(row, np.flatnonzero(np.diff(row) > 1.5 * width) + 1):
@@ -118,11 +120,11 @@ def _flow(
     points = _grid(ends, (ACROSS, DOWN))
     given = _reads(task, pair, points, state) | _neutral(task) | {(Reading.TIME, "t"): np.zeros(1, dtype=np.int64)}
     after = dict(zip((c.name for c in task.state), batch.evaluate(task.next, given), strict=True))
-    to = plane(ends[0], ends[1])
+    plot = plane(ends[0], ends[1])
     targets = np.stack([np.broadcast_to(after[name], len(points)) for name in pair], axis=-1).astype(float)
     led = np.isfinite(targets).all(1)
-    starts = [to((float(x), float(y))) for x, y in points[led]]
-    ways = [to((float(x), float(y))) for x, y in targets[led]]
+    starts = [plot.at(float(x), float(y)) for x, y in points[led]]
+    ways = [plot.at(float(x), float(y)) for x, y in targets[led]]
     moves = [(bx - ax, by - ay) for (ax, ay), (bx, by) in zip(starts, ways, strict=True)]
     longest = max((max(abs(dx) * ACROSS / WIDTH, abs(dy) * DOWN / HEIGHT) for dx, dy in moves), default=0.0) or 1.0
     for (x, y), (dx, dy) in zip(starts, moves, strict=True):

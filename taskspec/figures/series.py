@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.figures.curve import GAP, LETTERS, TICKS, WIDTH, runs, turn
+from taskspec.figures.chart import GAP, SYMBOL, TICKS
+from taskspec.figures.curve import WIDTH, runs, turn
 from taskspec.figures.marks import decimal, signed
 from taskspec.figures.overlays import Overlay, State
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
@@ -127,7 +128,7 @@ def _panel(
             yield Line(points[run], color="accent", width=0.05)
     if times is not None:
         yield Circle(points[-1], 0.08, "ink", None)
-    yield Label((WIDTH + 0.2, top + PANEL / 2), label, LETTERS, "start")
+    yield Label((WIDTH + 0.2, top + PANEL / 2), label, SYMBOL, "start")
     for value, y in ((high, top), (low, top + PANEL)):
         yield Label((-0.15, y), signed(value), TICKS, "end", color="muted")
 
@@ -136,7 +137,7 @@ def _time(first: int, last: int, panels: int) -> Iterator[Item]:
     """The axis of time, below the panels."""
     y = PANEL + (panels - 1) * APART + GAP
     yield Line(((0.0, y), (WIDTH + GAP, y)), arrow=True, color="muted", width=0.02)
-    yield Label((WIDTH + GAP + 0.22, y), m.Ident("t"), LETTERS)
+    yield Label((WIDTH + GAP + 0.22, y), m.Ident("t"), SYMBOL)
     for x, t in ((0.0, first), (WIDTH, last)):
         yield Label((x, y + 0.25), m.Num(str(t)), TICKS, color="muted")
 

@@ -66,8 +66,8 @@ class Page:
         Raises:
             SpecError: E705 where the packages are not installed that write HTML.
         """
-        hypertext = need("taskspec.pages.hypertext", "docs", "a page in a notebook")
-        found: str = hypertext.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
+        html = need("taskspec.pages.render.html", "docs", "a page in a notebook")
+        found: str = html.article(f"{self.name} {self.title}", self.summary, self.description, self.sections)
         return found
 
 

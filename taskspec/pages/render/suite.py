@@ -95,7 +95,3 @@ class Suite:
         """The figures of a page's settings."""
         found = ((setting.title, setting_anchor(page, setting)) for setting in page.settings)
         return [Other(title, name, self.scenes[name]) for title, name in found if name in self.scenes]
-
-    def files(self) -> dict[str, str]:
-        """File names without ending, by anchor: they are the anchors."""
-        return {page.anchor: page.anchor for page in self.pages}
