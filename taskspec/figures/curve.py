@@ -9,7 +9,7 @@ from itertools import starmap
 
 import numpy as np
 
-from taskspec.figures.chart import Axis, Plot, arrow_axes
+from taskspec.figures.chart import Axes, Scale, arrow_axes
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import Circle, Item, Line, Point, Scene, fitted
 from taskspec.figures.values import State, at_states, expert_path, reads_of
@@ -24,13 +24,13 @@ HEIGHT = 3.0
 """Of the plane of a curve or a phase portrait, in centimetres."""
 
 
-def plane(xs: tuple[float, float], ys: tuple[float, float]) -> Plot:
+def plane(xs: tuple[float, float], ys: tuple[float, float]) -> Axes:
     """Return the plane of two ranges."""
-    return Plot(0.0, 0.0, WIDTH, HEIGHT, Axis(*xs), Axis(*ys))
+    return Axes(0.0, 0.0, WIDTH, HEIGHT, Scale(*xs), Scale(*ys))
 
 
 def turn(task: Task, node: Node) -> float:
-    """The largest step of a number that is drawn as a line: half the range of a component that a remainder keeps in it."""
+    """Return the largest step of a number that is drawn as a line: half the range of a component that a remainder keeps in it."""
     if isinstance(node, Read) and node.role is Role.STATE:
         later = next((after for c, after in zip(task.state, task.next, strict=True) if c.name == node.name), None)
         if later is not None and any(isinstance(x, Apply) and x.op == "mod" for x in walk([later])):
@@ -40,7 +40,7 @@ def turn(task: Task, node: Node) -> float:
 
 
 def runs(points: Sequence[Sequence[float]], turns: Sequence[float]) -> Iterator[slice]:
-    """Stretches of a path, each without a step of a coordinate that is more than its turn."""
+    """Yield stretches of a path, each without a step of a coordinate that is more than its turn."""
     first = 0
     for i in range(1, len(points)):
         if any(abs(b - a) > most for a, b, most in zip(points[i - 1], points[i], turns, strict=True)):
@@ -54,7 +54,7 @@ MOST_DOTS = 40
 
 
 def curve(task: Task, overlay: Overlay) -> Scene | None:
-    """The curve of the figure section over the first place expression, and where an episode goes."""
+    """Draw the curve of the figure section over its first coordinate, and an episode of the expert."""
     if task.figure is None or len(task.figure.at) != 2:
         return None
     (place, level), height = task.figure.at, task.figure.curve
@@ -79,7 +79,7 @@ def curve(task: Task, overlay: Overlay) -> Scene | None:
 
 
 def _point(task: Task, place: Node, level: Node, state: State) -> Point:
-    """Where a state lies."""
+    """Return where a state lies."""
     x, y = (float(at_states(task, node, reads_of(task, state), 1)[0]) for node in (place, level))
     return x, y
 

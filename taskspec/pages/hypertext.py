@@ -1,0 +1,166 @@
+"""Sections, prose and mathematics as HTML."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any, assert_never
+
+from markupsafe import Markup
+
+from taskspec.base.bibliography import Reference
+from taskspec.base.display import ON_PAGES, visible
+from taskspec.pages.prose import (  # fmt: skip
+    Block,
+    Bullets,
+    Cite,
+    CodeSpan,
+    Emph,
+    Formula,
+    Inline,
+    Inlines,
+    Link,
+    Mark,
+    Paragraph,
+    Text,
+    is_safe,
+)
+from taskspec.pages.sections import Section, SectionLine
+from taskspec.printers import tree as m
+from taskspec.printers.mathml import mathml
+from taskspec.printers.text import plain
+
+BREAK_AFTER = 34.0
+"""Letters of a formula that is longer than a line on small screens."""
+_SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
+
+
+def article(title: str, summary: Inlines, description: Iterable[Block], sections: Iterable[Section]) -> str:
+    """Return a page as one piece of HTML, for notebooks: no style, figure or references."""
+    writer = HtmlWriter({})
+    parts = [Markup("<h2>{}</h2><p>{}</p>").format(title, writer.prose(summary)), *map(writer.block, description)]
+    for section in sections:
+        found = writer.section(section)
+        lines = [found["lead"], *found["lines"]] if found["lead"] else found["lines"]
+        rows = [_row("th", section.table.header), *(_row("td", row) for row in found["rows"])] if section.table else []
+        parts.append(Markup("<h3>{}</h3>").format(section.title))
+        parts += [Markup("<p>{}</p>").format(line) for line in lines]
+        parts += [Markup("<table>{}</table>").format(Markup("").join(rows))] if rows else []
+    return visible(Markup("<article>{}</article>").format(Markup("").join(parts)), ON_PAGES)
+
+
+def _row(tag: str, cells: Iterable[str]) -> Markup:
+    return Markup("<tr>{}</tr>").format(Markup("").join(Markup(f"<{tag}>{{}}</{tag}>").format(c) for c in cells))
+
+
+@dataclass(frozen=True)
+class HtmlWriter:
+    """Writes prose; sources that are known are cited by author and year."""
+
+    references: Mapping[str, Reference]
+
+    def section(self, section: Section, settings: Sequence[str] = ()) -> dict[str, Any]:
+        lines = [self.line(line, settings) for line in section.lines]
+        lead, rest = (lines[0], lines[1:]) if section.lead else (None, lines)
+        rows = [[self.prose(cell) for cell in row] for row in section.table.rows] if section.table else []
+        header = section.table.header if section.table else ()
+        return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
+
+    def line(self, line: SectionLine, settings: Sequence[str]) -> Markup:
+        """Return a line with the values that it has at each setting of the parameters; `settings` are their titles."""
+        out = self.prose(line.content)
+        if line.verbatim is not None:
+            out += Markup('<pre class="map">{}</pre>').format(line.verbatim)
+        for title, values in zip(settings, line.values, strict=False):
+            if values:
+                out += Markup('<span class="values">{}: {}</span>').format(title, self.prose(values))
+        return out
+
+    def prose(self, content: Inlines) -> Markup:
+        return Markup("").join(self.inline(piece) for piece in content)
+
+    def inline(self, piece: Inline) -> Markup:
+        match piece:
+            case Text(text=text):
+                return Markup(escape(text))
+            case Formula(math=math, display=display):
+                return formula(math, display)
+            case CodeSpan(text=text):
+                return Markup("<code>{}</code>").format(text)
+            case Emph(inner=inner, strong=strong):
+                tag = "strong" if strong else "em"
+                return Markup(f"<{tag}>{{}}</{tag}>").format(self.prose(inner))
+            case Link(address=address, inner=inner):
+                return Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, self.prose(inner))
+            case Cite():
+                return self.cite(piece)
+            case Mark(holds=holds, text=text):
+                sign, kind = ("?", "open") if holds is None else ("✓", "holds") if holds else ("✗", "fails")
+                return Markup('<span class="mark {}"><span aria-hidden="true">{}</span> {}</span>').format(
+                    kind, sign, text
+                )
+            case _:
+                assert_never(piece)
+
+    def cite(self, cite: Cite) -> Markup:
+        found = self.references.get(cite.key)
+        where = Markup(", {}").format(cite.where) if cite.where else Markup("")
+        if found is None:
+            return Markup("{}").format(cite.key) + where
+        title = Markup("{}").format(found.plain("title"))
+        address = found.plain("url")
+        if address and is_safe(address):
+            title = Markup('<a href="{}" rel="noreferrer">{}</a>').format(address, title)
+        venue = f", {found.venue}" if found.venue else ""
+        head = Markup("{} ({}). ").format(found.authors, found.plain("year"))
+        return head + title + Markup("{}").format(venue) + where
+
+    def block(self, block: Block) -> Markup:
+        match block:
+            case Paragraph(content=content):
+                return Markup("<p>{}</p>").format(self.prose(content))
+            case Bullets(items=items, ordered=ordered):
+                tag = "ol" if ordered else "ul"
+                inner = Markup("").join(
+                    Markup("<li>{}</li>").format(Markup("").join(map(self.block, i))) for i in items
+                )
+                return Markup(f"<{tag}>{{}}</{tag}>").format(inner)
+            case _:
+                return Markup("<pre>{}</pre>").format(block.text)
+
+
+def formula(math: m.Math, display: bool = False) -> Markup:
+    """Return mathematics in a line; a long formula in pieces, so that the browser can break the line between them."""
+    if display:
+        return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
+    pieces = _pieces(math) if m.width(math) > BREAK_AFTER else [math]
+    if len(pieces) == 1:
+        kind = "rigid" if m.width(math) > BREAK_AFTER else "formula"
+        return Markup(f'<span class="{kind}">{mathml(math)}</span>')
+    alt = escape(plain(math), quote=True)
+    inner = " ".join(_infix(mathml(piece)) for piece in pieces)
+    return Markup(f'<span class="formula long" role="math" aria-label="{alt}">{inner}</span>')
+
+
+def _pieces(math: m.Math) -> list[m.Math]:
+    """Return a row cut before its signs and after its commas."""
+    out: list[list[m.Math]] = [[]]
+    for item in _flat(math):
+        if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
+            out.append([])
+        out[-1].append(item)
+        if item == m.Sym(",") or (isinstance(item, m.Gap) and item.width == "wide"):
+            out.append([])
+    return [m.row(*items) for items in out if items]
+
+
+def _flat(math: m.Math) -> list[m.Math]:
+    """Return the items of a row, with those of rows inside it."""
+    return [x for item in math.items for x in _flat(item)] if isinstance(math, m.Row) else [math]
+
+
+def _infix(element: str) -> str:
+    """Return a piece that starts with a sign keeps the space around it."""
+    return re.sub(r"^(<math[^>]*><mrow><mo)>", r'\1 form="infix">', element)
