@@ -11,7 +11,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from taskspec.cli.console import Console, VisibleText, columns, console, line
-from taskspec.exam.report import rows as told
+from taskspec.exam.report import rows as report_rows
 from taskspec.exam.report.rows import SeedCell, TaskRow
 from taskspec.figures import chart
 
@@ -35,8 +35,8 @@ def show(exam: Mapping[str, Any], out: Console | None = None) -> None:
 
 
 def _parts(exam: Mapping[str, Any]) -> Iterable[RenderableType]:
-    yield line((exam["learner"], "title"), (f"  {told.headline(exam)}", "quiet"))
-    yield VisibleText(told.finding(exam))
+    yield line((exam["learner"], "title"), (f"  {report_rows.headline(exam)}", "quiet"))
+    yield VisibleText(report_rows.finding(exam))
     yield VisibleText()
     yield _table(exam)
     for each in exam["diagnoses"]:
@@ -46,21 +46,21 @@ def _parts(exam: Mapping[str, Any]) -> Iterable[RenderableType]:
         yield VisibleText()
     for flag in exam["flags"]:
         yield line((flag["kind"], "bad"), " ", (flag["task"], "name"), f": {flag['message']}")
-    for text in told.left_out(exam):
+    for text in report_rows.left_out(exam):
         yield VisibleText(f"it cannot learn {text}", style="quiet")
     yield VisibleText()
-    yield VisibleText(told.costs(exam), style="quiet")
+    yield VisibleText(report_rows.costs(exam), style="quiet")
 
 
 def _table(exam: Mapping[str, Any]) -> Table:
     """A row for each capability with its verdict, and under it its tasks with their mean scores on their colours."""
     table = columns("", "score", "95 %", "twins", "drawn", "constant", right=range(1, 6))
-    rows = told.rows(exam)
+    rows = report_rows.rows(exam)
     verdicts: Mapping[str, Mapping[str, Any]] = exam["verdicts"]
     order = list(dict.fromkeys([*verdicts, *(row.capability for row in rows)]))
     for capability in order:
         grade = verdicts[capability]["verdict"] if capability in verdicts else None
-        mark = VisibleText(f"{told.SIGNS[grade]} {grade}", style=STYLES[grade]) if grade else VisibleText("")
+        mark = VisibleText(f"{report_rows.SIGNS[grade]} {grade}", style=STYLES[grade]) if grade else VisibleText("")
         table.add_row(VisibleText(capability, style="head"), mark)
         for row in (each for each in rows if each.capability == capability):
             _add_task(table, row)
@@ -69,7 +69,7 @@ def _table(exam: Mapping[str, Any]) -> Table:
 
 def _add_task(table: Table, row: TaskRow) -> None:
     several = len(row.printed.scores) > 1
-    ends = told.interval(*row.printed.interval) if several else ""
+    ends = report_rows.interval(*row.printed.interval) if several else ""
     constant = SeedCell(() if row.constant is None else (row.constant,))
     cells = [shaded(cell) for cell in (row.printed, row.twins, row.drawn, constant)]
     table.add_row(VisibleText(f"  {row.name}", style="name"), cells[0], VisibleText(ends, style="quiet"), *cells[1:])
@@ -79,7 +79,7 @@ def shaded(cell: SeedCell) -> VisibleText:
     """A mean score on its colour."""
     if cell.mean is None:
         return VisibleText(cell.words or "·", style="quiet")
-    background = told.colour(cell.mean)
+    background = report_rows.colour(cell.mean)
     return VisibleText(f" {cell.words} ", style=f"{chart.ink(background)} on {chart.hexadecimal(background)}")
 
 

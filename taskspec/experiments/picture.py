@@ -11,7 +11,7 @@ from typing import Any
 
 from taskspec.experiments.results import Measured
 from taskspec.figures import chart, save
-from taskspec.figures.chart import Axis, Entry, Plot
+from taskspec.figures.chart import Axes, LegendEntry, Scale
 from taskspec.figures.scene import Box, Dash, Hex, Item, Scene, shifted
 from taskspec.task.schema.experiments import Experiment
 
@@ -110,12 +110,12 @@ def _differs(rows: Sequence[Measured], name: str) -> bool:
 
 
 def _fixed(row: Measured) -> list[str]:
-    """The modifiers that are the same in a whole panel."""
+    """Return the modifiers that are the same in a whole panel."""
     return [text for text in row.instance.modifiers if text.partition("=")[0] not in row.instance.varied]
 
 
 def _parts(rows: Sequence[Measured], names: Sequence[str]) -> list[tuple[dict[str, Any], tuple[Measured, ...]]]:
-    """Rows by the values of parameters that have no axis."""
+    """Return rows by the values of parameters that have no axis."""
     found: dict[tuple[str, ...], list[Measured]] = {}
     for row in rows:
         found.setdefault(tuple(repr(row.instance.varied[n]) for n in names), []).append(row)
@@ -138,7 +138,7 @@ def _panel(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
 class _Curve:
     """Values along the x axis, with the halves of their intervals."""
 
-    entry: Entry
+    entry: LegendEntry
     xs: Sequence[float]
     values: Sequence[float]
     halves: Sequence[float]
@@ -164,7 +164,7 @@ def _curves(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
     found = [*theory, *rollouts]
     ends = [y for curve in found for y in (*curve.lows, *curve.highs)]
     y_axis = chart.axis(ends, _quantity(panel), log="value" in experiment.plot.log)
-    plot = Plot(0.0, 0.0, WIDTH, HEIGHT, _x_axis(panel, experiment, xs, labels), y_axis)
+    plot = Axes(0.0, 0.0, WIDTH, HEIGHT, _x_axis(panel, experiment, xs, labels), y_axis)
     yield from chart.frame(plot, grid=True)
     for curve in theory:
         yield from _line(plot, curve)
@@ -186,10 +186,10 @@ def _theory(panel: _Panel, rows: Sequence[Measured], xs: Sequence[float]) -> Ite
         if not all(map(math.isnan, values)):
             shape: chart.Shape | None = "circle" if len(xs) < 30 else None
             known = [0.0 if math.isnan(half) else half for half in halves]
-            yield _Curve(Entry(label, color, dash, shape, filled=True), xs, values, known)
+            yield _Curve(LegendEntry(label, color, dash, shape, filled=True), xs, values, known)
 
 
-def _line(plot: Plot, curve: _Curve) -> Iterator[Item]:
+def _line(plot: Axes, curve: _Curve) -> Iterator[Item]:
     """Yield a line, its marks, and a band, or an error bar if there is one point."""
     color = curve.entry.color
     if any(curve.halves) and len(curve.xs) > 1:
@@ -209,10 +209,10 @@ def _rollouts(rows: Sequence[Measured], xs: Sequence[float]) -> Iterator[_Curve]
         means = [_number(each.get("mean")) for _, each in found]
         halves = [_number(each.get("half")) for _, each in found]
         color = LINES[name][0] if name in LINES else Hex("#444444")
-        yield _Curve(Entry(f"{name}, rolled out", color, None, shape), [x for x, _ in found], means, halves)
+        yield _Curve(LegendEntry(f"{name}, rolled out", color, None, shape), [x for x, _ in found], means, halves)
 
 
-def _x_axis(panel: _Panel, experiment: Experiment, xs: Sequence[float], labels: Sequence[str] | None) -> Axis:
+def _x_axis(panel: _Panel, experiment: Experiment, xs: Sequence[float], labels: Sequence[str] | None) -> Scale:
     """Return the axis of the parameter, with a tick at each of its values if they are few."""
     name = panel.x or ""
     if labels is not None:
@@ -235,7 +235,7 @@ def _quantity(panel: _Panel) -> str:
 
 
 def _positions(rows: Sequence[Measured], x: str | None) -> tuple[list[float], list[str] | None]:
-    """Where rows stand along the axis; names instead of numbers, where these are none."""
+    """Return where rows stand along the axis; names instead of numbers, where these are none."""
     values: list[Any] = [_label(row) if x is None else row.instance.varied[x] for row in rows]
     if not any(isinstance(v, bool | str) for v in values):
         return [float(v) for v in values], None
@@ -244,12 +244,12 @@ def _positions(rows: Sequence[Measured], x: str | None) -> tuple[list[float], li
 
 
 def _label(row: Measured) -> str:
-    """What an instance is called beside others of its task."""
+    """Return what an instance is called beside others of its task."""
     return row.instance.id.removeprefix(row.instance.task).lstrip("?+") or row.instance.task
 
 
 def _is_geometric(xs: Sequence[float]) -> bool:
-    """Whether values are far apart, each about as many times the one before."""
+    """Return whether values are far apart, each about as many times the one before."""
     ratios = [b / a for a, b in itertools.pairwise(xs)]
     return len(ratios) > 1 and min(ratios) >= 2 and max(ratios) <= 2 * min(ratios)
 
@@ -297,7 +297,7 @@ def _map(panel: _Panel, y_name: str) -> Iterator[Item]:
     yield from chart.words(panel.x, (WIDTH / 2, HEIGHT + 0.7), chart.SMALL)
     widest = max(chart.breadth(b, chart.SMALL) for b in up)
     yield from chart.words(y_name, (-0.45 - widest, HEIGHT / 2), chart.SMALL, angle=90)
-    bar = Plot(WIDTH + 0.35, HEIGHT * 0.08, 0.3, HEIGHT * 0.84, Axis(0, 1), scale)
+    bar = Axes(WIDTH + 0.35, HEIGHT * 0.08, 0.3, HEIGHT * 0.84, Scale(0, 1), scale)
     yield from chart.color_bar(bar, chart.CIVIDIS)
 
 

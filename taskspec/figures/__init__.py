@@ -69,7 +69,7 @@ def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
     if not over.legend:
         return
     bare = _drawn(task, over.only(None))
-    values = {} if drawn.state is None or over.told is None else over.told(drawn.state)
+    values = {} if drawn.state is None or over.at_state is None else over.at_state(drawn.state)
     for part, (scale, what) in over.legend.items():
         with_part = _drawn(task, over.only(part)) if part in PARTS else None
         if with_part is not None and not with_part.shows(bare):

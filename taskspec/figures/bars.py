@@ -19,9 +19,6 @@ from taskspec.lang.types import Kind
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
-# ---------- bars
-# A vector as a scene: bars for a long one, cells with values for a short one, and swaps from row to row.
-
 CELLS_UP_TO, ROWS, SEEDS = 8, 4, 6
 LONGEST = 100
 """Steps of an episode that are followed, so that figures stay quick."""
@@ -31,7 +28,7 @@ _COLORS: dict[str, Color] = {"first": "accent", "second": "second", "good": "goo
 
 
 def bars(task: Task, overlay: Overlay) -> Scene | None:
-    """The vector that the figure section names (or the only vector of the state).
+    """Draw the vector that the figure section names (or the only vector of the state).
 
     Of a short one every change that the expert makes, as swaps from row to row; of a long one the first state, and the
     last of the expert's episode where it has another order. Of a few episodes it is the one in which most happens.
@@ -63,19 +60,19 @@ def bars(task: Task, overlay: Overlay) -> Scene | None:
 
 
 def _row(task: Task, node: Node, state: State) -> Array:
-    """The vector in a state."""
+    """Return the vector in a state."""
     found: Array = at_states(task, node, reads_of(task, state), 1)[0].astype(float)
     return found
 
 
 def _changes(task: Task, node: Node, path: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The states of a path in which the vector has another value than in the one before."""
+    """Return the states of a path in which the vector has another value than in the one before."""
     rows = [_row(task, node, state) for state in path]
     return [state for i, state in enumerate(path) if i == 0 or not np.array_equal(rows[i], rows[i - 1])]
 
 
 def _sums(rows: list[Array], colors: list[Color], step: float, y: float) -> Iterator[Label]:
-    """Where two parts of a vector have colours of their own, the sum of each, and how they compare."""
+    """Yield the sums of two parts with colours of their own, and how they compare."""
     parts = [[i for i, color in enumerate(colors) if color == role] for role in ("accent", "second")]
     if len(rows) > 1 or not all(parts):
         return
@@ -95,7 +92,7 @@ def _sums(rows: list[Array], colors: list[Color], step: float, y: float) -> Iter
 
 
 def _vector(task: Task) -> Node | None:
-    """The vector that the figure names, else the first component of the state that is one."""
+    """Return the vector that the figure names, else the first component of the state that is one."""
     if task.figure is not None and task.figure.values is not None:
         node = task.figure.values
         return node if len(node.type.shape) == 1 and node.type.size else None
@@ -105,7 +102,7 @@ def _vector(task: Task) -> Node | None:
 
 
 def _colors(task: Task, node: Node, state: State) -> list[Color]:
-    """Elements of the vector by colour: those of which a condition holds in this state, or a slice of the vector.
+    """Return the colours of elements: for a condition those for which it holds, for a slice those in it.
 
     The slice is taken of the vector's indices, and so says which elements are meant.
     """
@@ -129,13 +126,13 @@ def _colors(task: Task, node: Node, state: State) -> list[Color]:
 
 
 def _bound(node: Node) -> float | None:
-    """The largest size of an element, where it is known beforehand."""
+    """Return the largest size of an element, where it is known beforehand."""
     most = max(abs(node.low), abs(node.high)) if isinstance(node, Read) else math.inf
     return most if 0 < most < math.inf else None
 
 
 def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iterator[Item]:
-    """Bars of equal width above a line, in a frame that `most` fills; of very many values means of neighbours."""
+    """Yield bars of equal width above a line, in a frame that `most` fills; of very many values means of neighbours."""
     values, colors = _binned(values, colors)
     step = _step(len(values))
     scale = 2.0 / (most or float(np.abs(values).max()) or 1.0)
@@ -152,7 +149,7 @@ def _bars(values: Array, colors: list[Color], most: float | None = None) -> Iter
 
 
 def _binned(values: Array, colors: list[Color]) -> tuple[Array, list[Color]]:
-    """At most about `MOST_BARS` values: means of as many neighbours each, which share a colour."""
+    """Return at most about `MOST_BARS` values: means of as many neighbours each, which share a colour."""
     size = -(-len(values) // MOST_BARS)
     runs = [list(run) for _, run in groupby(range(len(values)), key=lambda i: colors[i])]
     bins = [run[i : i + size] for run in runs for i in range(0, len(run), size)]
@@ -160,12 +157,12 @@ def _binned(values: Array, colors: list[Color]) -> tuple[Array, list[Color]]:
 
 
 def _step(count: int) -> float:
-    """How far bars lie apart."""
+    """Return how far bars lie apart."""
     return min(0.3, 7.0 / count)
 
 
 def _cells(shown: list[tuple[Array, list[Color]]], left_out: int) -> Iterator[Item]:
-    """Rows of cells in their colours, shaded by value, with arrows for elements that moved; dots where rows are left out."""
+    """Yield rows of cells, shaded by value, with arrows for elements that moved and dots for rows that are left out."""
     rows = [row for row, _ in shown]
     low, high = float(np.min(rows)), float(np.max(rows))
     digits = 0 if all(np.array_equal(row, np.rint(row)) for row in rows) else 2

@@ -18,9 +18,6 @@ from taskspec.model.transitions import Steps
 from taskspec.printers import tree as m
 from taskspec.task.task import Task
 
-# ---------- ways
-# Which way a move goes on a grid: what its label says, or where it mostly leads.
-
 Cell = tuple[int, int]
 Way = tuple[float, float]
 _WORDS: dict[str, Cell] = {
@@ -32,7 +29,7 @@ _WORDS: dict[str, Cell] = {
 def chosen_ways(
     task: Task, policy: Mapping[int, tuple[int, ...]], cells: Mapping[int, Cell]
 ) -> Iterator[tuple[Cell, Way]]:
-    """From each state's cell the ways of the actions that a policy takes there.
+    """Return the moves on the board of the actions that a policy takes, by cell.
 
     Labels such as `left` or `down_right` say it. Other actions go where they lead in more than half of all cases, and
     nowhere where no outcome is that likely: an outcome of chance is no choice. From a cell of several states, only the
@@ -54,7 +51,7 @@ def chosen_ways(
 
 
 def _said(task: Task, action: int) -> Way | None:
-    """The way that the label of an action says, as a step of at most one cell; None where it says none."""
+    """Return the move that an action's label names, of at most one cell; None if it names none."""
     if len(task.action) != 1 or task.action[0].domain is None:
         return None
     words = re.split(r"[^a-z]+", task.action[0].domain.labels[action].lower())
@@ -65,7 +62,7 @@ def _said(task: Task, action: int) -> Way | None:
 
 
 def _led(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) -> Iterator[tuple[int, Way]]:
-    """Where actions lead in more than half of all cases, by the code of the state."""
+    """Return where actions lead with a probability above one half, by code of the state."""
     if not pairs:
         return  # no overlay asks for a policy
     codes, actions = np.array(pairs, np.int64).reshape(-1, 2).T
@@ -84,8 +81,7 @@ def _led(task: Task, pairs: list[tuple[int, int]], cells: Mapping[int, Cell]) ->
             yield code, ((bx - ax) / length, (by - ay) / length)
 
 
-# ---------- board
-# A board of cells as a scene: colours, letters, agents, values and moves; alike columns and rows of a large one are left out.
+# ---------- the board, with equal columns and rows of a large one left out
 
 CELL, ROOMY = 0.8, 1.15
 """Sides of cells, and of those that have room for a number and arrows beside it."""
@@ -151,7 +147,7 @@ class Board:
         return [*self._map()]
 
     def notes(self) -> tuple[str, ...]:
-        """What a reader has to know of how the board is drawn."""
+        """Yield notes on how the board is drawn."""
         if self.is_whole:
             return ()
         if self.folded is not None:
@@ -174,7 +170,7 @@ class Board:
         return (across, down) if max(len(across), len(down)) <= LARGEST else None
 
     def _marked(self, axis: int) -> dict[int, set[tuple[int, object]]]:
-        """What is in columns (or rows), where there is something."""
+        """Return the contents of columns (or rows) that have any."""
         marked: dict[int, set[tuple[int, object]]] = {}
         for found in (self.colors, self.letters, self.agents):
             for cell, mark in found.items():
@@ -184,7 +180,7 @@ class Board:
         return marked
 
     def _stretches(self, axis: int) -> list[Stretch]:
-        """Columns (or rows) one by one, and those together that are alike and in the middle of such."""
+        """Return runs of columns (or rows): those that are equal to both neighbours together, others alone."""
         marked = self._marked(axis)
         out: list[Stretch] = []
         for _, group in groupby((self.columns, self.rows)[axis], key=lambda i: marked.get(i, set())):
@@ -219,12 +215,12 @@ class Board:
         yield from marked(box, 0.3 * self.cell if written else 0.0, self._free_corner(cell))
 
     def _free_corner(self, cell: Cell) -> tuple[int, int]:
-        """A corner of a cell from its middle that no arrow points to, if there is one."""
+        """Return a corner of a cell from its middle that no arrow points to, if there is one."""
         taken = {tuple(round(d) for d in way) for at, way in self.moves if at == cell}
         return next((corner for corner in ((1, -1), (-1, -1), (-1, 1), (1, 1)) if corner not in taken), (1, -1))
 
     def _marks(self, at: Mapping[Cell, Cell]) -> Iterator[Item]:
-        """What is in the cells that are drawn, which lie at these places; a value takes the room of all but objects."""
+        """Yield the contents of the drawn cells at their places; values are left out beside objects."""
         middle = {cell: ((x + 0.5) * self.cell, (y + 0.5) * self.cell) for cell, (x, y) in at.items()}
         for cell, text in self.letters.items():
             if cell in middle and cell not in self.values and text != WALL:
@@ -241,7 +237,7 @@ class Board:
                 yield from self._thing(thing, middle[thing.cell], taken)
 
     def _thing(self, thing: Thing, at: tuple[float, float], taken: int) -> Iterator[Item]:
-        """A badge with a word, in a corner where others are in the middle; an arrow says which way it faces."""
+        """Yield a badge with a word, in a corner of an occupied cell; an arrow shows which way it faces."""
         if thing.way is not None:
             (near, far) = (
                 (at[0] + r * self.cell * thing.way[0], at[1] + r * self.cell * thing.way[1]) for r in (0.2, 0.49)
@@ -258,7 +254,7 @@ class Board:
         yield Label((x, y), word, min(0.7 * side, 0.9 * side / (BROAD * text_width(word, 1.0))))
 
     def _map(self) -> Iterator[Item]:
-        """Cells too small for a grid: those with a colour or a letter, and the agents."""
+        """Yield cells too small for a grid: those with a colour or a letter, and the agents."""
         size = WIDEST / max(len(self.columns), len(self.rows))
 
         def corner(cell: Cell) -> tuple[float, float]:
@@ -282,7 +278,7 @@ class Board:
             yield Circle((x + size / 2, y + size / 2), max(size / 2, 0.1), "ink", None, 1.0 if weight > 0.99 else 0.35)
 
     def _coordinates(self, stretches: Sequence[Stretch], axis: int) -> Iterator[Label]:
-        """Numbers above the columns (0) or on the left of the rows (1); where they have no room, those of marked ones."""
+        """Yield numbers above the columns (0) or left of the rows (1); if there is no room, those of marked ones."""
         texts: list[m.Math] = [_coordinate(each, axis) for each in stretches]
         rooms = [text_width(text, COORDINATE) * 1.2 if axis == 0 else COORDINATE * 1.2 for text in texts]
         marked, end = self._marked(axis), float("-inf")
@@ -297,7 +293,7 @@ class Board:
                 yield Label((-0.15, at), text, COORDINATE, "end", color="muted")
 
     def _move(self, at: Cell, cell: Cell, way: Way) -> Line:
-        """An arrow from near the middle of a cell, or from the number there, to its edge."""
+        """Return an arrow from near the middle of a cell, or from its number, to its edge."""
         first = 0.2
         if cell in self.values:
             room = text_width(self._value(cell), VALUE) / 2 + 0.05, VALUE / 2 + 0.05
@@ -313,7 +309,7 @@ class Board:
 
 
 def _short(value: float) -> str:
-    """A number of at most five letters, which have room in a cell, or six."""
+    """Return a number of at most five letters, which have room in a cell, or six."""
     forms = (".3g", ".2g", ".1g") if abs(value) < 99.95 else (".0f", ".1e", ".0e")
     texts = [re.sub(r"e([+-]?)0*", lambda e: f"e{e[1].strip('+')}", f"{value:{form}}") for form in forms]
     return next((text for text in texts if len(text) <= 5), texts[-1]).replace("-", "−")
@@ -330,7 +326,7 @@ def _coordinate(each: Stretch, axis: int) -> m.Math:
 
 
 def agent(x: float, y: float, weight: float, cell: float = CELL) -> Iterator[Item]:
-    """The agent; where it may start among several cells, faint."""
+    """Yield the agent; faint if it may start in several cells."""
     shade = 1.0 if weight > 0.99 else 0.35
     yield Circle((x, y), cell * 0.27, "ink", None, shade)
     for side in (-1, 1):

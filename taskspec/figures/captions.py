@@ -50,7 +50,7 @@ class Captions:
         return of_task(self.machine.task)
 
     def _combination(self, space: Space, components: tuple[Component, ...], code: int) -> m.Math:
-        """The values of some components: labels by their symbols, numbers as digits."""
+        """Return the values of some components: labels by their symbols, numbers as digits."""
         values = space.values_of(code)
         parts = []
         for c in components:
@@ -60,7 +60,7 @@ class Captions:
 
     @cached_property
     def marks(self) -> Mapping[str, tuple[int, ...]]:
-        """States in which the conditions under `figure: highlight:` hold, by the names of their colours."""
+        """States in which the conditions under `figure: highlight:` hold, by colour."""
         figure = self.machine.task.figure
         found = {}
         codes = np.array(self.machine.states)
@@ -73,16 +73,16 @@ class Captions:
 
     @cached_property
     def fills(self) -> Mapping[int, Color]:
-        """Colours of states; of several that one has, the last."""
+        """Colours of states; the last of several."""
         return {code: _HIGHLIGHT[name] for name, codes in self.marks.items() for code in codes}
 
     @property
     def kept(self) -> frozenset[int]:
-        """Coloured states that are not to be left out of a graph: those of colours that few have."""
+        """Coloured states that a graph must show: those of rare colours."""
         return frozenset(c for codes in self.marks.values() if len(codes) <= FEW for c in codes)
 
     def unmarked(self, shown: Collection[int]) -> Iterator[str]:
-        """What a figure of some states does not show of `figure: highlight:`."""
+        """Yield notes on what a figure of some states does not show of `figure: highlight:`."""
         for name, codes in self.marks.items():
             left = [c for c in codes if c not in shown]
             if not codes:
@@ -94,7 +94,7 @@ class Captions:
                 yield f"Marked {other}, but {one} as well: {self.named(both)}."
 
     def named(self, codes: Sequence[int]) -> str:
-        """A few states by name, or how many there are."""
+        """Return a few states by name, or how many there are."""
         names = [plain(self.labels[c]) for c in codes]
         if len(self.machine.task.state) == 1:
             (c,) = self.machine.task.state
@@ -136,7 +136,7 @@ class Captions:
             yield f"No arrow leads on from {self.named(last)}, as the time is up there."
 
     def state(self, v: int, overlay: Overlay) -> list[m.Math]:
-        """Reward and value told next to a state."""
+        """Return the reward and the value written beside a state."""
         how, by, _ = self.rewards
         words: list[m.Math] = [m.Words(self.machine.starters[v])] if v in self.machine.starters else []
         if how in ("reached", "left") and by.get(v):
@@ -146,7 +146,7 @@ class Captions:
         return words
 
     def arrow(self, arc: Arc) -> m.Math | None:
-        """Action and probability of an arrow, and its reward where no state tells it."""
+        """Return action and probability of an arrow, and its reward where no state tells it."""
         parts: list[m.Math] = []
         if arc.probability is not None:
             parts.append(chance(arc.probability))

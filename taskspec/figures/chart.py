@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from taskspec.figures.marks import signed
 from taskspec.figures.scene import (
     BROAD,
     Anchor,
@@ -51,6 +52,10 @@ Shape = Literal["circle", "square", "diamond", "up", "down"]
 SHAPES: tuple[Shape, ...] = ("circle", "square", "diamond", "up", "down")
 TICK = 0.1
 """The length of a tick."""
+GAP = 0.15
+SYMBOL = 0.3
+TICKS = 0.25
+"""Of axes that are arrows: their distance from the plane, and the sizes of symbols and numbers."""
 Rgb = tuple[int, int, int]
 
 
@@ -112,7 +117,7 @@ def ink(background: Rgb) -> Hex:
 
 
 @dataclass(frozen=True)
-class Axis:
+class Scale:
     """A range of numbers, with ticks as (value, label)."""
 
     low: float
@@ -126,10 +131,10 @@ class Axis:
         """Return how far a value is along the axis: 0 at `low`, 1 at `high`."""
         if self.log:
             return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
+        return (value - self.low) / ((self.high - self.low) or 1.0)
 
 
-def axis(values: Iterable[float], label: str = "", log: bool = False, most: int = 6, margin: float = 0.05) -> Axis:
+def axis(values: Iterable[float], label: str = "", log: bool = False, most: int = 6, margin: float = 0.05) -> Scale:
     """Return an axis that has room for values, with ticks at round numbers."""
     known = [v for v in values if math.isfinite(v) and (v > 0 or not log)] or [1.0]
     low, high = min(known), max(known)
@@ -141,19 +146,19 @@ def axis(values: Iterable[float], label: str = "", log: bool = False, most: int 
         grow = (high - low) * margin if high > low else max(abs(low) * margin, 0.5)
         low, high = low - grow, high + grow
         ticks = nice_ticks(low, high, most)
-    return Axis(low, high, tuple((tick, number(tick)) for tick in ticks), label, log)
+    return Scale(low, high, tuple((tick, number(tick)) for tick in ticks), label, log)
 
 
 @dataclass(frozen=True)
-class Plot:
+class Axes:
     """A rectangle between two axes, by its upper left corner; y points upwards."""
 
     left: float
     top: float
     width: float
     height: float
-    x: Axis
-    y: Axis
+    x: Scale
+    y: Scale
 
     @property
     def right(self) -> float:
@@ -188,7 +193,7 @@ def breadth(text: str, size: float = FONT) -> float:
     return max(BROAD * text_width(m.Words(line), size) for line in text.split("\n"))
 
 
-def frame(plot: Plot, grid: bool = False, size: float = SMALL) -> Iterator[Item]:
+def frame(plot: Axes, grid: bool = False, size: float = SMALL) -> Iterator[Item]:
     """Yield the axes below and on the left, with their ticks and labels, and lines at the ticks if there is a grid."""
     for x, text in plot.x.ticks:
         place = plot.left + plot.width * plot.x.share(x)
@@ -213,7 +218,28 @@ def frame(plot: Plot, grid: bool = False, size: float = SMALL) -> Iterator[Item]
         yield from words(plot.y.label, middle, size, angle=90)
 
 
-def below_axis(axis: Axis, size: float = SMALL) -> float:
+def arrow_axes(plot: Axes, symbols: Sequence[m.Math]) -> Iterator[Item]:
+    """Yield axes as arrows with the numbers at their ends, and fine lines through zero, as figures of tasks have them."""
+    left, right, top, bottom = plot.left, plot.right, plot.top, plot.bottom
+    if plot.x.low < 0 < plot.x.high:
+        x, _ = plot.at(0.0, plot.y.low)
+        yield Line(((x, bottom), (x, top)), color="faint", width=0.02)
+    if plot.y.low < 0 < plot.y.high:
+        _, y = plot.at(plot.x.low, 0.0)
+        yield Line(((left, y), (right, y)), color="faint", width=0.02)
+    corner = (left - GAP, bottom + GAP)
+    yield Line((corner, (right + GAP, bottom + GAP)), arrow=True, color="muted", width=0.02)
+    yield Line((corner, (left - GAP, top - GAP)), arrow=True, color="muted", width=0.02)
+    ends = ((right + GAP + 0.22, bottom + GAP), (left - GAP, top - GAP - 0.25))
+    for symbol, place in zip(symbols, ends, strict=False):
+        yield Label(place, symbol, SYMBOL)
+    for x in (plot.x.low, plot.x.high):
+        yield Label((plot.at(x, plot.y.low)[0], bottom + GAP + 0.25), signed(x), TICKS, color="muted")
+    for y in (plot.y.low, plot.y.high):
+        yield Label((left - GAP - 0.1, plot.at(plot.x.low, y)[1]), signed(y), TICKS, "end", color="muted")
+
+
+def below_axis(axis: Scale, size: float = SMALL) -> float:
     """Return how far the tick labels of an axis reach below it."""
     sin = math.sin(math.radians(axis.angle))
     lines = max((text.count("\n") + 1 for _, text in axis.ticks), default=1)
@@ -224,7 +250,7 @@ def below_axis(axis: Axis, size: float = SMALL) -> float:
 # ---------- what is plotted
 
 
-def polyline(plot: Plot, xs: Sequence[float], ys: Sequence[float], color: Paint, width: float = 0.05,
+def polyline(plot: Axes, xs: Sequence[float], ys: Sequence[float], color: Paint, width: float = 0.05,
              dash: Dash = "solid", shade: float = 1.0) -> Iterator[Line]:  # fmt: skip
     """Yield a line through points, broken where one cannot be drawn."""
     run: list[Point] = []
@@ -237,18 +263,18 @@ def polyline(plot: Plot, xs: Sequence[float], ys: Sequence[float], color: Paint,
         run = []
 
 
-def level(plot: Plot, y: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
+def level(plot: Axes, y: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
     """Return a line across the plot at a height."""
     return Line((plot.at(plot.x.low, y), plot.at(plot.x.high, y)), color=color, width=width, dash=dash)
 
 
-def upright(plot: Plot, x: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
+def upright(plot: Axes, x: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
     """Return a line from the bottom of the plot to its top."""
     return Line((plot.at(x, plot.y.high), plot.at(x, plot.y.low)), color=color, width=width, dash=dash)
 
 
 def band(
-    plot: Plot, xs: Sequence[float], lows: Sequence[float], highs: Sequence[float], color: Paint
+    plot: Axes, xs: Sequence[float], lows: Sequence[float], highs: Sequence[float], color: Paint
 ) -> Iterator[Area]:
     """Yield the area between two curves, where both can be drawn."""
     shown = [
@@ -260,7 +286,7 @@ def band(
         yield Area((*there, *back), color, shade=0.2)
 
 
-def error_bar(plot: Plot, x: float, low: float, high: float, color: Paint) -> Iterator[Line]:
+def error_bar(plot: Axes, x: float, low: float, high: float, color: Paint) -> Iterator[Line]:
     """Yield an interval as an upright line with caps; a part of it that a logarithmic axis lacks is cut off."""
     low = max(low, plot.y.low)
     if not (plot.has(x, low) and plot.has(x, high) and high > low):
@@ -290,7 +316,7 @@ def mark(at: Point, shape: Shape, color: Paint, size: float = 0.075, filled: boo
 
 
 @dataclass(frozen=True)
-class Sample:
+class BoxSample:
     """Values of several seeds, with the interval of their mean."""
 
     values: Sequence[float]
@@ -299,7 +325,7 @@ class Sample:
 
 
 def box_plot(
-    plot: Plot, sample: Sample, at: float, color: Paint, is_upright: bool = False, half: float = 0.12
+    plot: Axes, sample: BoxSample, at: float, color: Paint, is_upright: bool = False, half: float = 0.12
 ) -> Iterator[Item]:
     """Yield one sample at a place of the other axis.
 
@@ -351,7 +377,7 @@ def heat_map(left: float, top: float, cell: tuple[float, float], colors: Sequenc
                 yield Label((corner[0] + width / 2, corner[1] + height / 2), m.Words(text), size, color=ink(color))
 
 
-def color_bar(plot: Plot, colors: Sequence[str]) -> Iterator[Item]:
+def color_bar(plot: Axes, colors: Sequence[str]) -> Iterator[Item]:
     """Yield a bar of colours beside a heat map, with the ticks of the plot's y axis on its right."""
     steps = 60
     height = plot.height / steps
@@ -368,7 +394,7 @@ def color_bar(plot: Plot, colors: Sequence[str]) -> Iterator[Item]:
 
 
 @dataclass(frozen=True)
-class Entry:
+class LegendEntry:
     """A line of a legend: a stroke, a mark, or both."""
 
     text: str
@@ -379,7 +405,7 @@ class Entry:
     width: float = 0.05
 
 
-def legend(entries: Sequence[Entry], left: float, top: float, room: float, size: float = SMALL) -> Iterator[Item]:
+def legend(entries: Sequence[LegendEntry], left: float, top: float, room: float, size: float = SMALL) -> Iterator[Item]:
     """Yield entries in rows, each as long as there is room."""
     x, y = left, top + size / 2
     for entry in entries:

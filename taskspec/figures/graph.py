@@ -29,7 +29,7 @@ DRAWN = {"values": "V", "policy": "thick arrows", "occupancy": "shade, {0}"}
 
 
 def graph(task: Task, overlay: Overlay) -> Scene | None:
-    """The graph of a task's transitions, or None when it has none that can be drawn and read."""
+    """Draw the graph of a task's transitions; None if it has none that can be drawn and read."""
     machine = explore(task)
     if machine is not None and all(t.source == t.target for t in machine.transitions):
         return None  # nothing leads anywhere
@@ -59,13 +59,13 @@ class Plan:
 
     @property
     def width(self) -> float:
-        """From the first vertex to the last."""
+        """The distance of the first vertex from the last."""
         ends = [spot.at[0] for spot in self.spots.values()]
         return max(ends) - min(ends)
 
 
 def plan_of(machine: Machine, overlay: Overlay) -> Plan | None:
-    """The best plan without a fault; None when all have faults, cross too often or are too large."""
+    """Return the best plan without a fault; None when all have faults, cross too often or are too large."""
     says = Captions(machine)
     best: Plan | None = None
     least: tuple[int, int] | None = None
@@ -184,7 +184,7 @@ class _Layout:
         return found
 
     def _places(self, widths: Mapping[Vertex, float]) -> dict[Vertex, Point]:
-        """Columns far enough apart for the longest label of an arrow and the widest vertices."""
+        """Return columns far enough apart for the longest label of an arrow and the widest vertices."""
         arcs = zip(self.drawing.arcs, self.request.texts, strict=True)
         text = max((text_width(t, ARROW) for a, t in arcs if a.source != a.target and t), default=0.0)
         step = max(DX, text + 2 * max(_size(v, widths)[0] for v in self.drawing.vertices) + 0.35) * self.stretch
@@ -195,7 +195,7 @@ class _Layout:
         }  # fmt: skip
 
     def _straight(self, places: dict[Vertex, Point]) -> dict[Vertex, Point]:
-        """Where one vertex of each column leads on, those lie on a line."""
+        """Put vertices on one line if one vertex of each column leads on."""
         on = {a.source for a in self.drawing.arcs if a.source != a.target}
         good, layers = self.request.good, self.drawing.layers
         mains = [[v for v in layer if v in on or (v in good and v == layer[-1])] for layer in layers]
@@ -213,7 +213,7 @@ def _is_chance(v: Vertex) -> bool:
 
 
 def _size(v: Vertex, widths: Mapping[Vertex, float]) -> tuple[float, float]:
-    """Half the width and half the height of a vertex."""
+    """Return half the width and half the height of a vertex."""
     if isinstance(v, int):
         return max(RADIUS, widths[v] / 2 + 0.1), RADIUS
     return (0.12, 0.12) if _is_chance(v) else (0.26, 0.26)

@@ -36,7 +36,7 @@ _COLORS: dict[str, Color] = {"good": "good", "bad": "bad", "end": "end"}
 
 
 def grid(task: Task, overlay: Overlay) -> Scene | None:
-    """The grid that a task's figure section places its states on."""
+    """Draw the grid on which a task's figure section places its states."""
     place = _place(task)
     if place is None:
         return None
@@ -46,7 +46,7 @@ def grid(task: Task, overlay: Overlay) -> Scene | None:
 
 
 def _with_seen(task: Task, drawn: Scene) -> Scene:
-    """The grid, and below it what the agent sees of a first state."""
+    """Return the grid, and below it what the agent sees of a first state."""
     strip = fitted(seen(task), "", margin=0.0)
     left = max(0.0, (strip.width - drawn.width) / 2)
     items = [shifted(item, left, 0.0) for item in drawn.items]
@@ -56,23 +56,23 @@ def _with_seen(task: Task, drawn: Scene) -> Scene:
 
 
 def _place(task: Task) -> tuple[Node, ...] | None:
-    """Column and row of a state: two expressions, or one vector of two."""
+    """Return column and row of a state: two expressions, or one vector of two."""
     return None if task.figure is None or not task.figure.at else task.figure.at
 
 
 def _cells(task: Task, place: tuple[Node, ...], reads: Reads, count: int) -> np.ndarray[Any, Any]:
-    """Column and row (count, 2) of states."""
+    """Return column and row (count, 2) of states."""
     return _whole_numbers(_numbers(task, place, reads, count)[:, :2])
 
 
 def _numbers(task: Task, place: tuple[Node, ...], reads: Reads, count: int) -> np.ndarray[Any, Any]:
-    """Column and row of states, and maybe a way, (count, 2) or (count, 4)."""
+    """Return column and row of states, and maybe a way, (count, 2) or (count, 4)."""
     found = [at_states(task, node, reads, count) for node in place]
     return found[0] if len(found) == 1 else np.stack(found, axis=1)
 
 
 def _things(task: Task, place: tuple[Node, ...], reads: Reads) -> tuple[Thing, ...]:
-    """The objects of the figure section, and the nose of an agent that faces some way, in one state."""
+    """Yield the objects of the figure section, and the nose of an agent with a direction, in one state."""
     places = {"": place} | ({} if task.figure is None else dict(task.figure.objects))
     found = []
     for word, at in places.items():
@@ -86,13 +86,13 @@ def _things(task: Task, place: tuple[Node, ...], reads: Reads) -> tuple[Thing, .
 
 
 def _letters_of(word: str, others: Iterable[str]) -> str:
-    """As few letters as tell an object apart from others."""
+    """Return as few letters as tell an object from others."""
     count = next((n for n in range(1, len(word)) if sum(x[:n] == word[:n] for x in others) == 1), len(word))
     return word[:1].upper() + word[1:count]
 
 
 def _key(task: Task) -> tuple[str, ...]:
-    """What the letters of objects stand for, as a note."""
+    """Return a note that explains the letters of objects."""
     words = () if task.figure is None else tuple(task.figure.objects)
     told = [f"{_letters_of(word, words)}: {word}" for word in words if len(word) > 1]
     return (f"{', '.join(told)}.",) if told else ()
@@ -104,7 +104,7 @@ def _whole_numbers(places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 
 
 def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Color, np.ndarray[Any, Any]]]:
-    """Conditions (count,) or places (count, 2) to highlight, with their colours."""
+    """Yield conditions (count,) or places (count, 2) to highlight, with their colours."""
     highlight = {} if task.figure is None else task.figure.highlight
     for name, node in highlight.items():
         if name in _COLORS:
@@ -112,7 +112,7 @@ def _marks(task: Task, reads: Reads, count: int) -> Iterator[tuple[Color, np.nda
 
 
 def _marked(task: Task, cells: np.ndarray[Any, Any], reads: Reads, one: Reads) -> tuple[dict[Cell, Color], list[str]]:
-    """The colours of marked cells, those of places as they are in one state; and notes on what is not marked."""
+    """Return the colours of marked cells, those of places in one state, and notes on what is not marked."""
     colors: dict[Cell, Color] = {}
     unplaced: list[str] = []
     for role, found in _marks(task, reads, len(cells)):
@@ -163,7 +163,7 @@ def _whole(task: Task, place: tuple[Node, ...], reads: Reads, count: int, overla
 def _by_cell(
     by_code: Mapping[int, Cell], found: Mapping[int, float], together: Callable[[float, float], float]
 ) -> dict[Cell, float]:
-    """Numbers of cells from those of states."""
+    """Return numbers of cells from those of states."""
     cells: dict[Cell, float] = {}
     for code, number in found.items():
         cell = by_code[code]
@@ -172,7 +172,7 @@ def _by_cell(
 
 
 def _code(task: Task, reads: Reads) -> int:
-    """The code of a state."""
+    """Return the code of a state."""
     return int(Space(task.state, Reading.STATE).encode([reads[c.read] for c in task.state], 1)[0][0])
 
 
@@ -188,13 +188,13 @@ def _agents(task: Task, place: tuple[Node, ...], by_code: Mapping[int, Cell], ov
 
 
 def _size(task: Task) -> Cell:
-    """Columns and rows of the map that `figure: map:` names; none without one."""
+    """Return columns and rows of the map that `figure: map:` names; none without one."""
     lines = () if task.figure is None else task.figure.map
     return (len(lines[0]), len(lines)) if lines else (0, 0)
 
 
 def _bounds(task: Task, place: tuple[Node, ...]) -> tuple[range, range] | None:
-    """Columns and rows where a map or the bounds of the agent's place say them, and they are few."""
+    """Return columns and rows where a map or the bounds of the agent's place say them, and they are few."""
     ends = [(node.low, node.high) for node in place[:2] if isinstance(node, Read)]
     if all(_size(task)):
         ends = [(0, size - 1) for size in _size(task)]
@@ -207,20 +207,20 @@ def _bounds(task: Task, place: tuple[Node, ...]) -> tuple[range, range] | None:
 
 
 def _letters(task: Task) -> dict[Cell, str]:
-    """The characters of the map, but for spaces."""
+    """Return the characters of the map, but for spaces."""
     lines = () if task.figure is None else task.figure.map
     return {(x, y): char for y, line in enumerate(lines) for x, char in enumerate(line) if char != " "}
 
 
 def _stay(task: Task) -> bool:
-    """Whether no step changes what is marked."""
+    """Return whether no step changes what is marked."""
     marks = () if task.figure is None else task.figure.highlight.values()
     after = {c.read: node for c, node in zip(task.state, task.next, strict=True)}
     return all(isinstance(after.get(key), Read) and reads([after[key]]) == {key} for key in reads(marks))
 
 
 def _window(task: Task, place: tuple[Node, ...], overlay: Overlay) -> Scene:
-    """The part of a vast grid around one first state."""
+    """Return the part of a vast grid around one first state."""
     state = overlay.here or first_state(task)
     reads = reads_of(task, state)
     ((ax, ay),) = _cells(task, place, reads, 1)

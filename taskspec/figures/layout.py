@@ -9,8 +9,7 @@ import numpy as np
 
 from taskspec.figures.machine import Machine, Transition
 
-# ---------- elide
-# Which part of a transition graph is drawn: all of a small one, the ends of a long or wide family with dots between.
+# ---------- the part of a graph that is drawn
 
 Vertex = Hashable
 DOTS = "dots"
@@ -52,7 +51,7 @@ class Drawing:
 
 
 def drawings(machine: Machine, marked: Collection[Vertex] = ()) -> Iterator[Drawing]:
-    """What may be drawn of a machine, the usual first; nothing when even its outline is too large.
+    """Yield what can be drawn of a machine, the usual first; nothing if even its outline is too large.
 
     An outline keeps the states in `marked`; the next one does not, as there may be no room for them.
 
@@ -71,7 +70,7 @@ def drawings(machine: Machine, marked: Collection[Vertex] = ()) -> Iterator[Draw
 
 
 def whole(machine: Machine) -> Iterator[Drawing]:
-    """All states, where a frame has room for them."""
+    """Yield all states, where a frame has room for them."""
     arcs = _arcs(machine)
     layers = _layers(machine.start, arcs)
     if len(machine.states) <= WHOLE and len(layers) <= WHOLE_LONG and max(map(len, layers)) <= WHOLE_WIDE:
@@ -83,7 +82,7 @@ def _is_small(layers: list[list[Vertex]]) -> bool:
 
 
 def _arcs(machine: Machine) -> list[Arc]:
-    """Arrows, those of several actions with one outcome merged."""
+    """Return arrows, those of several actions with one outcome merged."""
     outcomes: dict[tuple[int, int], list[Transition]] = {}
     for t in machine.transitions:
         outcomes.setdefault((t.source, t.action), []).append(t)
@@ -110,7 +109,7 @@ def _state(vertex: Vertex) -> int:
 
 
 def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
-    """Vertices by their distance from the start, in the order in which they are found."""
+    """Return vertices by their distance from the start, in the order in which they are found."""
     outgoing: dict[Vertex, list[Vertex]] = {}
     for arc in arcs:
         outgoing.setdefault(arc.source, []).append(arc.target)
@@ -125,7 +124,7 @@ def _layers(start: Iterable[Vertex], arcs: list[Arc]) -> list[list[Vertex]]:
 
 
 def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vertex]) -> Drawing | None:
-    """The first two layers and the last two, each cut to a few, with what is marked, and dots for what is left out."""
+    """Return the first and the last two layers, each cut to a few vertices and marked ones, with dots for the rest."""
     leaves_on = {a.source for a in arcs if a.target != a.source}
 
     def goes_on(v: Vertex) -> bool:
@@ -155,7 +154,7 @@ def _elided(layers: list[list[Vertex]], arcs: list[Arc], marked: Collection[Vert
 
 
 def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool], marked: Collection[Vertex] = ()) -> list[Vertex]:
-    """A layer of a few vertices: those that lead on, the first and the last of the others, and what is marked."""
+    """Return a layer of a few vertices: those that lead on, the first and the last of the others, and what is marked."""
     if len(layer) <= WIDE - 1:
         return layer
     main = [v for v in layer if goes_on(v)][:2]
@@ -167,7 +166,7 @@ def _narrow(layer: list[Vertex], goes_on: Callable[[Vertex], bool], marked: Coll
 
 
 def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = None) -> Drawing | None:
-    """The drawing of some vertices; None when one of them would seem to lead nowhere, which it does not."""
+    """Return the drawing of some vertices; None if one of them would wrongly seem to lead nowhere."""
     shown = {v for layer in kept for v in layer}
     inside = [a for a in arcs if a.source in shown and a.target in shown and a.source != a.target]
     inside += links or ()
@@ -177,9 +176,7 @@ def _cut(kept: list[list[Vertex]], arcs: list[Arc], links: list[Arc] | None = No
     return Drawing(tuple(map(tuple, kept)), tuple(inside), elided=True)
 
 
-# ---------- order
-# The order of vertices within the columns of a graph, so that few arrows cross.
-#
+# ---------- the order of vertices within columns
 # Barycentre sweeps (Sugiyama, Tagawa, Toda 1981), then exchanges within a column while they help. Arrows count as straight.
 
 DX, DY = 1.55, 1.05
@@ -190,7 +187,7 @@ Layers = tuple[tuple[Vertex, ...], ...]
 
 
 def ordered(drawing: Drawing) -> Drawing:
-    """The drawing with the vertices of its columns in a better order; as it is where no arrows cross."""
+    """Return the drawing with its columns reordered to cross fewer arrows."""
     cost = _Cost(drawing)
     best, least = drawing.layers, cost(drawing.layers)
     if least < 1.0:
@@ -222,7 +219,7 @@ class _Cost:
         d = b - a
 
         def side(p: np.ndarray) -> np.ndarray:
-            """On which side of each arrow (rows) points (columns) lie."""
+            """Return on which side of each arrow (rows) points (columns) lie."""
             return np.sign(
                 np.round(d[:, None, 0] * (p[:, 1] - a[:, None, 1]) - d[:, None, 1] * (p[:, 0] - a[:, None, 0]), 9)
             )
@@ -237,12 +234,12 @@ class _Cost:
 
 
 def _free(layer: tuple[Vertex, ...]) -> bool:
-    """Whether the order of a column means nothing: dots stand for the vertices between their neighbours."""
+    """Return whether the order of a column is free: dots stand for the vertices between their neighbours."""
     return not any(isinstance(v, tuple) and v[0] == DOTS for v in layer)
 
 
 def _sweeps(drawing: Drawing) -> Iterator[Layers]:
-    """Columns ordered by the mean height of their neighbours, there and back."""
+    """Yield columns ordered by the mean height of their neighbours, there and back."""
     around: dict[Vertex, list[Vertex]] = {}
     for arc in drawing.arcs:
         around.setdefault(arc.source, []).append(arc.target)
@@ -260,7 +257,7 @@ def _sweeps(drawing: Drawing) -> Iterator[Layers]:
 
 
 def _exchanged(layers: Layers, least: float, cost: _Cost) -> Layers:
-    """Two vertices of a column exchanged, as long as that is better, for so many trials."""
+    """Exchange two vertices of a column as long as that is better, for a number of trials."""
     trials, better = 0, True
     while better:
         better = False

@@ -47,7 +47,7 @@ class Machine:
 
 
 def explore(task: Task) -> Machine | None:
-    """The states that episodes visit, or None when they are not few, or the time changes more than when episodes end."""
+    """Return the states that episodes visit; None if they are many, or if dynamics or rewards depend on the time."""
     if not task.is_finite or any(is_time(node) for root in (*task.next, task.reward) for node in walk([root])):
         return None
     try:
@@ -74,7 +74,7 @@ def is_time(node: Node) -> bool:
 
 
 def _starts(task: Task, steps: Steps) -> dict[str, dict[int, float]]:
-    """Probabilities of first states by who acts: of the task alone, or of each of its roles where these differ in it alone."""
+    """Return probabilities of first states by role, or under "" if roles differ in more than where episodes start."""
     own = _weights(steps)
     given = {p.name: p.value for p in task.parameters if p.value != p.default}
     found: dict[str, dict[int, float]] = {}
@@ -93,7 +93,7 @@ def _weights(steps: Steps) -> dict[int, float]:
 
 
 def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Transition, ...], list[int]] | None:
-    """Breadth first, up to the horizon, and the states first reached there; what only ends episodes has no transitions."""
+    """Search breadth first up to the horizon; return states, transitions, and the states first reached at the horizon."""
     seen: dict[int, None] = dict.fromkeys(start.tolist())
     level, transitions, depth = list(seen), [], 0
     while level and (steps.task.horizon is None or depth < steps.task.horizon):
@@ -113,7 +113,7 @@ def _walk(steps: Steps, start: np.ndarray) -> tuple[tuple[int, ...], tuple[Trans
 
 
 def _cut(steps: Steps, last: list[int]) -> frozenset[int]:
-    """Those of some states that a step leaves; none where no step can be taken in them."""
+    """Return those states that some step leaves."""
     if not last or len(last) * steps.actions.size * steps.branching > MAX_CONSIDERED:
         return frozenset()
     try:
@@ -123,7 +123,7 @@ def _cut(steps: Steps, last: list[int]) -> frozenset[int]:
 
 
 def _from(steps: Steps, level: list[int]) -> Iterator[Transition]:
-    """Transitions out of some states, state by state and action by action."""
+    """Return transitions out of some states, state by state and action by action."""
     actions = steps.actions.size
     sources, choices = np.repeat(level, actions), np.tile(np.arange(actions), len(level))
     found: list[Transition] = []
@@ -140,7 +140,7 @@ def _from(steps: Steps, level: list[int]) -> Iterator[Transition]:
 
 
 def _merged(found: list[Transition]) -> list[Transition]:
-    """Equal outcomes of one action, with their probabilities added."""
+    """Return equal outcomes of one action, with their probabilities added."""
     total: dict[tuple[int, int, int, float, bool], float] = {}
     for t in found:
         key = (t.source, t.action, t.target, t.reward, t.ends)

@@ -43,7 +43,7 @@ def shape(x: float, y: float, half: float, radius: float, fill: Color, shade: fl
 
 
 def hatched(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
-    """Diagonal lines within a shape, so that its colour is not all that tells it apart; none within `clear` of its centre."""
+    """Yield diagonal lines within a shape, which tell it apart without its colour; none within `clear` of its centre."""
     if isinstance(item, Circle):
         (x, y), rx, ry = item.centre, item.radius - RIM, item.radius - RIM
     else:
@@ -64,7 +64,7 @@ def hatched(item: Circle | Box, clear: float = 0.0) -> Iterator[Line]:
 
 
 def marked(item: Circle | Box, clear: float = 0.0, corner: tuple[int, int] = (1, -1)) -> Iterator[Line]:
-    """What tells a state that is good, bad or an end from others without its colour: a tick, a cross on hatching, a square.
+    """Yield the sign of a good, bad or terminal state: a tick, a cross on hatching, or a square.
 
     The mark is at the top of what is round, and in the middle of a cell, or in a corner, its upper right one if no
     other is named, where something is written within `clear` of the middle.
@@ -93,13 +93,13 @@ def _centre(item: Circle | Box) -> Point:
 
 
 def sign(role: Paint, at: Point, size: float) -> Iterator[Line]:
-    """The sign of a role."""
+    """Yield the sign of a role."""
     for stroke in SIGNS[role]:
         yield Line(tuple((at[0] + size * x, at[1] + size * y) for x, y in stroke), width=0.035)
 
 
 def keyed(scene: Scene) -> Scene:
-    """The scene with a key of its roles below it, on its left; as it is without any."""
+    """Return the scene with a key of its roles below it, on its left; as it is without any."""
     shown = {item.fill for item in scene.items if isinstance(item, Circle | Box)}
     key, x, y = list[Item](), 0.0, scene.height + KEY
     for role in SIGNS:
@@ -124,7 +124,7 @@ def decimal(value: float) -> str:
 
 
 def chance(p: float) -> m.Math:
-    """A probability as per cent where that is short, else as a fraction or three digits."""
+    """Return a probability as per cent where that is short, else as a fraction or three digits."""
     if p >= 0.01 and abs(100 * p - round(100 * p)) < 1e-9:
         return m.Num(f"{round(100 * p)}%")
     ratio = Fraction(p).limit_denominator(99)
@@ -134,7 +134,7 @@ def chance(p: float) -> m.Math:
 
 
 def outline(centre: Point, towards: Point, half: float, radius: float) -> Point:
-    """Where the way from the centre of a `shape` to a point outside leaves it."""
+    """Return where the line from the centre of a `shape` to a point outside leaves it."""
     dx, dy = towards[0] - centre[0], towards[1] - centre[1]
     length = math.hypot(dx, dy) or 1.0
     ux, uy = dx / length, dy / length
@@ -150,7 +150,7 @@ def outline(centre: Point, towards: Point, half: float, radius: float) -> Point:
 
 
 def near(a: Point, b: Point, p: Point) -> bool:
-    """Whether a vertex is in the way of a straight arrow."""
+    """Return whether a vertex is in the way of a straight arrow."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     t = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / ((dx * dx + dy * dy) or 1.0)
     if not 0.05 < t < 0.95:
@@ -159,7 +159,7 @@ def near(a: Point, b: Point, p: Point) -> bool:
 
 
 def beside_line(line: Line) -> Point:
-    """Where the label of an arrow goes: above its middle."""
+    """Return the place of an arrow's label, above its middle."""
     (x0, y0), (x1, y1) = line.points[0], line.points[-1]
     mx, my = bezier(line.points, 0.5) if line.curved else ((x0 + x1) / 2, (y0 + y1) / 2)
     length = math.hypot(x1 - x0, y1 - y0) or 1.0

@@ -36,7 +36,7 @@ HEAD_ROOM = 0.13
 
 
 def matrix(task: Task, overlay: Overlay) -> Scene | None:
-    """How likely a step of random actions leads from each state (rows) to each other (columns); None for too many states."""
+    """Draw how likely a step of random actions leads from each state (rows) to each other (columns); None for too many states."""
     machine = explore(task)
     if machine is None or len(machine.states) > MOST:
         return None
@@ -81,7 +81,7 @@ class _Matrix:
                 yield Box((0, here * self.cell), self.side, self.cell, "accent", None, shade=0.4)
 
     def results(self) -> Iterator[Item]:
-        """Frames around where the chosen actions lead, and on the right how often states are visited."""
+        """Yield frames around where the chosen actions lead, and on the right how often states are visited."""
         chosen = (t for t in self.machine.transitions if self.overlay.chosen(t.source, t.action))
         for row, column in dict.fromkeys((self.place[t.source], self.place[t.target]) for t in chosen):
             yield Box((column * self.cell, row * self.cell), self.cell, self.cell, None, "accent")
@@ -93,7 +93,7 @@ class _Matrix:
             yield Box((self.side + GAP, 0), STRIP, self.side, None, "faint")
 
     def labels(self) -> Iterator[Label]:
-        """Names of states on the left, with numbers where columns have no room for names, and values on the right."""
+        """Yield names of states on the left, with numbers where columns have no room for names, and values on the right."""
         texts = [self.says.labels[code] for code in self.place]
         widest = max(text_width(text, LETTERS) for text in texts)
         apart = GAP if all(isinstance(text, m.Num) for text in texts) else CLEAR
@@ -116,12 +116,12 @@ class _Matrix:
         yield Label((beside - widest - 0.23, self.side / 2), m.Words("from"), LETTERS, "end")
 
     def _spaced(self, room: float) -> range:
-        """Every state, or every second, fifth, tenth, …, so that each has some room, in centimetres."""
+        """Return every state, or every second, fifth, tenth, …, so that each has some room, in centimetres."""
         steps = (k * 10**e for e in range(4) for k in (1, 2, 5))
         return range(0, len(self.place), next(k for k in steps if k * self.cell >= room - 1e-9))
 
     def starts(self) -> Iterator[Item]:
-        """Arrows to the rows in which episodes start, or dots where there is no room."""
+        """Yield arrows to the rows in which episodes start, or dots where there is no room."""
         for code in self.machine.start:
             y = (self.place[code] + 0.5) * self.cell
             if self.cell > HEAD_ROOM:

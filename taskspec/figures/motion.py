@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.figures.curve import HEIGHT, WIDTH, axes, plane, runs, turn
+from taskspec.figures.chart import arrow_axes
+from taskspec.figures.curve import HEIGHT, WIDTH, plane, runs, turn
 from taskspec.figures.marks import sign
 from taskspec.figures.overlays import Overlay
 from taskspec.figures.scene import Box, Circle, Color, Item, Line, Point, Scene, fitted
@@ -31,7 +32,7 @@ MOST_LINKS = 30
 
 
 def portrait(task: Task, overlay: Overlay) -> Scene | None:
-    """The plane of two components of the state: where one step leads from everywhere, and an episode of the expert.
+    """Draw the plane of two components of the state: where a step leads from everywhere, and an episode of the expert.
 
     What is highlighted is shaded, everything but the two components being as in the first state.
     """
@@ -41,14 +42,14 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
         return None
     pair = [known[node.name] for node in at if isinstance(node, Read)]
     ends = [(float(min(c.low)), float(max(c.high))) for c in pair]
-    to = plane(ends[0], ends[1])
+    plot = plane(ends[0], ends[1])
     path = [dict(overlay.here)] if overlay.here is not None else expert_path(task, min(task.horizon or STEPS, STEPS))
     places = np.array([[float(state[c.name]) for c in pair] for state in path])
     if not (np.isfinite(places).all() and all(math.isfinite(high - low) for low, high in ends)):
         return None
-    dots = [to((float(x), float(y))) for x, y in np.clip(places, *np.transpose(ends))]
+    dots = [plot.at(float(x), float(y)) for x, y in np.clip(places, *np.transpose(ends))]
     names = of_task(task)
-    items: list[Item] = [*axes(*ends[0], *ends[1], to, [names.symbol(c.name) for c in pair])]
+    items: list[Item] = [*arrow_axes(plot, [names.symbol(c.name) for c in pair])]
     items[:0] = _shades(task, [c.name for c in pair], ends, path[0])
     items += _flow(task, [c.name for c in pair], ends, path[0])
     lines = (tuple(dots[run]) for run in runs(places.tolist(), [turn(task, node) for node in at]))
@@ -60,7 +61,7 @@ def portrait(task: Task, overlay: Overlay) -> Scene | None:
 
 
 def _neutral(task: Task) -> dict[Any, np.ndarray[Any, Any]]:
-    """The action in the middle of those there are."""
+    """Return the action in the middle of those there are."""
     if all(c.is_finite for c in task.action):
         space = Space(task.action, Reading.ACTION)
         return dict(space.decode(np.array([space.size // 2])))
@@ -70,7 +71,7 @@ def _neutral(task: Task) -> dict[Any, np.ndarray[Any, Any]]:
 
 
 def _word(task: Task) -> str:
-    """The name of that action."""
+    """Return the name of that action."""
     if len(task.action) == 1 and task.action[0].domain is not None:
         labels = task.action[0].domain.labels
         return f"the action {labels[len(labels) // 2]}"
@@ -78,14 +79,14 @@ def _word(task: Task) -> str:
 
 
 def _grid(ends: Sequence[tuple[float, float]], counts: tuple[int, int], edge: float = 1.0) -> np.ndarray[Any, Any]:
-    """Points of the plane (rows * columns, 2), row by row; the first ones are `edge` times as far from the edges as apart."""
+    """Return points of the plane (rows * columns, 2), row by row; the margin is `edge` times their distance."""
     shares = (np.arange(edge, n + edge) / (n - 1 + 2 * edge) for n in counts)
     xs, ys = (low + (high - low) * share for (low, high), share in zip(ends, shares, strict=True))
     return np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
 
 
 def _reads(task: Task, pair: Sequence[str], points: np.ndarray[Any, Any], state: dict[str, Any]) -> Reads:
-    """The states at points of the plane, in everything else like one state."""
+    """Return the states at points of the plane, in everything else like one state."""
     reads = {key: np.repeat(v, len(points), axis=-1) for key, v in reads_of(task, state).items()}
     return reads | {(Reading.STATE, name): points[:, i] for i, name in enumerate(pair)}
 
@@ -93,14 +94,15 @@ def _reads(task: Task, pair: Sequence[str], points: np.ndarray[Any, Any], state:
 def _shades(
     task: Task, pair: Sequence[str], ends: Sequence[tuple[float, float]], state: dict[str, Any]
 ) -> Iterator[Item]:
-    """Where the conditions of the figure section hold: strips in their colours, and a sign in the middle of them."""
-    points, to = _grid(ends, (WIDE, HIGH), 0.5), plane(ends[0], ends[1])
+    """Yield where the conditions of the figure section hold: strips in their colours, and a sign in the middle of them."""
+    points = _grid(ends, (WIDE, HIGH), 0.5)
+    plot = plane(ends[0], ends[1])
     reads, width, height = _reads(task, pair, points, state), WIDTH / WIDE, HEIGHT / HIGH
     for name, node in ({} if task.figure is None else task.figure.highlight).items():
         if name not in SIGNED or node.type.shape:
             continue
         holds = at_states(task, node, reads, len(points)).astype(bool)
-        spots = np.array([to((float(x), float(y))) for x, y in points[holds]])
+        spots = np.array([plot.at(float(x), float(y)) for x, y in points[holds]])
         for y in np.unique(spots[:, 1]) if len(spots) else ():
             row = np.sort(spots[spots[:, 1] == y, 0])
             for run in np.split(row, np.flatnonzero(np.diff(row) > 1.5 * width) + 1):
@@ -114,15 +116,15 @@ def _shades(
 def _flow(
     task: Task, pair: Sequence[str], ends: Sequence[tuple[float, float]], state: dict[str, Any]
 ) -> Iterator[Line]:
-    """Arrows for one step from points of the plane, the longest as long as there is room."""
+    """Yield arrows for one step from points of the plane, the longest as long as there is room."""
     points = _grid(ends, (ACROSS, DOWN))
     given = _reads(task, pair, points, state) | _neutral(task) | {(Reading.TIME, "t"): np.zeros(1, dtype=np.int64)}
     after = dict(zip((c.name for c in task.state), batch.evaluate(task.next, given), strict=True))
-    to = plane(ends[0], ends[1])
+    plot = plane(ends[0], ends[1])
     targets = np.stack([np.broadcast_to(after[name], len(points)) for name in pair], axis=-1).astype(float)
     led = np.isfinite(targets).all(1)
-    starts = [to((float(x), float(y))) for x, y in points[led]]
-    ways = [to((float(x), float(y))) for x, y in targets[led]]
+    starts = [plot.at(float(x), float(y)) for x, y in points[led]]
+    ways = [plot.at(float(x), float(y)) for x, y in targets[led]]
     moves = [(bx - ax, by - ay) for (ax, ay), (bx, by) in zip(starts, ways, strict=True)]
     longest = max((max(abs(dx) * ACROSS / WIDTH, abs(dy) * DOWN / HEIGHT) for dx, dy in moves), default=0.0) or 1.0
     for (x, y), (dx, dy) in zip(starts, moves, strict=True):
@@ -133,7 +135,7 @@ def _flow(
 
 
 def arm(task: Task, overlay: Overlay) -> Scene | None:
-    """Links in a chain, each at the angle (from hanging down) that `values` has for it, in a first state."""
+    """Draw links in a chain, each at the angle (from hanging down) that `values` has for it, in a first state."""
     node: Node | None = None if task.figure is None else task.figure.values
     if node is None or len(node.type.shape) != 1 or not 1 <= node.type.size <= MOST_LINKS:
         return None

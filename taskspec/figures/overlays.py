@@ -18,9 +18,6 @@ from taskspec.registry import load
 from taskspec.solve import plans, solve
 from taskspec.task.task import Task, TaskLike
 
-# ---------- overlay
-# What may be laid over a figure: a value, a policy or an occupancy for every state.
-
 State = Mapping[str, Any]
 PARTS = ("values", "policy", "occupancy")
 
@@ -31,7 +28,7 @@ class Overlay:
 
     `values` are written beside states; `policy` gives the indices of the actions taken, whose
     transitions stand out; `occupancy` in [0, 1] shades the states that are visited. `legend` gives the scale of each of
-    them and says what it is; how it is drawn, a figure knows. Where a figure has no place for them, `told` says in words
+    them and says what it is; how it is drawn, a figure knows. Where a figure has no place for them, `at_state` gives in words
     what is known of a state.
     """
 
@@ -39,7 +36,7 @@ class Overlay:
     policy: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     occupancy: Mapping[int, float] = field(default_factory=dict)
     legend: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    told: Callable[[State], Mapping[str, str]] | None = field(default=None, compare=False)
+    at_state: Callable[[State], Mapping[str, str]] | None = field(default=None, compare=False)
     here: State | None = None  # the present state, for a frame of an episode
     seen: Mapping[int, State] = field(default_factory=dict)  # states of that episode by time, the present one included
 
@@ -47,12 +44,11 @@ class Overlay:
         return action in self.policy.get(code, ())
 
     def only(self, part: str | None) -> Overlay:
-        """One of the three alone, or nothing but the present state."""
+        """Return one part alone, or only the present state."""
         return Overlay(here=self.here, seen=self.seen, **({} if part is None else {part: getattr(self, part)}))
 
 
-# ---------- results
-# Overlays from exact analysis: optimal values, the optimal or the expert's policy, how often states are visited.
+# ---------- overlays from exact analysis
 
 OVERLAYS = ("values", "policy", "expert", "occupancy")
 """Names of what can be laid over a figure."""
@@ -61,7 +57,7 @@ MOST_TOLD = 3
 
 
 def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
-    """What to lay over a task's figure.
+    """Return the overlays of a task's figure.
 
     Args:
         task: one that has an exact model, or an abstraction that has one: figures then say in words what it knows of the
@@ -85,11 +81,11 @@ def overlay(task: TaskLike, names: Iterable[str]) -> Overlay:
         raise SpecError((Diagnostic("E713", None, message),))
     known = _Known(task, extract(task), abstraction(task), wanted)
     shown = {} if known.abstraction is not None else {part: getattr(known, part) for part in PARTS}
-    return Overlay(**shown, legend=dict(_legend(task, known)), told=known.told)
+    return Overlay(**shown, legend=dict(_legend(task, known)), at_state=known.at_state)
 
 
 def _legend(task: Task, known: _Known) -> Iterator[tuple[str, tuple[str, str]]]:
-    """What is laid over the figure: its scale, if it has one, and what it is."""
+    """Yield for each overlay its name, its scale if it has one, and its description."""
     left = "" if task.horizon is None else f" with all {task.horizon:,} steps to go"
     wanted, whose = known.wanted, "an optimal policy's" if task.expert is None else "the expert's"
     lacks = (
@@ -135,7 +131,7 @@ class _Known:
 
     @cached_property
     def visits(self) -> Mapping[int, float]:
-        """How often each state is visited, by code, whatever is remembered there."""
+        """Expected visits to each state by code, summed over the expert's memory."""
         found: dict[int, float] = {}
         if self.acting is not None:
             whole, plan = self.acting
@@ -146,7 +142,7 @@ class _Known:
 
     @cached_property
     def occupancy(self) -> Mapping[int, float]:
-        """By code; the most visited state 1."""
+        """Visits by code, relative to the most visited state."""
         if "occupancy" not in self.wanted:
             return {}
         most = max(self.visits.values(), default=0.0) or 1.0
@@ -158,7 +154,7 @@ class _Known:
 
     @cached_property
     def acting(self) -> tuple[Model, plans.Plan] | None:
-        """How the expert acts, or an optimal policy where there is none, and the model whose states say so.
+        """The plan of the expert, or of an optimal policy if there is none, and its model.
 
         They are those of the task with the memory of an expert that has one. None where the expert has no plan on a model.
         """
@@ -172,11 +168,11 @@ class _Known:
         return None if plan is None else (whole, plan)
 
     def _without_memory(self, whole: Model, code: int) -> int:
-        """The code of a state without what is remembered there, whose digits are the last ones."""
+        """Return the code of a state without what is remembered there, whose digits are the last ones."""
         return code // (whole.states.size // self.model.states.size)
 
-    def told(self, state: State) -> Mapping[str, str]:
-        """Of one state: its value, and the actions taken in it."""
+    def at_state(self, state: State) -> Mapping[str, str]:
+        """Return the value of a state and the actions taken in it, by part of the overlay."""
         task = self.model.task if self.abstraction is None else self.abstraction.task
         arrays = {c.name: reads_of(task, state)[c.read] for c in task.state}
         if self.abstraction is not None:
@@ -194,11 +190,11 @@ class _Known:
 
 
 def _values(model: Model) -> dict[int, float]:
-    """Best returns by code of the states in which some episode acts: in others there is nothing to come."""
+    """Return optimal values by code of the states in which some episode acts."""
     values = solve.solve(model).value
     return dict(zip(model.codes[model.acting].tolist(), values[model.acting].tolist(), strict=True))
 
 
 def _policy(model: Model, table: np.ndarray[Any, Any]) -> dict[int, tuple[int, ...]]:
-    """Actions (A, S) of positive probability, by code of the states in which some episode acts."""
+    """Return actions (A, S) of positive probability, by code of the states in which some episode acts."""
     return {int(model.codes[i]): tuple(np.flatnonzero(table[:, i] > 0).tolist()) for i in np.flatnonzero(model.acting)}

@@ -14,8 +14,7 @@ from taskspec.figures.marks import RADIUS, ROUND, beside_line, near, outline
 from taskspec.figures.scene import BROAD, Label, Line, Point, bezier, head, text_width
 from taskspec.printers import tree as m
 
-# ---------- route
-# Which way the arrows of a graph take: straight, bent, or as a loop, so that few cross and none passes over a vertex.
+# ---------- lines of arrows: straight, bent, or loops
 
 T = TypeVar("T")
 BENDS = (0.0, 0.32, -0.32, 0.75, -0.75, 1.2, -1.2)
@@ -49,7 +48,7 @@ class Spot:
         return self.half - ROUND, self.radius - ROUND, ROUND + self.rim
 
     def touched(self, towards: Point, gap: float = 0.0) -> Point:
-        """Where an arrow to or from a point meets the outline."""
+        """Return where an arrow to or from a point meets the outline."""
         return outline(self.at, towards, self.half + gap, self.radius + gap)
 
 
@@ -61,7 +60,7 @@ class Routed:
 
 
 def ways(a: Spot, b: Spot, both: bool, others: Sequence[Spot], arrow: bool, stretch: float) -> list[Line]:
-    """Ways from one vertex to another, the usual one first: bent where an arrow comes back or a vertex is in the way."""
+    """Return lines from one vertex to another, the usual one first; others bend around a returning arrow or a vertex."""
     blocked = any(near(a.at, b.at, o.at) for o in others)
     usual = 0.32 if both else 0.75 if blocked else 0.0
     return [_bent(a, b, bend, arrow) for bend in dict.fromkeys((usual, *(stretch * x for x in BENDS)))]
@@ -89,7 +88,7 @@ LOOP_OUT, LOOP_WIDE = 0.62, 0.42
 
 
 def loops(v: Spot) -> list[Line]:
-    """Loops above, below, right and left of a vertex; in the last column, the one on the right first."""
+    """Return loops above, below, right and left of a vertex; in the last column, the one on the right first."""
     (x, y), d, out, wide = v.at, 0.2, LOOP_OUT, LOOP_WIDE
     found = []
     for sign in (1.0, -1.0):
@@ -105,7 +104,7 @@ def loops(v: Spot) -> list[Line]:
 
 
 def stubs(v: Spot) -> list[Line]:
-    """Short arrows to a state in which episodes start: from the left, or from elsewhere."""
+    """Return short arrows to a state in which episodes start: from the left, or from elsewhere."""
     (x, y), out = v.at, 0.55
     left = ((x - v.half - out, y), (x - v.half, y))
     above, below = (((x, y + s * (v.radius + out)), (x, y + s * v.radius)) for s in (-1, 1))
@@ -114,7 +113,7 @@ def stubs(v: Spot) -> list[Line]:
 
 
 def routed(options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> Routed:
-    """One way for every arrow.
+    """Choose a line for every arrow.
 
     Args:
         options: ways by arrow, the usual one first.
@@ -136,14 +135,14 @@ def routed(options: Sequence[Sequence[Line]], ends: Sequence[tuple[int, int]], s
 
 
 def flattened(options: Sequence[Sequence[T]]) -> tuple[list[T], list[range]]:
-    """All options in one list, and where those of each group are."""
+    """Return all options in one list, and where those of each group are."""
     flat = [x for found in options for x in found]
     ends = list(accumulate(map(len, options)))
     return flat, [range(end - len(found), end) for end, found in zip(ends, options, strict=True)]
 
 
 def descend(groups: Sequence[range], alone: np.ndarray, pair: np.ndarray) -> list[int]:
-    """One option of each group: the first of each, then the best given the others, group by group, while that helps.
+    """Choose one option of each group by coordinate descent from the first of each.
 
     Args:
         groups: indices of options by group.
@@ -162,7 +161,7 @@ def descend(groups: Sequence[range], alone: np.ndarray, pair: np.ndarray) -> lis
 
 
 def sampled(line: Line) -> list[Point]:
-    """Points along a line, PIECES + 1 of them."""
+    """Return points along a line, PIECES + 1 of them."""
     if line.curved:
         return [bezier(line.points, i / PIECES) for i in range(PIECES + 1)]
     (x0, y0), (x1, y1) = line.points[0], line.points[-1]
@@ -170,7 +169,7 @@ def sampled(line: Line) -> list[Point]:
 
 
 def _meetings(paths: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of every two paths (n, points, 2) of different groups: how often they cross, and whether they run along one another."""
+    """Return, for every two paths (n, points, 2) of different groups, how often they cross and whether they overlap."""
     n = len(paths)
     low, high = paths.min(1) - TOUCH, paths.max(1) + TOUCH
     apart = (low[:, None] > high[None]) | (low[None] > high[:, None])
@@ -184,7 +183,7 @@ def _meetings(paths: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def _crossed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """How often the pieces of paths (pairs, points, 2) cross."""
+    """Return how often the pieces of paths (pairs, points, 2) cross."""
     p, d, q, e = a[:, :-1, None], np.diff(a, axis=1)[:, :, None], b[:, None, :-1], np.diff(b, axis=1)[:, None]
     x, y = q[..., 0] - p[..., 0], q[..., 1] - p[..., 1]
     turn = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
@@ -194,7 +193,7 @@ def _crossed(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Whether the middle of one of two paths (pairs, points, 2) runs along the other."""
+    """Return whether the middle of one of two paths (pairs, points, 2) runs along the other."""
     found = np.zeros(len(a), dtype=bool)
     for one, other in ((a, b), (b, a)):
         p, d = other[:, None, :-1], np.diff(other, axis=1)[:, None]
@@ -207,7 +206,7 @@ def _close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Spot]) -> np.ndarray:
-    """How many vertices each path (n, points, 2) passes over, besides its ends."""
+    """Return how many vertices each path (n, points, 2) passes over, besides its ends."""
     at = np.array([s.at for s in spots])
     core = np.array([s.core for s in spots])
     parts = np.arange(4)[:, None, None, None] / 4
@@ -220,8 +219,7 @@ def _over(paths: np.ndarray, ends: Sequence[tuple[int, int]], spots: Sequence[Sp
     return np.asarray(hit.sum(1))
 
 
-# ---------- place
-# Where the labels of a graph go: over no other label, vertex or arrow head, and over few lines.
+# ---------- places of labels
 
 ARROW, STATE = 0.25, 0.28
 """Heights of letters beside arrows and states."""
@@ -241,7 +239,7 @@ class Placement:
 
 
 def box(label: Label) -> tuple[float, float, float, float]:
-    """Left, top, right, bottom of a label's letters."""
+    """Return left, top, right, bottom of a label's letters."""
     (x, y), w = label.at, text_width(label.text, label.size)
     left = {"start": x, "middle": x - w / 2, "end": x - w}[label.anchor]
     return left, y - 0.5 * label.size, left + w, y + 0.5 * label.size
@@ -250,7 +248,7 @@ def box(label: Label) -> tuple[float, float, float, float]:
 def placed(
     options: Sequence[Sequence[Label]], own: Sequence[int], lines: Sequence[Line], spots: Sequence[Spot]
 ) -> Placement:
-    """One place for every label.
+    """Choose a place for every label.
 
     Args:
         options: places by label, the usual one first.
@@ -288,7 +286,7 @@ def placed(
 
 
 def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, float, float, float, float]]:
-    """Vertices and arrow heads as a rectangle (its centre, half its sides) and how far the shape reaches beyond it."""
+    """Return vertices and arrow heads as a rectangle (its centre, half its sides) and how far the shape reaches beyond it."""
     found = [(*s.at, *s.core) for s in spots]
     for line in lines:
         if line.arrow:
@@ -298,7 +296,7 @@ def _shapes(lines: Sequence[Line], spots: Sequence[Spot]) -> list[tuple[float, f
 
 
 def _hidden(centre: np.ndarray, half: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
-    """Which part of each line (columns) labels (rows) lie over, by points along it."""
+    """Return which part of each line (columns) each label (rows) covers, by points along it."""
     if not lines:
         return np.zeros((len(centre), 0))
     coarse = np.array([sampled(line) for line in lines])
@@ -308,7 +306,7 @@ def _hidden(centre: np.ndarray, half: np.ndarray, lines: Sequence[Line]) -> np.n
 
 
 def along(line: Line, text: m.Math) -> list[Label]:
-    """Places of an arrow's label: above its middle, then on either side of it and further along."""
+    """Return places of an arrow's label: above its middle, then on either side of it and further along."""
 
     def label(at: Point) -> Label:
         return Label(at, text, ARROW, color="muted", halo=True)
@@ -323,7 +321,7 @@ def along(line: Line, text: m.Math) -> list[Label]:
 
 
 def _normal(line: Line, t: float) -> tuple[float, float, float, float]:
-    """A point of a line and the unit normal there."""
+    """Return a point of a line and the unit normal there."""
 
     def at(t: float) -> Point:
         if line.curved:
@@ -337,7 +335,7 @@ def _normal(line: Line, t: float) -> tuple[float, float, float, float]:
 
 
 def at_loop(line: Line, text: m.Math, v: Spot) -> list[Label]:
-    """Places of a loop's label: outside it, then along it."""
+    """Return places of a loop's label: outside it, then along it."""
     (x0, y0), (x1, y1) = line.points[1], line.points[2]
     x, y = (x0 + x1) / 2, (y0 + y1) / 2
     ux, uy = x - v.at[0], y - v.at[1]
@@ -349,7 +347,7 @@ def at_loop(line: Line, text: m.Math, v: Spot) -> list[Label]:
 
 
 def beside(v: Spot, text: m.Math, row: int, looped: bool) -> list[Label]:
-    """Places of a word on a state: below it, in the last column on its right; then all around."""
+    """Return places of a word on a state: below it, in the last column on its right; then all around."""
     (x, y), down = v.at, 0.4 * row
     side, above = v.half + v.rim + 0.1, RADIUS + v.rim + 0.26
     right = v.half + 0.16 + (LOOP_OUT - 0.2 if looped else 0.0)

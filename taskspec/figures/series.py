@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.figures.curve import GAP, LETTERS, TICKS, WIDTH, runs, turn
+from taskspec.figures.chart import GAP, SYMBOL, TICKS
+from taskspec.figures.curve import WIDTH, runs, turn
 from taskspec.figures.marks import decimal, signed
 from taskspec.figures.overlays import Overlay, State
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, fitted
@@ -39,7 +40,7 @@ class _Number:
 
 
 def series(task: Task, overlay: Overlay) -> Scene | None:
-    """Components of the state (or the elements of `values`) over an episode of the expert; in a frame, over what was seen."""
+    """Draw components of the state (or the elements of `values`) over an episode of the expert, or the present one so far."""
     if overlay.here is not None:
         return _so_far(task, overlay.seen)
     path = expert_path(task, min(task.horizon or STEPS, STEPS))
@@ -55,13 +56,13 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
 
 
 def episode_series(task: Task, overlay: Overlay) -> Scene | None:
-    """What a frame shows of a task without a picture of its states: all its numbers over time; None where they are others."""
+    """Draw all numbers of a task over the episode so far; None if it has a figure, or other components."""
     shown = len(task.state) <= MOST and all(not c.type.shape and c.domain is None for c in task.state)
     return _so_far(task, overlay.seen) if shown and task.figure is None else None
 
 
 def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
-    """Numbers up to the present, on axes that stay: time turns a page when it comes to the end."""
+    """Draw numbers up to the present, on axes that stay: the window moves by whole pages."""
     if not seen:
         return None
     now, span = max(seen), min(task.horizon or STEPS, STEPS)
@@ -81,12 +82,12 @@ def _so_far(task: Task, seen: Mapping[int, State]) -> Scene | None:
 
 
 def _is_finite(found: Sequence[_Number]) -> bool:
-    """Whether there are numbers, all of which, and the distances between them, are finite."""
+    """Return whether there are numbers, all of which, and the distances between them, are finite."""
     return bool(found) and all(math.isfinite(max(x.values) - min(x.values)) for x in found)
 
 
 def _scale(number: _Number) -> tuple[float, float]:
-    """The bounds of a number; where it has none, round numbers, alike on both sides of 0, that hold what was seen of it."""
+    """Return the bounds of a number; if it has none, round numbers around its values, symmetric around 0."""
     low, high = number.ends
     if not math.isfinite(high - low):
         size = _round(max(map(abs, number.values))) or 1.0
@@ -95,7 +96,7 @@ def _scale(number: _Number) -> tuple[float, float]:
 
 
 def _round(size: float) -> float:
-    """The smallest of 1, 2, 5, 10, ... times a power of ten that is not below a positive number."""
+    """Return the smallest of 1, 2, 5, 10, ... times a power of ten that is not below a positive number."""
     if not 1e-300 < size < 1e300:
         return size
     unit = 10.0 ** math.floor(math.log10(size))
@@ -103,7 +104,7 @@ def _round(size: float) -> float:
 
 
 def _wide(low: float, high: float) -> tuple[float, float]:
-    """A range that is not empty."""
+    """Return a range that is not empty."""
     return (low - 0.5, high + 0.5) if low == high else (low, high)
 
 
@@ -115,7 +116,7 @@ def _panel(
     top: float,
     times: Sequence[int] | None = None,
 ) -> Iterator[Item]:
-    """One number over time, on a scale of its own; times are those of steps unless they are given."""
+    """Yield one number over time, on a scale of its own; times are those of steps unless they are given."""
     (low, high), values = ends, number.values
     points = tuple(
         (WIDTH * t / span, top + PANEL * (high - v) / (high - low))
@@ -127,22 +128,22 @@ def _panel(
             yield Line(points[run], color="accent", width=0.05)
     if times is not None:
         yield Circle(points[-1], 0.08, "ink", None)
-    yield Label((WIDTH + 0.2, top + PANEL / 2), label, LETTERS, "start")
+    yield Label((WIDTH + 0.2, top + PANEL / 2), label, SYMBOL, "start")
     for value, y in ((high, top), (low, top + PANEL)):
         yield Label((-0.15, y), signed(value), TICKS, "end", color="muted")
 
 
 def _time(first: int, last: int, panels: int) -> Iterator[Item]:
-    """The axis of time, below the panels."""
+    """Yield the axis of time, below the panels."""
     y = PANEL + (panels - 1) * APART + GAP
     yield Line(((0.0, y), (WIDTH + GAP, y)), arrow=True, color="muted", width=0.02)
-    yield Label((WIDTH + GAP + 0.22, y), m.Ident("t"), LETTERS)
+    yield Label((WIDTH + GAP + 0.22, y), m.Ident("t"), SYMBOL)
     for x, t in ((0.0, first), (WIDTH, last)):
         yield Label((x, y + 0.25), m.Num(str(t)), TICKS, color="muted")
 
 
 def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
-    """The first numbers to follow, along the path."""
+    """Return the first numbers to follow, along the path."""
     names, node = of_task(task), None if task.figure is None else task.figure.values
     if node is None:
         shown = [c for c in task.state if not c.type.shape and c.domain is None][:MOST]
@@ -164,7 +165,7 @@ def _measured(task: Task, path: Sequence[State]) -> list[_Number]:
 
 
 def _symbols(task: Task, node: Node) -> list[m.Math]:
-    """Of each element of a node, as it is written."""
+    """Return the symbol of each element of a node, as it is written."""
     names = of_task(task)
     written = None if task.spec.figure is None else task.spec.figure.values
     if written is None:

@@ -20,9 +20,6 @@ from taskspec.printers import tree as m
 from taskspec.printers.names import of_task
 from taskspec.task.task import Component, Task
 
-# ---------- values
-# Values of a task's expressions at states: what figures show beside the transitions.
-
 State = Mapping[str, Any]
 Reads = dict[tuple[Role, str], Array]
 STEPS = 200
@@ -30,14 +27,14 @@ STEPS = 200
 
 
 def at_states(task: Task, node: Node, reads: Reads, count: int) -> Array:
-    """Values (count, *shape) of a node at states given as arrays (*shape, count)."""
+    """Return values (count, *shape) of a node at states given as arrays (*shape, count)."""
     given = {(Role.TIME, "t"): np.zeros(1, dtype=np.int64)} | reads
     (found,) = batch.evaluate([node], given)
     return np.moveaxis(np.broadcast_to(found, (*found.shape[:-1], count)), -1, 0)
 
 
 def reads_of(task: Task, state: State) -> Reads:
-    """One state, by component, as what expressions read."""
+    """Return one state, by component, as arrays that expressions read."""
     found: Reads = {}
     for c in task.state:
         value = state[c.name]
@@ -48,7 +45,7 @@ def reads_of(task: Task, state: State) -> Reads:
 
 
 def all_states(task: Task, limit: int = 20_000) -> tuple[Reads, int] | None:
-    """Every declared state of a finite task, or None when there are too many."""
+    """Return every declared state of a finite task, or None when there are too many."""
     if not task.is_finite:
         return None
     space = Space(task.state, Role.STATE)
@@ -58,7 +55,7 @@ def all_states(task: Task, limit: int = 20_000) -> tuple[Reads, int] | None:
 
 
 def first_state(task: Task, seed: int = 0) -> dict[str, Any]:
-    """A first state, as the environment's reset with this seed draws it."""
+    """Return the first state after a reset with this seed."""
     layout = task.reset_words
     words = draws.words(seed, draws.RESET, 0, layout.count)
     flats = evaluate(task.initial, {}, sampler(layout, words))
@@ -70,7 +67,7 @@ def _shaped(flat: tuple[Any, ...], shape: tuple[int, ...]) -> Any:
 
 
 def expert_path(task: Task, steps: int, seed: int = 0) -> list[dict[str, Any]]:
-    """States of an episode of the expert, where its actions are expressions and nothing is drawn in a step."""
+    """Return states of an episode of the expert, where its actions are expressions and nothing is drawn in a step."""
     task = task.remembering()
     states = [first_state(task, seed)]
     nodes = task.next
@@ -87,8 +84,7 @@ def expert_path(task: Task, steps: int, seed: int = 0) -> list[dict[str, Any]]:
     return states
 
 
-# ---------- seen
-# What the agent sees of a state, as a scene: cells for numbers, bars for vectors. For observations that are drawn at random.
+# ---------- observations, and states as tables
 
 SIDE, WIDTH, HALF, LETTERS, APART = 0.8, 3.4, 0.45, 0.28, 0.15
 MOST = 100
@@ -96,12 +92,12 @@ MOST = 100
 
 
 def is_noisy(task: Task) -> bool:
-    """Whether what is seen of a state is drawn anew each time, so that a picture of the state is not all of it."""
+    """Return whether observations of one state differ, so that a picture of the state is not all of it."""
     return bool(draws_of(task.observation.nodes))
 
 
 def seen(task: Task, seed: int = 0) -> Iterator[Item]:
-    """The observation that a reset with this seed gives, from (0, 0) to the right."""
+    """Draw the observation after a reset with this seed, from (0, 0) to the right."""
     layout = task.reset_words
     words = draws.words(seed, draws.RESET, 0, layout.count)
     roots = (*task.initial, *task.first_observation)
@@ -134,7 +130,7 @@ def _number(x: float, width: float, component: Component, flat: Flat) -> Iterato
 
 
 def _vector(x: float, width: float, flat: Flat) -> Iterator[Item]:
-    """Bars above and below a line; of a long vector the first ones."""
+    """Yield bars above and below a line; of a long vector the first ones."""
     shown = [float(value) for value in flat[:MOST]]
     step, scale = width / len(shown), 0.95 * HALF / (max(map(abs, shown)) or 1.0)
     yield Box((x, 0), width, 2 * HALF, None, "faint")

@@ -17,12 +17,9 @@ from taskspec.printers.text import text
 from taskspec.rules.vocabulary import MODELS, RESULTS
 from taskspec.task.task import Claim, Example, Followed
 
-# ---------- claims
-# Claims about exact results as sentences.
-
 
 def claim(w: Writing, found: Claim) -> Inlines:
-    """A claim with what it was written beside: the decision model, the tolerance, where the source states it."""
+    """Return a claim with what it was written beside: the decision model, the tolerance, where the source states it."""
     options = found.options
     under = options.get("under")
     content = sentence(w, found.expr, None if under is None else expression(str(under)))
@@ -34,7 +31,7 @@ def claim(w: Writing, found: Claim) -> Inlines:
 
 
 def sentence(w: Writing, expr: s.Expr, under: s.Expr | None = None) -> Inlines:
-    """A claim in words where it is about behaviour or reachability, as mathematics otherwise."""
+    """Return a claim in words where it is about behaviour or reachability, as mathematics otherwise."""
     match expr:
         case s.Call(function="prefers"):
             return _preference(w, expr, under)
@@ -81,12 +78,11 @@ def _model(w: Writing, model: s.Expr) -> Inlines:
             return (Formula(w.math(model)),)
 
 
-# ---------- examples
-# Worked examples as a table: a row for each, a column for everything that some of them say.
+# ---------- worked examples as a table
 
 
 def table(w: Writing, wrong: frozenset[int] = frozenset()) -> CellTable | None:
-    """The examples of a task without columns that stay empty; None where there are none."""
+    """Return the examples of a task without columns that stay empty; None if there are none."""
     written = w.spec.examples
     columns = [(title, tuple(make(w, e) for e in w.task.examples)) for title, make in _COLUMNS if w.task.examples]
     columns.append(("", tuple(inlines(entry.doc) for entry in written)))
@@ -115,7 +111,7 @@ def _given(role: Role) -> Callable[[Writing, Example], Inlines]:
 
 
 def _what_follows(w: Writing, example: Example) -> Inlines:
-    """Everything that follows, as one list."""
+    """Return everything that follows, as one list."""
     said = [f for f in example.follows if f.section not in _ENDS]
     parts = [_of(w, section, list(found)) for section, found in groupby(said, lambda f: f.section)]
     parts += [_ends(w, example)] if len(said) < len(example.follows) else []
@@ -125,7 +121,7 @@ def _what_follows(w: Writing, example: Example) -> Inlines:
 
 
 def _of(w: Writing, section: str, found: list[Followed]) -> Inlines:
-    """What follows of one section, after the word for it."""
+    """Return what follows in one section, after its word."""
     word = Text(f"{_WORDS[section]} ") if section in _WORDS else None
     items = [
         w.math(f.expr) if f.name is None else w.equation(w.symbol(f.name, section == "next"), f.expr, f.name)
@@ -139,7 +135,7 @@ _ENDS = {"terminal": "terminates", "truncated": "is truncated"}
 
 
 def _ends(w: Writing, example: Example) -> Inlines:
-    """Whether the episode ends, and how."""
+    """Return whether the episode ends, and how."""
     said = {f.section: f.expr for f in example.follows if f.section in _ENDS}
     if any(not isinstance(expr, s.Boolean) for expr in said.values()):
         return (Text("ends: "), *_joined([w.truth(expr) for expr in said.values()]))

@@ -24,8 +24,7 @@ from taskspec.task.schema.models import Spec
 from taskspec.task.schema.typed import ComponentEntry, ParameterEntry
 from taskspec.task.task import Task
 
-# ---------- draws
-# Expressions that draw, taken apart the way people write them: `g = p + ξ, ξ ~ Unif{...}`.
+# ---------- draws within expressions: `g = p + ξ, ξ ~ Unif{...}`
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,19 +39,19 @@ class Drawn:
 
 
 def is_draw(expr: s.Expr) -> bool:
-    """Whether an expression is a distribution as a whole."""
+    """Return whether an expression is a distribution as a whole."""
     return isinstance(expr, s.Weights) or (isinstance(expr, s.Call) and is_distribution(expr.function))
 
 
 def shows_chances(expr: s.Expr) -> bool:
-    """Whether an expression is printed as cases with probabilities, which need no name."""
+    """Return whether an expression is printed as cases with probabilities, which need no name."""
     return isinstance(expr, s.Weights) or (
         isinstance(expr, s.Call) and expr.function == "Categorical" and any(isinstance(a, s.Weights) for a in expr.args)
     )
 
 
 def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
-    """Names for the draws inside an expression, in written order."""
+    """Return names for the draws inside an expression, in written order."""
     found: list[tuple[s.Name | s.Subscript, s.Expr]] = []
 
     def go(node: Any, indices: tuple[str, ...] = ()) -> Any:
@@ -78,8 +77,7 @@ def take_apart(expr: s.Expr, prefix: str = "xi") -> Drawn:
     return Drawn(inner, tuple(found))
 
 
-# ---------- writing
-# Equations and sets of one task, symbolic or with the values of parameters put in.
+# ---------- equations and sets
 
 LETTERS = ("xi", "zeta", "chi", "eta")
 """Letters for what is drawn inside an expression, the usual one first."""
@@ -120,14 +118,14 @@ class Writing:
         return condition(self.put(expr), notation or self.notation)
 
     def declared(self, value: Any) -> m.Math:
-        """A bound or a length as declared."""
+        """Return a bound or a length as declared."""
         return self.math(expression(value))
 
     def symbol(self, name: str, primed: bool = False) -> m.Math:
         return prime(self.notation.symbol(name), primed)
 
     def equation(self, left: m.Math, expr: s.Expr, of: str | None = None) -> m.Math:
-        """`left = expr`, or `left ~ expr` for a distribution; draws inside the expression get names."""
+        """Return `left = expr`, or `left ~ expr` for a distribution; draws inside the expression get names."""
         if is_draw(expr):
             sign = "=" if shows_chances(expr) else "∼"
             return m.Row((left, m.Sym(sign), self.math(expr, of)))
@@ -139,7 +137,7 @@ class Writing:
         return m.Row(tuple(parts))
 
     def _drawing(self, apart: Drawn) -> Notation:
-        """The notation of an expression in which names stand for draws."""
+        """Return the notation of an expression in which names stand for draws."""
         axes = {}
         for name, draw in apart.draws:
             whole, indices = (name.value, name.indices) if isinstance(name, s.Subscript) else (name, ())
@@ -157,7 +155,7 @@ class Writing:
     # -- sets -----------------------------------------------------------------------------------------------------
 
     def domain(self, name: str, entry: ComponentEntry | ParameterEntry) -> m.Math:
-        """The set of values of a component or parameter."""
+        """Return the set of values of a component or parameter."""
         bounds = {key: end for key in ("low", "high") if (end := getattr(entry, key)) is not None}
         several = [end for end in bounds.values() if isinstance(end, list)]
         if several:  # a bound for each element
@@ -174,7 +172,7 @@ class Writing:
         return m.Script(inner, sup=m.joined((self.declared(n) for n in lengths), "×"))
 
     def _of_element(self, end: Any, index: int | str) -> Any:
-        """A bound of one element: that of a list, or of a vector among the constants."""
+        """Return a bound of one element: that of a list, or of a vector among the constants."""
         if isinstance(end, list):
             return end[int(index)]
         return f"({end})[{index}]" if self._is_vector(expression(end)) else end
@@ -204,21 +202,21 @@ class Writing:
                 return _reals(low, high)
 
     def space(self, components: Mapping[str, ComponentEntry]) -> m.Math:
-        """The product of the components' sets, equal neighbours as a power."""
+        """Return the product of the components' sets, equal neighbours as a power."""
         return self._product([self.domain(name, entry) for name, entry in components.items()])
 
     def _product(self, sets: Sequence[m.Math]) -> m.Math:
         return m.joined((_power(same, len(list(group))) for same, group in groupby(sets)), "×")
 
     def whole(self, components: Iterable[str], primed: bool = False) -> m.Math:
-        """The state or the action as one thing: its component, or the tuple of its components."""
+        """Return the state or the action as one thing: its component, or the tuple of its components."""
         names = [self.symbol(name, primed) for name in components]
         return names[0] if len(names) == 1 else m.brackets(m.joined(names))
 
     # -- what is read ---------------------------------------------------------------------------------------------
 
     def reads(self, expr: s.Expr) -> set[str]:
-        """Names that an expression depends on, through definitions and noise, as written (with primes)."""
+        """Return names that an expression depends on, through definitions and noise, as written (with primes)."""
         defined = {signature(w)[0]: (e, signature(w)[1] or ()) for w, e in (self.parsed("definitions") or {}).items()}
         defined |= {name: (e, ()) for name, e in (self.parsed("noise") or {}).items()}
         if isinstance(end := self.parsed("terminal"), s.Expr):
@@ -238,7 +236,7 @@ class Writing:
         return found
 
     def arguments(self, expr: s.Expr) -> tuple[m.Math, ...]:
-        """What a value is a function of: state, action, next state, time, in this order."""
+        """Return the arguments of a value: state, action, next state, time, in this order."""
         used = self.reads(expr)
         state, action = list(self.spec.state), list(self.spec.action)
         names = [(n, False) for n in (*state, *action) if n in used]
@@ -282,7 +280,7 @@ def commas(items: Iterable[m.Math]) -> m.Math:
 
 
 def unchanged(task: Task, dynamics: Mapping[str, s.Expr]) -> Iterator[str]:
-    """State components that keep their value."""
+    """Yield state components that keep their value."""
     for component in task.state:
         expr = dynamics.get(component.name + "'")
         if expr is None or (isinstance(expr, s.Name) and expr.written == component.name):

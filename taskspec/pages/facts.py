@@ -15,9 +15,6 @@ from taskspec.scores.saved import CLAIMS, NUMBERS
 from taskspec.solve.enclosure import Enclosure
 from taskspec.task.task import Task, TaskLike
 
-# ---------- facts
-# Results of exact analysis, or of simulation, as a page shows them.
-
 
 @dataclass(frozen=True, slots=True)
 class ScoreFact:
@@ -59,7 +56,7 @@ class Facts:
 
 
 def gather(task: TaskLike | Report) -> Facts:
-    """Scores and verdicts of a task, worked out now; a report of it, claims included, spares what `check` worked out already.
+    """Return scores and verdicts of a task; those of a report with claims are not worked out again.
 
     Raises:
         SpecError: (E705) without scipy.
@@ -97,7 +94,7 @@ def _hidden(shown: dict[str, ScoreFact], seen: PomdpBounds) -> dict[str, ScoreFa
 
 
 def _bounds(name: str, value: Enclosure | None) -> dict[str, ScoreFact]:
-    """A value, or its two bounds where these are apart."""
+    """Return a value, or its two bounds where these are apart."""
     if value is None:
         return {}
     if value.error <= 1e-9 * abs(value.value):
@@ -106,7 +103,7 @@ def _bounds(name: str, value: Enclosure | None) -> dict[str, ScoreFact]:
 
 
 def _by_claim(task: Task, decisions: Iterable[Verdict]) -> Iterable[VerdictFact]:
-    """One verdict for each claim: it holds when it holds in all its cases."""
+    """Yield one verdict for each claim, which holds if it holds in all its cases."""
     waiting = iter(decisions)
     for claim in task.claims:
         found = [next(waiting) for _ in claim.cases or ({},)]
@@ -120,8 +117,7 @@ def _together(found: Sequence[Verdict]) -> VerdictFact:
     return VerdictFact(True if worst.holds else None if worst.status == "undecided" else False, shown)
 
 
-# ---------- scores
-# Scores in a line or a table, and numbers for people.
+# ---------- scores in a line or a table
 
 
 def title(facts: Facts) -> str:
@@ -129,7 +125,7 @@ def title(facts: Facts) -> str:
 
 
 def lines(task: Task, facts: Facts) -> Iterator[Inlines]:
-    """Each score with its name before it."""
+    """Yield each score with its name before it."""
     for name, value in _scores(task, facts):
         yield (Text(f"{name} "), *value)
 
@@ -138,7 +134,7 @@ MOST_COLUMNS = 4
 
 
 def table(settings: Sequence[tuple[str, Task, Facts]]) -> CellTable:
-    """A row for each score, a column for each setting of the parameters; the other way round for many settings."""
+    """Return a row for each score, a column for each setting of the parameters; the other way round for many settings."""
     found = [dict(_scores(task, facts)) for _, task, facts in settings]
     names = list(dict.fromkeys(name for scores in found for name in scores))
     if len(settings) > MOST_COLUMNS:
@@ -160,7 +156,7 @@ def _scores(task: Task, facts: Facts) -> Iterator[tuple[str, Inlines]]:
 
 
 def _score(score: ScoreFact) -> Inlines:
-    """A return, and how sure it is."""
+    """Return a return, and how sure it is."""
     if not score.episodes:
         told = (Text(f" ({NUMBERS['tested'].shown.format(episodes=score.tested)})"),) if score.tested else ()
         return (Formula(number(score.value)), *told)
@@ -172,7 +168,7 @@ def _score(score: ScoreFact) -> Inlines:
 
 
 def _rounded(value: int | float | Fraction, half: float) -> tuple[m.Math, m.Math]:
-    """An estimate and half its confidence interval, to two digits of the interval."""
+    """Return an estimate and half its confidence interval, to two digits of the interval."""
     if not 0 < half < math.inf:
         return number(round(float(value), 6)), number(float(half))
     if not 1e-9 < half < 1e15:
@@ -183,7 +179,7 @@ def _rounded(value: int | float | Fraction, half: float) -> tuple[m.Math, m.Math
 
 
 def number(value: int | float | Fraction) -> m.Math:
-    """A number for people: short decimals and small fractions exactly, anything else to six digits."""
+    """Return a number for people: short decimals and small fractions exactly, anything else to six digits."""
     if isinstance(value, float):
         if math.isinf(value):
             return m.row(*([m.Sym("−")] if value < 0 else []), m.Ident("∞"))
@@ -202,7 +198,7 @@ def number(value: int | float | Fraction) -> m.Math:
 
 
 def _mixed(value: Fraction) -> m.Math:
-    """A fraction as a whole number and the rest: 4 + 3/7, and -4 - 3/7."""
+    """Return a fraction as a whole number and the rest: 4 + 3/7, and -4 - 3/7."""
     whole, rest = divmod(abs(value), 1)
     frac = m.Frac(m.Num(str(rest.numerator)), m.Num(str(rest.denominator)))
     sign = (m.Sym("−"),) if value < 0 else ()
@@ -210,7 +206,7 @@ def _mixed(value: Fraction) -> m.Math:
 
 
 def _recognised(value: float) -> float | Fraction:
-    """The small fraction that a number is to the last digits, or the number itself."""
+    """Return the small fraction that a number equals up to rounding, or the number itself."""
     ratio = Fraction(value).limit_denominator(999) if math.isfinite(value) else Fraction(0)
     return ratio if abs(float(ratio) - value) <= 1e-13 * max(1.0, abs(value)) else value
 

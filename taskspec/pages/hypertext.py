@@ -1,4 +1,4 @@
-"""What pages say as HTML: prose, mathematics as MathML, sections."""
+"""Sections, prose and mathematics as HTML."""
 
 from __future__ import annotations
 
@@ -33,11 +33,12 @@ from taskspec.printers.mathml import mathml
 from taskspec.printers.text import plain
 
 BREAK_AFTER = 34.0
+"""Letters of a formula that is longer than a line on small screens."""
 _SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
 
 
 def article(title: str, summary: Inlines, description: Iterable[Block], sections: Iterable[Section]) -> str:
-    """A page as one piece of HTML, for notebooks: no style, figure or references."""
+    """Return a page as one piece of HTML, for notebooks: no style, figure or references."""
     writer = HtmlWriter({})
     parts = [Markup("<h2>{}</h2><p>{}</p>").format(title, writer.prose(summary)), *map(writer.block, description)]
     for section in sections:
@@ -68,7 +69,7 @@ class HtmlWriter:
         return {"key": section.key, "title": section.title, "lead": lead, "lines": rest, "header": header, "rows": rows}
 
     def line(self, line: SectionLine, settings: Sequence[str]) -> Markup:
-        """A line with the values that it has at each setting of the parameters; `settings` are their titles."""
+        """Return a line with the values that it has at each setting of the parameters; `settings` are their titles."""
         out = self.prose(line.content)
         if line.verbatim is not None:
             out += Markup('<pre class="map">{}</pre>').format(line.verbatim)
@@ -131,7 +132,7 @@ class HtmlWriter:
 
 
 def formula(math: m.Math, display: bool = False) -> Markup:
-    """Mathematics in a line; a long formula in pieces, so that the browser can break the line between them."""
+    """Return mathematics in a line; a long formula in pieces, so that the browser can break the line between them."""
     if display:
         return Markup(f'<span class="display">{mathml(math, block=True)}</span>')
     pieces = _pieces(math) if m.width(math) > BREAK_AFTER else [math]
@@ -144,7 +145,7 @@ def formula(math: m.Math, display: bool = False) -> Markup:
 
 
 def _pieces(math: m.Math) -> list[m.Math]:
-    """A row cut before its signs and after its commas."""
+    """Return a row cut before its signs and after its commas."""
     out: list[list[m.Math]] = [[]]
     for item in _flat(math):
         if isinstance(item, m.Sym) and item.text in _SIGNS and item.text != "," and len(out[-1]) > 0:
@@ -156,10 +157,10 @@ def _pieces(math: m.Math) -> list[m.Math]:
 
 
 def _flat(math: m.Math) -> list[m.Math]:
-    """The items of a row, with those of rows inside it."""
+    """Return the items of a row, with those of rows inside it."""
     return [x for item in math.items for x in _flat(item)] if isinstance(math, m.Row) else [math]
 
 
 def _infix(element: str) -> str:
-    """A piece that starts with a sign keeps the space around it."""
+    """Return a piece that starts with a sign keeps the space around it."""
     return re.sub(r"^(<math[^>]*><mrow><mo)>", r'\1 form="infix">', element)

@@ -40,7 +40,7 @@ def formula(*items: m.Math) -> Formula:
 
 
 def parameters(w: Writing) -> Iterator[Inlines]:
-    """`L = 10`: what it is, and its range."""
+    """Yield `L = 10`, its description and its range, for each parameter."""
     for p in w.task.parameters:
         content: list[Inline] = [formula(w.symbol(p.name), m.Sym("="), setting(w.values.get(p.name, p.value)))]
         if w.symbol(p.name) not in (m.Ident(p.name), m.upright(p.name)):
@@ -50,7 +50,7 @@ def parameters(w: Writing) -> Iterator[Inlines]:
 
 
 def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
-    """Values of parameters that something is said of: `L = 3, B = 5; L = 6, B = 3`."""
+    """Return the parameter values of cases: `L = 3, B = 5; L = 6, B = 3`."""
     found = [[formula(w.symbol(name), m.Sym("="), setting(x)) for name, x in case.items()] for case in given]
     out: list[Inline] = []
     for case in found:
@@ -60,7 +60,7 @@ def cases(w: Writing, given: Iterable[Mapping[str, Any]]) -> Inlines:
 
 
 def setting(value: Any) -> m.Math:
-    """The value of a parameter."""
+    """Return the value of a parameter."""
     match value:
         case bool():
             return m.upright("true" if value else "false")
@@ -72,7 +72,7 @@ def setting(value: Any) -> m.Math:
 
 
 def _range(w: Writing, name: str) -> Inlines:
-    """The allowed values of a parameter, in brackets."""
+    """Return the allowed values of a parameter, in brackets."""
     entry = w.spec.parameters.entries[name]
     low, high = entry.low, entry.high
     if entry.values:
@@ -89,7 +89,7 @@ def _range(w: Writing, name: str) -> Inlines:
 
 
 def grids(w: Writing) -> Iterator[tuple[str, str]]:
-    """Text grids among the constants."""
+    """Yield text grids among the constants."""
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
             text = value["grid"] if isinstance(value["grid"], str) else "\n".join(value["grid"])
@@ -108,7 +108,7 @@ def actions(w: Writing) -> Iterator[Inlines]:
 def _space(
     w: Writing, letter: str, declared: Mapping[str, ComponentEntry], components: tuple[Component, ...]
 ) -> Iterator[Inlines]:
-    """The set of states or of actions, then what its components are; a single one of which nothing is said is named at once."""
+    """Yield the set of states or of actions, then its components; a single one without a description is named at once."""
     said = list(_components(w, declared, components))
     name = () if said else (w.symbol(components[0].name), m.Sym("∈"))
     yield (formula(*name, m.Ident(letter, "calligraphic"), m.Sym("="), w.space(declared)), *_numbered(components))
@@ -116,14 +116,14 @@ def _space(
 
 
 def _numbered(components: tuple[Component, ...]) -> Inlines:
-    """How labels are carried, where there are some."""
+    """Return a note on how labels are numbered, if there are any."""
     return (Text(", numbered from 0"),) if any(c.domain is not None for c in components) else ()
 
 
 def _components(
     w: Writing, declared: Mapping[str, ComponentEntry], components: tuple[Component, ...]
 ) -> Iterator[Inlines]:
-    """What each component is, and what its labels stand for."""
+    """Yield what each component is, and what its labels stand for."""
     for c in components:
         name = formula(w.symbol(c.name))
         if len(components) > 1:
@@ -140,7 +140,7 @@ def _components(
 
 
 def _labels(w: Writing, c: Component) -> Inlines:
-    """Labels whose symbol or value says less than the word."""
+    """Return labels whose symbol or value says less than the word."""
     if c.domain is None or len(c.domain.labels) > _MANY or not (c.domain.symbols or c.domain.values):
         return ()
     items: list[Inlines] = []
@@ -214,7 +214,7 @@ def termination(w: Writing) -> Iterator[Inlines]:
 
 
 def definitions(w: Writing) -> Iterator[Inlines]:
-    """Constants, named expressions and functions, and noise."""
+    """Yield constants, named expressions and functions, and noise."""
     for name, value in w.spec.constants.items():
         if isinstance(value, Mapping) and "grid" in value:
             continue
@@ -230,7 +230,7 @@ def definitions(w: Writing) -> Iterator[Inlines]:
 
 
 def _when_drawn(w: Writing, noise: str) -> str:
-    """When the draws of a noise are made: at the start where `initial` names it, in steps where they do, or both."""
+    """Return when the draws of a noise are made: at the start, in every step, or both."""
     starts, steps = (_is_named(w, noise, sections) for sections in (("initial",), _OF_STEPS))
     if starts:
         return "at the start, and again in every step" if steps else "at the start of an episode"
@@ -277,7 +277,7 @@ def rewards(w: Writing) -> Iterator[Inlines]:
 
 
 def initial(w: Writing) -> Iterator[Inlines]:
-    """A line for each component; neighbours that are drawn alike share one."""
+    """Yield a line for each component; neighbours that are drawn alike share one."""
     found = list((w.parsed("initial") or {}).items())
     for written, group in groupby(found, key=lambda item: text(item[1]) if is_draw(item[1]) else item[0]):
         pairs = list(group)
@@ -290,13 +290,13 @@ def initial(w: Writing) -> Iterator[Inlines]:
 
 
 def roles(w: Writing) -> Iterator[Inlines]:
-    """In which variants the expert and the learner act."""
+    """Yield the variants in which the expert and the learner act."""
     if w.spec.roles is not None:
         yield (Text(f"the expert acts in {w.spec.roles.expert}, and the learner in {w.spec.roles.learner}"),)
 
 
 def expert(w: Writing) -> Iterator[Inlines]:
-    """What it remembers, and what it does."""
+    """Yield the expert's memory, and its actions."""
     for c in () if w.task.memory is None else w.task.memory.components:
         first, later = (w.parsed("memory")[c.name + prime] for prime in ("", "'"))
         symbol = w.symbol(c.name)

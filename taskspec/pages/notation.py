@@ -47,7 +47,7 @@ _MARKS = (
 
 
 def notation(pages: Iterable[Page]) -> Inlines:
-    """The paragraph for some pages: what always holds, then the signs, the returns and the marks that occur on them."""
+    """Return the paragraph for some pages: what always holds, then the signs, the returns and the marks that occur on them."""
     pages = tuple(pages)
     pieces = [piece for page in pages for piece in _pieces(page)]
     trees = [piece.math for piece in pieces if isinstance(piece, Formula)]
@@ -63,7 +63,7 @@ def notation(pages: Iterable[Page]) -> Inlines:
 
 
 def _draws(pages: Iterable[Page]) -> Iterator[str]:
-    """What is said of the letters for draws: the usual one, and those of pages on which it is a name of the task."""
+    """Yield the sentence on letters for draws."""
     letters: dict[str, m.Math] = {}
     for page in pages:
         writing = Writing(page.task, {})
@@ -81,18 +81,18 @@ def _has(letter: m.Math, tree: m.Math) -> bool:
 
 
 def _has_cases(tree: m.Math) -> bool:
-    """Whether there is a choice between several conditions."""
+    """Return whether there is a choice between several conditions."""
     conditions = [c for _, c in tree.rows if IF in m.children(c)] if isinstance(tree, m.Cases) else []
     return len(conditions) > 1 or any(map(_has_cases, m.children(tree)))
 
 
 def _discounts(pages: Iterable[Page]) -> bool:
-    """Whether returns on some page are discounted, at its own values of the parameters or at others beside them."""
+    """Return whether returns on some page are discounted, at its own values of the parameters or at others beside them."""
     return any(task.discount != 1 for page in pages for task in (page.task, *(s.task for s in page.settings)))
 
 
 def _pieces(page: Page) -> Iterator[Inline]:
-    """All that stands in the sections of a page, its settings and its tables included."""
+    """Yield all prose in the sections of a page, with its settings and its tables."""
     for section in page.sections:
         for line in section.lines:
             yield from line.content

@@ -21,9 +21,6 @@ from taskspec.pages.sections import Section, SectionLine
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
-# ---------- page
-# The page of a task as data: sections in the order of a paper's appendix, each a list of lines of prose and mathematics.
-#
 # Everything is read off the task, so a page cannot say anything that the environment does not do. What exact analysis
 # found (scores, verdicts on claims) comes in as `Facts`; without them the page leaves it out.
 
@@ -61,7 +58,7 @@ class Page:
         return next((s for s in self.sections if s.key == key), None)
 
     def _repr_html_(self) -> str:
-        """What is printed, for notebooks.
+        """Return the page for notebooks.
 
         Raises:
             SpecError: E705 where the packages are not installed that write HTML.
@@ -72,7 +69,7 @@ class Page:
 
 
 def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[str, Any]] = ()) -> Page:
-    """The page of a task.
+    """Return the page of a task.
 
     Args:
         task: what to print, symbolic in its parameters.
@@ -99,13 +96,13 @@ def page(task: TaskLike, facts: Facts | None = None, columns: Sequence[Mapping[s
 
 
 def anchor(name: str) -> str:
-    """A name as part of an address or a file name."""
+    """Return a name as part of an address or a file name."""
     words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", name).lower()
     return safe_name(re.sub(r"[^a-z0-9]+", "-", words).strip("-") or "task")
 
 
 def make_line(task: Task) -> str:
-    """The line of Python that makes the environment, with the parameters that differ from their defaults and the modifiers."""
+    """Return the line of Python that makes the environment, with changed parameters and modifiers."""
     changed = "".join(f", {p.name}={p.value!r}" for p in task.parameters if p.value != p.default)
     given = [str(m) for m in task.modifiers]
     changed += f", modifiers={given!r}" if given else ""
@@ -113,7 +110,7 @@ def make_line(task: Task) -> str:
 
 
 def setting_title(task: Task) -> str:
-    """The values of all parameters."""
+    """Return the values of all parameters."""
     return ", ".join(f"{p.name} = {p.value}" for p in task.parameters)
 
 
@@ -130,7 +127,7 @@ def _settings(task: Task, columns: Sequence[Mapping[str, Any]], known: bool) -> 
 
 
 def _with_settings(task: Task, facts: Facts, settings: Sequence[Setting]) -> tuple[Section, ...]:
-    """The sections, with every line that a few settings change shown with them too, and the scores side by side."""
+    """Return the sections, every line with its form at each setting if they are few, and the scores side by side."""
     shown = sections.all_sections(Writing(task, {}), facts)
     for each in settings if len(settings) < scores.MOST_COLUMNS else ():
         found = {s.key: s for s in sections.all_sections(Writing(each.task, each.task.values), each.facts)}
@@ -153,8 +150,7 @@ def _line_beside(line: SectionLine, concrete: SectionLine) -> SectionLine:
     return replace(line, values=(*line.values, found))
 
 
-# ---------- brief
-# The short form of pages: what defines a task and its scores, and tasks of one spec together, as differences.
+# ---------- short pages, and tasks of one spec as differences
 
 _KEPT = frozenset({
     "parameters", "modifiers", "maps", "state", "observations", "actions", "horizon", "definitions", "dynamics", "rewards",
@@ -190,13 +186,13 @@ class Family:
 
 
 def briefly(page: Page) -> Page:
-    """The page without its description, and without the sections that a reader of the paper can do without."""
+    """Return the page without its description, and without the sections that a reader of the paper can do without."""
     kept = tuple(s for s in page.sections if s.key in _KEPT and not (s.key == "observations" and _is_state(page)))
     return replace(page, sections=tuple(_shorter(s) if s.key == "scores" else s for s in kept), description=())
 
 
 def _shorter(scores: Section) -> Section:
-    """The scores with "optimal" for "optimal return"."""
+    """Return the scores with "optimal" for "optimal return"."""
 
     def told(content: Inlines) -> Inlines:
         return tuple(Text(x.text.replace(" return ", " ")) if isinstance(x, Text) else x for x in content)
@@ -209,7 +205,7 @@ def _is_state(page: Page) -> bool:
 
 
 def families(pages: Iterable[Page]) -> list[Family]:
-    """Neighbours that are tasks of one spec, together."""
+    """Return neighbours that are tasks of one spec, together."""
     found = []
     for _, group in groupby(pages, key=lambda page: page.task.document.origin.name):
         head, *others = group
@@ -219,19 +215,19 @@ def families(pages: Iterable[Page]) -> list[Family]:
 
 
 def _sibling(page: Page, before: Sequence[Page]) -> Sibling:
-    """The differences from that page before it which leaves the fewest lines to tell, or the first of these."""
+    """Return the differences from that earlier page which leaves the fewest lines."""
     differing = [_differing(base, page) for base in before]
     sections, base = min(zip(differing, before, strict=True), key=lambda pair: _defining_lines(pair[0]))
     return Sibling(replace(page, sections=sections), base)
 
 
 def _defining_lines(sections: Sequence[Section]) -> int:
-    """How many lines define what differs; scores follow from them."""
+    """Return how many lines define what differs, without scores."""
     return sum(len(section.lines) for section in sections if section.key != "scores")
 
 
 def _differing(base: Page, page: Page) -> tuple[Section, ...]:
-    """The sections of a page that its base lacks, or has with other content; of its parameters, those at other values."""
+    """Return the sections that a page's base lacks or has with other content, parameters only at other values."""
     found = [section for section in page.sections if base.section(section.key) != section]
     same = [p.name for p in page.task.parameters] == [p.name for p in base.task.parameters]
     changed = [_changed(base, section) if same and section.key == "parameters" else section for section in found]
@@ -239,13 +235,13 @@ def _differing(base: Page, page: Page) -> tuple[Section, ...]:
 
 
 def _changed(base: Page, section: Section) -> Section:
-    """A section with the lines alone that differ from those of the base."""
+    """Return a section with only the lines that differ from those of the base."""
     known = base.section(section.key)
     kept = tuple(line for line in section.lines if known is None or line not in known.lines)
     return replace(section, lines=kept, lead=section.lead or len(kept) == 1)
 
 
 def _without(section: Section) -> Section:
-    """What stands in the place of a section that a page does not have."""
+    """Return what replaces a section that a page does not have."""
     told = "the state" if section.key == "observations" else "none"
     return replace(section, lines=(SectionLine((Text(told),)),), lead=True, run_on=False, table=None)

@@ -116,7 +116,7 @@ def _parser() -> MarkdownIt:
 
 
 def blocks(text: str | None) -> tuple[Block, ...]:
-    """The blocks of a Markdown text."""
+    """Return the blocks of a Markdown text."""
     if not text:
         return ()
     tokens = iter(_parser().parse(text))
@@ -124,7 +124,7 @@ def blocks(text: str | None) -> tuple[Block, ...]:
 
 
 def inlines(text: str | None) -> Inlines:
-    """The inline pieces of a Markdown text of one line; what would start a block is text like any other."""
+    """Return the inline pieces of a Markdown text of one line; what would start a block is text like any other."""
     if not text:
         return ()
     (token,) = _parser().parseInline(" ".join(text.split()))
@@ -187,7 +187,7 @@ def _inlines(tokens: Iterator[Token], close: str | None) -> Iterator[Inline]:
 
 
 def _link(address: str, inner: Inlines) -> Iterator[Inline]:
-    """A link, or its words alone where the address is not one to follow."""
+    """Yield a link, or its words alone where the address is not one to follow."""
     if is_safe(address):
         yield Link(address, inner)
     else:
@@ -195,7 +195,7 @@ def _link(address: str, inner: Inlines) -> Iterator[Inline]:
 
 
 def is_safe(address: str) -> bool:
-    """Whether an address is a web page, a mail address or a place nearby, not a script."""
+    """Return whether an address is a web page, a mail address or a place nearby, not a script."""
     try:
         return urlsplit(address).scheme.lower() in _SAFE and ":" not in address.split("/")[0].replace(
             f"{urlsplit(address).scheme}:", "", 1
@@ -205,7 +205,7 @@ def is_safe(address: str) -> bool:
 
 
 def _merge(pieces: Iterator[Inline]) -> Inlines:
-    """Neighbouring texts as one."""
+    """Return neighbouring texts as one."""
     out: list[Inline] = []
     for piece in pieces:
         if isinstance(piece, Text) and out and isinstance(out[-1], Text):
@@ -216,7 +216,7 @@ def _merge(pieces: Iterator[Inline]) -> Inlines:
 
 
 def listing(items: Sequence[Inlines], last: str = "and") -> Inlines:
-    """Items as a sentence lists them: a, b and c."""
+    """Return items as a sentence lists them: a, b and c."""
     out: list[Inline] = []
     for i, item in enumerate(items):
         if i:

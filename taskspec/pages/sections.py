@@ -22,7 +22,6 @@ from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
 # ---------- abstraction
-# The section on the abstraction: the finite task that exact results of a continuous one come from.
 
 _OWN: tuple[tuple[str, str, Maker], ...] = (
     ("initial", "initial state", lines.initial),
@@ -34,7 +33,7 @@ _OWN: tuple[tuple[str, str, Maker], ...] = (
 
 
 def abstraction(w: Writing) -> Iterator[Inlines]:
-    """Its components as functions of the state, and what it does not take from the task."""
+    """Yield its components as functions of the state, and what it does not take from the task."""
     stand_in, written = build_abstract(w.task), w.spec.abstraction
     if stand_in is None or written is None:
         return
@@ -53,13 +52,12 @@ def abstraction(w: Writing) -> Iterator[Inlines]:
 
 
 # ---------- symmetries
-# The section on symmetries: what is seen and done in the twins of a task, and whether returns are proved to be kept.
 
 _MAPS = {"observation": "what is seen: ", "action": "actions: "}
 
 
 def symmetries(w: Writing) -> Iterator[Inlines]:
-    """A line for each: its name, what it is, its maps, and how it is known to keep returns."""
+    """Yield a line for each: its name, what it is, its maps, and how it is known to keep returns."""
     exprs: Mapping[str, Mapping[str, Mapping[str, s.Expr]]] = w.parsed("symmetries") or {}
     for symmetry in w.task.symmetries:
         content: list[Inline] = [CodeSpan(symmetry.name), Text(": ")]
@@ -77,11 +75,10 @@ def symmetries(w: Writing) -> Iterator[Inlines]:
 
 
 # ---------- modifiers
-# The section on modifiers: what was changed of the task as written, in order, and what its state and observations are then.
 
 
 def modifiers(task: Task) -> Iterator[Inlines]:
-    """A line for each, and one for the sizes of the state and the observation."""
+    """Yield a line for each, and one for the sizes of the state and the observation."""
     for each, said in sentences(task):
         yield (CodeSpan(str(each)), Text(": "), *inlines(said))
     if task.modifiers:
@@ -97,12 +94,12 @@ def _lost(task: Task) -> str:
 
 
 def as_written(task: Task) -> Task:
-    """The task as its spec has it, with the claims and examples that are still about it."""
+    """Return the task as its spec has it, with the claims and examples that are still about it."""
     return replace(task.unmodified, claims=task.claims, examples=task.examples)
 
 
 def _all_of(task: Task) -> Iterator[Inline]:
-    """`them, the state is s, acted (8 values), and the observation one of 4 numbers`."""
+    """Yield `them, the state is s, acted (8 values), and the observation one of 4 numbers`."""
     yield Text("them, the state is " if len(task.modifiers) > 1 else "it, the state is ")
     yield from listing([(CodeSpan(c.name),) for c in task.state])
     yield from _values(task.state)
@@ -132,7 +129,6 @@ def _observation(layout: SpaceLayout) -> Iterator[Inline]:
 
 
 # ---------- sections
-# The sections of a page, one function each: what a task is, in lines of prose and mathematics.
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +171,7 @@ _SECTIONS: tuple[tuple[str, str, lines.Maker, bool], ...] = (
 
 
 def all_sections(w: Writing, facts: Facts) -> list[Section]:
-    """Every section that has something to say."""
+    """Return every section that has content."""
     changed = modifiers(w.task)
     told = Section("modifiers", "Modifiers, in this order", tuple(map(SectionLine, changed)), False)
     w = replace(w, task=as_written(w.task))
@@ -197,7 +193,7 @@ def all_sections(w: Writing, facts: Facts) -> list[Section]:
 
 
 def _single(section: Section) -> Section:
-    """A section of one line has it beside its heading."""
+    """Put a single line beside its heading."""
     lead = section.lead or (len(section.lines) == 1 and section.lines[0].verbatim is None)
     return replace(section, lead=lead)
 
@@ -230,7 +226,7 @@ def _errata(w: Writing) -> Iterator[SectionLine]:
 
 
 def _sentence(text: str) -> Inlines:
-    """A text that starts with a capital and ends with a stop."""
+    """Return a text that starts with a capital and ends with a stop."""
     text = text.strip()
     ended = text if text.endswith((".", "!", "?")) else f"{text}."
     return inlines(ended[:1].upper() + ended[1:])

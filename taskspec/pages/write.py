@@ -88,7 +88,7 @@ def write_pages(
 
 
 def _known(formats: Iterable[str]) -> list[str]:
-    """The formats asked for, each once; those that cannot be written are refused."""
+    """Return the formats asked for, each once, or raise E713 for an unknown one."""
     wanted = list(dict.fromkeys(formats))
     for unknown in (f for f in wanted if f not in FORMATS):
         raise _refused(f"'{unknown}' is not a format of the documentation", f"use {', '.join(FORMATS)}")
@@ -106,7 +106,7 @@ def gather_pages(
     references: Mapping[str, Reference] | None = None,
     brief: bool = False,
 ) -> Suite:
-    """Pages and figures of tasks, ready to be rendered.
+    """Return pages and figures of tasks, ready to be rendered.
 
     Raises:
         SpecError: (E703) for values that a parameter cannot have, (E702) for a name that no task has a parameter for.
@@ -126,7 +126,7 @@ def gather_pages(
 
 
 def together(tasks: Iterable[Task]) -> list[tuple[Task, list[Mapping[str, Any]]]]:
-    """Each task at its defaults, and the other values that it is given at: those of all parameters that vary."""
+    """Return each task at its defaults, with the other values of its varied parameters."""
     found: dict[str, list[Task]] = {}
     for task in tasks:
         found.setdefault(task.id, []).append(task)
@@ -142,7 +142,7 @@ def _settings(tasks: Sequence[Task]) -> tuple[Task, list[Mapping[str, Any]]]:
 
 
 def _apart(pages: Iterable[Page]) -> tuple[Page, ...]:
-    """The pages with anchors of their own: several names may make the same one, or that of the files around them."""
+    """Give pages different anchors, none of them a name of the files around them."""
     taken, found = set(_TAKEN), []
     for each in pages:
         anchor = each.anchor

@@ -19,7 +19,7 @@ _LETTERS = "ijkmlnrqu"
 
 
 def rank(w: Writer, expr: s.Expr) -> int:
-    """The number of axes of an expression: 0 for a number or a condition, 1 for a vector, 2 for a matrix."""
+    """Return the number of axes of an expression: 0 for a number or a condition, 1 for a vector, 2 for a matrix."""
     match expr:
         case s.Name():
             return _of_name(w, expr)
@@ -44,7 +44,7 @@ def _widest(w: Writer, parts: Sequence[s.Expr]) -> int:
 
 
 def _parts(expr: s.Expr) -> Sequence[s.Expr]:
-    """The parts of what is worked out element by element."""
+    """Return the parts of what is worked out element by element."""
     match expr:
         case s.Unary(operand=inner):
             return (inner,)
@@ -90,7 +90,7 @@ def _of_call(w: Writer, call: s.Call) -> int:
 
 
 def _of_distribution(w: Writer, call: s.Call) -> int:
-    """As many as its `shape` says, or as its parameters have."""
+    """Return the number of axes of a distribution, by its `shape` or its parameters."""
     given = dict(call.keywords)
     shape = given.pop("shape", None)
     if shape is not None:
@@ -113,7 +113,7 @@ def _of_subscript(w: Writer, expr: s.Subscript) -> int:
 
 
 def _picks(w: Writer, index: s.Expr) -> int:
-    """The axes of an index: a vector of indices picks several rows."""
+    """Return the axes of an index: a vector of indices picks several rows."""
     return rank(w, index) if _is_known(w, index) else 0
 
 
@@ -122,7 +122,7 @@ def _is_known(w: Writer, expr: s.Expr) -> bool:
 
 
 def under(w: Writer, expr: s.Comprehension) -> Writer:
-    """A writer that knows the axes of a comprehension's variables."""
+    """Return a writer that knows the axes of a comprehension's variables."""
     for clause in expr.clauses:
         match clause.domain:
             case s.Call(function="range"):
@@ -144,7 +144,7 @@ def under(w: Writer, expr: s.Comprehension) -> Writer:
 
 
 def pointwise(w: Writer, expr: s.Expr) -> tuple[Writer, m.Math, s.Expr] | None:
-    """Indices and the element at them with what writes it, for a vector or a matrix; None for a single value."""
+    """Return indices and the element at them with what writes it, for a vector or a matrix; None for a single value."""
     axes = rank(w, expr)
     if axes == 0:
         return None
@@ -156,7 +156,7 @@ def pointwise(w: Writer, expr: s.Expr) -> tuple[Writer, m.Math, s.Expr] | None:
 
 
 def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
-    """Letters for indices that the expression does not use, neither as a name nor as what a name looks like."""
+    """Return letters for indices that the expression does not use, neither as a name nor as what a name looks like."""
     used = {x.id for x in s.names(expr) if isinstance(x, s.Name)} | {*s.targets(expr)} | {*w.notation.symbols}
     taken: set[object] = used | {w.notation.symbol(name) for name in used}
     free = [i for i in _LETTERS if i not in taken and m.Ident(i) not in taken]
@@ -164,7 +164,7 @@ def indices(w: Writer, expr: s.Expr, count: int = 1) -> tuple[s.Name, ...]:
 
 
 def element(w: Writer, expr: s.Expr, at: tuple[s.Name, ...]) -> s.Expr:
-    """The element of an expression at indices; a single value is the same at all of them."""
+    """Return the element of an expression at indices; a single value is the same at all of them."""
     if rank(w, expr) == 0:
         return expr
 
@@ -199,7 +199,7 @@ def element(w: Writer, expr: s.Expr, at: tuple[s.Name, ...]) -> s.Expr:
 def _entry(
     w: Writer, expr: s.Subscript, value: s.Expr, written: tuple[s.Expr | s.Slice, ...], at: tuple[s.Name, ...]
 ) -> s.Expr:
-    """An element of a row, a column or a part of what has more: its indices together, where they are the same as of the whole."""
+    """Return an element of a row, a column or a part; its indices go together if they are the whole's."""
     left = list(at)
     found: list[s.Expr] = []
     for index in written:
@@ -216,7 +216,7 @@ def _entry(
 
 
 def _variable(expr: s.Expr) -> str | None:
-    """The variable of `[e for i in range(n)]`, which is the index of its elements."""
+    """Return the variable of `[e for i in range(n)]`, which is the index of its elements."""
     match expr:
         case s.Comprehension(is_set=False, clauses=(s.Clause((name,), s.Call("range", (_,)), ()),)):
             return name
@@ -225,7 +225,7 @@ def _variable(expr: s.Expr) -> str | None:
 
 
 def renamed(node: Any, old: str, new: str) -> Any:
-    """The same tree with another name in the place of a name."""
+    """Return the same tree with another name in the place of a name."""
     match node:
         case tuple():
             return tuple(renamed(x, old, new) for x in node)

@@ -23,7 +23,7 @@ from taskspec.printers.text import text
 
 
 def mathematics(expr: s.Expr, notation: Notation, of: str | None = None) -> m.Math:
-    """The mathematics of a value; a condition becomes its indicator.
+    """Return the mathematics of a value; a condition becomes its indicator.
 
     Args:
         expr: what to print.
@@ -34,7 +34,7 @@ def mathematics(expr: s.Expr, notation: Notation, of: str | None = None) -> m.Ma
 
 
 def condition(expr: s.Expr, notation: Notation) -> m.Math:
-    """The mathematics of a condition."""
+    """Return the mathematics of a condition."""
     return ExpressionWriter(notation).truth(expr).tree
 
 
@@ -163,14 +163,14 @@ class ExpressionWriter(Writer):
         return Piece(m.Row((self.notation.symbol(expr.function), arguments)))
 
     def _event(self, expr: s.Call) -> Piece:
-        """The probability of a condition, with the policy below."""
+        """Return the probability of a condition, with the policy below."""
         given = dict(zip(("condition", "under"), expr.args, strict=False)) | dict(expr.keywords)
         policy = text(given["under"]) if "under" in given else self.notation.events[expr.function]
         head = m.Script(self.notation.symbol(expr.function), m.Words(policy))
         return Piece(m.Row((head, m.brackets(self.truth(given["condition"]).tree))))
 
     def _template(self, latex: str, expr: s.Call) -> Piece:
-        """A function by its template."""
+        """Return a function by its template."""
         pieces = [self.number(a) for a in expr.args]
         trees = operands(expr.function, pieces)
         holes = [*((str(i), tree) for i, tree in enumerate(trees)), ("*", m.joined(trees))]
@@ -213,7 +213,7 @@ def _relation(op: str) -> str:
 
 
 def _flat(left: m.Math, sign: m.Math, right: m.Math) -> m.Math:
-    """A sum in one row, so that it can break at any of its signs."""
+    """Return a sum in one row, so that it can break at any of its signs."""
     head = (
         left.items
         if isinstance(left, m.Row) and any(x in (m.Sym("+"), m.Sym("−")) for x in left.items[1:])
@@ -223,12 +223,12 @@ def _flat(left: m.Math, sign: m.Math, right: m.Math) -> m.Math:
 
 
 def _leads(piece: Piece, operand: m.Math) -> bool:
-    """Whether an operand leads with a sign, being without brackets."""
+    """Return whether an operand leads with a sign, being without brackets."""
     return piece.signed and operand is piece.tree
 
 
 def _signed(sign: str, piece: Piece) -> Piece:
-    """A piece with a sign before it, which binds no tighter than the piece does."""
+    """Return a piece with a sign before it, which binds no tighter than the piece does."""
     (operand,) = operands("sign", [piece])
     own = applied("sign", m.Row((m.Sym(sign), operand)), signed=True)
     return replace(own, level=min(own.level, piece.level if operand is piece.tree else Level.ATOM))
@@ -239,7 +239,7 @@ def _is_slice(expr: s.Expr) -> bool:
 
 
 def _pull_sign(expr: s.Expr) -> tuple[bool, s.Expr]:
-    """-a*b over c is minus a*b over c."""
+    """Write -a*b over c as minus a*b over c."""
     match expr:
         case s.Unary(op="-", operand=operand):
             return True, operand
@@ -251,7 +251,7 @@ def _pull_sign(expr: s.Expr) -> tuple[bool, s.Expr]:
 
 
 def _number(text: str) -> Piece:
-    """Digits as written; an exponent as a power of ten."""
+    """Return digits as written; an exponent as a power of ten."""
     mantissa, mark, exponent = text.lower().replace("_", "").partition("e")
     if not mark or not exponent.lstrip("+-").isdigit():
         return Piece(m.Num(text.replace("_", "")))

@@ -77,7 +77,7 @@ def _big(sign: m.Big, body: Piece) -> Piece:
 
 
 def _over_range(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
-    """Sum of `[e for i in range(n)]`."""
+    """Return sum of `[e for i in range(n)]`."""
     match arg:
         case s.Comprehension(is_set=False, element=inner, clauses=(s.Clause((name,), s.Call("range", (n,)), ()),)):
             index = w.notation.symbol(name)
@@ -88,12 +88,12 @@ def _over_range(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
 
 
 def _over_domains(w: Writer, arg: s.Comprehension, sign: str) -> Piece:
-    """Sum of any other comprehension: one term for each value of its variables, equal ones included."""
+    """Return sum of any other comprehension: one term for each value of its variables, equal ones included."""
     return _big(m.Big(sign, m.joined([*_domains(w, arg), *_conditions(w, arg)])), under(w, arg).number(arg.element))
 
 
 def _over_slice(w: Writer, arg: s.Expr, sign: str) -> Piece | None:
-    """Sum of `x[a:b]`, where the end can be told."""
+    """Return sum of `x[a:b]`, where the end can be told."""
     match arg:
         case s.Subscript(value=s.Name() as name, indices=(s.Slice(start=start, stop=stop, step=None),)):
             end = stop if stop is not None else w.notation.lengths.get(name.id)
@@ -136,7 +136,7 @@ def _where(w: Writer, call: s.Call) -> Piece | None:
 
 
 def by_elements(w: Writer, expr: s.Expr) -> Piece | None:
-    """A vector as a family of its elements, with their index below; None for a single value."""
+    """Return a vector as a family of its elements, with their index below; None for a single value."""
     found = pointwise(w, expr)
     if found is None:
         return None
@@ -162,7 +162,7 @@ def _box(w: Writer, call: s.Call) -> Piece | None:
 
 
 def _joined(w: Writer, call: s.Call) -> Piece:
-    """One list of all that is joined: the elements of lists that are written out, and what nested calls join."""
+    """Return one list of all that is joined: the elements of lists that are written out, and what nested calls join."""
     return w.piece(s.Vector(tuple(_parts(w, call.args)), call.place))
 
 
@@ -188,7 +188,7 @@ IDIOMS: dict[str, Callable[[Writer, s.Call], Piece | None]] = {
 
 
 def less_one(w: Writer, n: s.Expr) -> m.Math:
-    """n - 1, worked out where n is a number or already ends in a number."""
+    """Return n - 1, worked out where n is a number or already ends in a number."""
     match n:
         case s.Number(value=int(value)) if value > 0:
             return m.Num(str(value - 1))
@@ -200,7 +200,7 @@ def less_one(w: Writer, n: s.Expr) -> m.Math:
 
 
 def interval(low: m.Math, high: m.Math) -> m.Math:
-    """The integers from low to high; few of them are written out."""
+    """Return the integers from low to high; few of them are written out."""
     try:
         first, last = (int(str(getattr(x, "text", "?"))) for x in (low, high))
     except ValueError:
@@ -211,7 +211,7 @@ def interval(low: m.Math, high: m.Math) -> m.Math:
 
 
 def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
-    """A set-builder; a vector's comprehension as a family with its index below."""
+    """Return a set-builder; a vector's comprehension as a family with its index below."""
     targets, domains, conditions = [_target(w, c) for c in expr.clauses], _domains(w, expr), _conditions(w, expr)
     inner = under(w, expr).number(expr.element).tree
     if not expr.is_set:
@@ -224,7 +224,7 @@ def comprehension(w: Writer, expr: s.Comprehension) -> m.Math:
 
 
 def _domains(w: Writer, expr: s.Comprehension) -> list[m.Math]:
-    """Where the variables of a comprehension go."""
+    """Return the sets that the variables of a comprehension run over."""
     sets = operands("domain", (w.piece(c.domain) for c in expr.clauses))
     return [m.Row((_target(w, c), m.Sym("∈"), domain)) for c, domain in zip(expr.clauses, sets, strict=True)]
 
@@ -234,7 +234,7 @@ def _conditions(w: Writer, expr: s.Comprehension) -> list[m.Math]:
 
 
 def _are_distinct(domain: s.Expr) -> bool:
-    """Whether a variable goes to no value twice, so that values can be counted in its place."""
+    """Return whether a variable goes to no value twice, so that values can be counted in its place."""
     match domain:
         case s.Call(function="range" | "box") | s.SetOf() | s.Comprehension(is_set=True):
             return True
@@ -248,7 +248,7 @@ def _target(w: Writer, clause: s.Clause) -> m.Math:
 
 
 def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
-    """`x % n == 0` as a congruence."""
+    """Return `x % n == 0` as a congruence."""
     match expr:
         case s.Compare(first=s.Binary(op="%", left=x, right=n), rest=(("==" | "!=" as op, s.Number(value=0)),)):
             sign = m.Sym("≡") if op == "==" else m.Sym("≢")
@@ -263,7 +263,7 @@ def divisible(w: Writer, expr: s.Compare) -> m.Math | None:
 
 
 def distribution(w: Writer, call: s.Call) -> Piece:
-    """A distribution by name; independent draws of one shape as a power."""
+    """Return a distribution by name; independent draws of one shape as a power."""
     first = call.args[0] if len(call.args) == 1 and not call.keywords else None
     if call.function == CATEGORICAL.name and isinstance(first, s.Weights):
         return applied("cases", piecewise.cases(w, first))
@@ -284,7 +284,7 @@ def distribution(w: Writer, call: s.Call) -> Piece:
 
 
 def _of_elements(w: Writer, call: s.Call, given: Mapping[str, s.Expr]) -> Piece:
-    """A family of distributions with their index below: a matrix of deviations is squared element by element."""
+    """Return a family of distributions with their index below: a matrix of deviations is squared element by element."""
     at = indices(w, call, max(rank(w, value) for value in given.values()))
     inner = replace(w, notation=w.notation.with_axes({index.id: 0 for index in at}))
     keywords = tuple((name, element(inner, value, at)) for name, value in given.items())

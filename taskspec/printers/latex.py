@@ -30,7 +30,7 @@ _NAMES = {"arg min": r"\arg\min", "arg max": r"\arg\max"}
 
 
 def escape(text: str) -> str:
-    """Text for LaTeX's text mode: every special character is written out, nothing can become a command."""
+    """Return text for LaTeX's text mode: every special character is written out, nothing can become a command."""
     return "".join(_character(char) for char in text)
 
 
@@ -48,7 +48,7 @@ def _character(char: str) -> str:
 
 
 def _glyph(char: str) -> str:
-    """One character in mathematics."""
+    """Return one character in mathematics."""
     if char in c.TEX_LETTER:
         return rf"\{c.TEX_LETTER[char]}"
     if char in c.TEX_SYMBOL:
@@ -62,7 +62,7 @@ def _glyph(char: str) -> str:
 
 
 def latex(node: m.Math) -> str:
-    """LaTeX of a tree, for math mode."""
+    """Return LaTeX of a tree, for math mode."""
     return _write(node).strip()
 
 
@@ -123,7 +123,7 @@ def _ident(node: m.Ident) -> str:
 
 
 def _safe(text: str) -> str:
-    """Letters of a name in mathematics; anything else goes through text mode."""
+    """Return letters of a name in mathematics; anything else goes through text mode."""
     return (
         text
         if _WORD.fullmatch(text)
@@ -136,7 +136,7 @@ def _glyph_or_text(char: str) -> str:
 
 
 def _number(text: str) -> str:
-    """Digits as they are."""
+    """Return digits as they are."""
     text = text.replace("−", "-").replace("∞", r"\infty ")
     return text.replace("%", r"\%") if re.fullmatch(r"-?[0-9./%]+|-?\\infty ", text) else rf"\text{{{escape(text)}}}"
 

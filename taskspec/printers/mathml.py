@@ -14,7 +14,7 @@ _DISPLAY = ' display="block"'
 
 
 def mathml(node: m.Math, block: bool = False) -> str:
-    """A `<math>` element; its alternative text is the plain form."""
+    """Return a `<math>` element; its alternative text is the plain form."""
     display = _DISPLAY if block else ""
     alt = escape(plain(node), quote=True)
     return f'<math{display} alttext="{alt}">{_write(node)}</math>'
@@ -66,12 +66,12 @@ def _write(node: m.Math) -> str:
 
 
 def _items(items: tuple[m.Math, ...]) -> str:
-    """Neighbours, with the invisible gap after a function's name."""
+    """Return neighbours, with the invisible gap after a function's name."""
     return "".join(_write(item) for item in items)
 
 
 def _held(text: str) -> str:
-    """Spaces at the ends of words, which MathML would drop."""
+    """Keep spaces at the ends of words, which MathML would drop."""
     inner = text.strip(" ")
     lead, tail = text[: len(text) - len(text.lstrip(" "))], text[len(text.rstrip(" ")) :]
     return "\u00a0" * len(lead) + inner + "\u00a0" * (len(tail) if inner else 0)

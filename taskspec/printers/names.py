@@ -16,9 +16,6 @@ from taskspec.printers.symbols import label, symbol
 from taskspec.task.names import signature
 from taskspec.task.task import Component, Task
 
-# ---------- notation
-# What names look like, and the two readings of an expression, as a value and as a condition.
-
 
 @dataclass(frozen=True)
 class Notation:
@@ -39,7 +36,7 @@ class Notation:
         return self.symbols.get(name) or symbol(name)
 
     def label(self, name: str, of: str | None) -> m.Math | None:
-        """The symbol of a label, of the given component or of whichever has it."""
+        """Return the symbol of a label, of the given component or of whichever has it."""
         if of is not None and name in self.labels.get(of, {}):
             return self.labels[of][name]
         if name in self.symbols:
@@ -62,10 +59,10 @@ class Writer(ABC):
 
     @abstractmethod
     def piece(self, expr: s.Expr) -> Piece:
-        """An expression by its form."""
+        """Return an expression by its form."""
 
     def number(self, expr: s.Expr) -> Piece:
-        """An expression used as a value: conditions count as 0 and 1."""
+        """Return an expression used as a value: conditions count as 0 and 1."""
         if isinstance(expr, s.Boolean):
             return Piece(m.Num(str(int(expr.value))))
         if self.is_condition(expr):
@@ -73,13 +70,13 @@ class Writer(ABC):
         return self.piece(expr)
 
     def truth(self, expr: s.Expr) -> Piece:
-        """An expression used as a condition."""
+        """Return an expression used as a condition."""
         if isinstance(expr, s.Boolean):
             return Piece(m.upright("true" if expr.value else "false"))
         return self.piece(expr)
 
     def is_condition(self, expr: s.Expr) -> bool:
-        """Whether an expression is a condition by its form (a bool component is a number, 0 or 1)."""
+        """Return whether an expression is a condition by its form (a bool component is a number, 0 or 1)."""
         match expr:
             case s.Compare() | s.Logical() | s.Unary(op="not"):
                 return True
@@ -94,12 +91,11 @@ class Writer(ABC):
         return [self.number(e).tree for e in exprs]
 
 
-# ---------- names
-# The notation of a task: what its parameters, components, constants, definitions and labels look like.
+# ---------- the notation of a task
 
 
 def of_task(task: Task) -> Notation:
-    """The notation that every part of a task's printed form shares."""
+    """Return the notation that every part of a task's printed form shares."""
     components = (*task.state, *task.action, *(() if task.memory is None else task.memory.components))
     return Notation(
         symbols=dict(_symbols(task)),
@@ -121,7 +117,7 @@ def of_task(task: Task) -> Notation:
 
 
 def _axes(task: Task) -> dict[str, int]:
-    """How many axes every name of a task has; a vector of one element is written like a number."""
+    """Return how many axes every name of a task has; a vector of one element is written like a number."""
     components = (*task.state, *task.action, *(() if task.memory is None else task.memory.components))
     return {
         **dict.fromkeys((p.name for p in task.parameters), 0),
@@ -155,13 +151,13 @@ def _labels(component: Component) -> Iterator[tuple[str, m.Math]]:
 
 
 def _length(shape: Any) -> s.Expr | None:
-    """The length of a component along its first axis, as the author wrote it."""
+    """Return the length of a component along its first axis, as the author wrote it."""
     first = shape[0] if isinstance(shape, list) and shape else shape
     return None if first in (None, []) else expression(first)
 
 
 def expression(value: Any) -> s.Expr:
-    """A value of a declaration (a bound, a length) as surface syntax; it has been checked, so it parses."""
+    """Return a value of a declaration (a bound, a length) as surface syntax; it has been checked, so it parses."""
     if isinstance(value, list):
         place = s.Place(nowhere(""), 0, 0)
         return s.Vector(tuple(expression(v) for v in value), place)
@@ -172,7 +168,7 @@ def expression(value: Any) -> s.Expr:
 
 
 def nowhere(text: str) -> s.SourceText:
-    """A text that no file holds."""
+    """Return a text that no file holds."""
 
     def locate(start: int, end: int) -> Any:
         return None

@@ -13,8 +13,6 @@ from taskspec.printers import tree as m
 from taskspec.printers.tex import read
 
 # ---------- brackets
-# Where brackets stand: for every operator how tightly it binds, and how tightly each of its operands must.
-#
 # One table for what is printed as text, where the grammar of the language decides, and one for mathematics, where the eye does
 # (operators, functions and distributions say it in their entries):
 # a fraction and a floor enclose what is in them, a remainder binds less than a sum, a sum sign takes the product after it,
@@ -27,7 +25,7 @@ CHOICE, SIGN, NAME = 0, 7, 9
 
 
 def _grammar(symbol: str) -> Brackets:
-    """An operator that groups from the left."""
+    """Return an operator that groups from the left."""
     own = INFIX[symbol].precedence
     return Brackets(own, (own, own + 1))
 
@@ -65,8 +63,7 @@ NOTATION: dict[str, Brackets] = {
 }
 
 
-# ---------- pieces
-# Parts of notation: a tree with its precedence, templates of the operator table, products, primes, indicators.
+# ---------- parts of notation
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,24 +75,24 @@ class Piece:
     signed: bool = False
 
     def at(self, level: int, lead: bool = False) -> m.Math:
-        """The tree as an operand that must bind at least this tightly; in sums and products only one that leads has a sign."""
+        """Return the tree as an operand that must bind at least this tightly; in sums and products only the first has a sign."""
         fits = self.level >= level and (lead or not self.signed or level <= Level.EXTREME)
         return self.tree if fits else m.brackets(self.tree)
 
 
 def operands(operator: str, pieces: Iterable[Piece]) -> list[m.Math]:
-    """The operands of an operator, with the brackets that it asks for."""
+    """Return the operands of an operator, with the brackets that it asks for."""
     rule = NOTATION.get(operator, ENCLOSED)
     return [piece.at(rule.operand(i), lead=rule.lead and i == 0) for i, piece in enumerate(pieces)]
 
 
 def applied(operator: str, tree: m.Math, signed: bool = False) -> Piece:
-    """What an operator makes, as a piece."""
+    """Return the application of an operator, as a piece."""
     return Piece(tree, NOTATION.get(operator, ENCLOSED).own, signed)
 
 
 def prime(tree: m.Math, primed: bool = True) -> m.Math:
-    """A symbol with a prime, between its subscript and whatever follows."""
+    """Return a symbol with a prime, between its subscript and whatever follows."""
     if not primed:
         return tree
     if isinstance(tree, m.Script) and tree.sup is None:
@@ -108,7 +105,7 @@ def indicator(truth: m.Math) -> m.Math:
 
 
 def multiply(trees: Sequence[m.Math]) -> m.Math:
-    """A product: letters and numbers stand side by side, anything else takes a dot."""
+    """Return a product: letters and numbers stand side by side, anything else takes a dot."""
     out: list[m.Math] = []
     for left, tree in zip([None, *trees], trees, strict=False):
         if left is not None and not _may_touch(left, tree):
@@ -120,7 +117,7 @@ def multiply(trees: Sequence[m.Math]) -> m.Math:
 
 
 def _may_touch(left: m.Math, right: m.Math) -> bool:
-    """Whether two factors can stand side by side without being read as something else."""
+    """Return whether two factors can stand side by side without being read as something else."""
     if isinstance(right, m.Script | m.Ident) and _letter(right):
         return _letter(_unsigned(left)) or isinstance(_last(left), m.Num | m.Frac)
     if isinstance(right, m.Fence) and right.left == "(":
@@ -129,7 +126,7 @@ def _may_touch(left: m.Math, right: m.Math) -> bool:
 
 
 def _letter(node: m.Math) -> bool:
-    """A single letter, with whatever is written around it."""
+    """Return a single letter, with whatever is written around it."""
     match node:
         case m.Ident(text=text, style=style):
             return len(text) == 1 and style == "italic"
@@ -140,19 +137,19 @@ def _letter(node: m.Math) -> bool:
 
 
 def _unsigned(node: m.Math) -> m.Math:
-    """A factor without its sign."""
+    """Return a factor without its sign."""
     if isinstance(node, m.Row) and len(node.items) == 2 and isinstance(node.items[0], m.Sym):
         return node.items[1]
     return node
 
 
 def _last(node: m.Math) -> m.Math:
-    """What a factor ends with: the 2 of -2."""
+    """Return what a factor ends with: the 2 of -2."""
     return _last(node.items[-1]) if isinstance(node, m.Row) and node.items else node
 
 
 def _is_name(node: m.Math) -> bool:
-    """A named function with its arguments, such as sin(x)."""
+    """Return a named function with its arguments, such as sin(x)."""
     return (
         isinstance(node, m.Row)
         and len(node.items) == 2
@@ -163,7 +160,7 @@ def _is_name(node: m.Math) -> bool:
 
 
 def fill(latex: str, holes: Iterable[tuple[str, m.Math]]) -> m.Math:
-    """A template of the operator table with trees in its holes."""
+    """Return a template of the operator table with trees in its holes."""
     values = dict(holes)
     return _tidy(_fill(parsed(latex, tuple(values)), values))
 
@@ -208,7 +205,7 @@ def _fill(node: m.Math, values: Mapping[str, m.Math]) -> m.Math:
 
 
 def _tidy(node: m.Math) -> m.Math:
-    """A filled template without what nobody writes: 1 squared."""
+    """Return a filled template without what nobody writes: 1 squared."""
     match node:
         case m.Script(base=m.Num(text="0" | "1") as base, sub=None, sup=m.Num(text="2"), primes=0):
             return base

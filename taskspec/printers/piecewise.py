@@ -18,7 +18,7 @@ IF = m.Words("if ")
 
 
 def cases(w: Writer, expr: s.Expr) -> m.Math:
-    """A value by cases."""
+    """Return a value by cases."""
     if isinstance(expr, s.Weights):
         return m.Cases(tuple(_chance(w, value, p) for value, p in expr.pairs))
     return m.Cases(tuple(_rows(w, expr)))
@@ -51,7 +51,7 @@ def _chance(w: Writer, value: s.Expr, p: s.Expr) -> tuple[m.Math, m.Math]:
 
 
 def _table(w: Writer, table: s.Table) -> Iterator[tuple[m.Math, m.Math]]:
-    """Lines of which the first that applies gives the value."""
+    """Return lines, the first of which that applies gives the value."""
     for group in _groups(table.rows):
         tree = w.number(group.cell).tree
         if any(all(key is None for key in keys) for keys in group.rows):
@@ -70,7 +70,7 @@ class _Group:
 
 
 def _groups(rows: Iterable[s.TableRow]) -> list[_Group]:
-    """Rows with equal cells together, unless a row between them applies to some of the same values."""
+    """Return rows with equal cells together, unless a row between them applies to some of the same values."""
     groups: list[_Group] = []
     latest: dict[str, int] = {}
     partial: list[tuple[int, Keys]] = []  # rows with an `else`, and where they stand: any two others are disjoint
@@ -90,7 +90,7 @@ def _groups(rows: Iterable[s.TableRow]) -> list[_Group]:
 
 
 def _without_rest(groups: list[_Group]) -> list[_Group]:
-    """The groups less the rows that `else`, at the end, is there for."""
+    """Return the groups less the rows that `else`, at the end, is there for."""
     *some, last = groups
     if any(key is not None for key in last.rows[-1]):
         return groups
@@ -103,12 +103,12 @@ def _without_rest(groups: list[_Group]) -> list[_Group]:
 
 
 def _overlap(one: Keys, other: Keys) -> bool:
-    """Whether some values fit two rows; what a row does not look at, or has `else` for, fits all."""
+    """Return whether some values fit two rows; what a row does not look at, or has `else` for, fits all."""
     return all(a is None or b is None or text(a) == text(b) for a, b in zip(one, other, strict=False))
 
 
 def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys, s.Expr]]:
-    """The cells with their keys, `else` after the others."""
+    """Yield the cells with their keys, `else` after the others."""
     for row in sorted(rows, key=lambda row: row.key is None):
         keys = (*before, row.key)
         if isinstance(row.body, tuple):
@@ -118,7 +118,7 @@ def _flat(rows: Iterable[s.TableRow], before: Keys = ()) -> Iterator[tuple[Keys,
 
 
 def _keys(w: Writer, by: Sequence[s.Expr], rows: list[tuple[s.Expr | None, ...]]) -> m.Math:
-    """The condition that one of the rows applies."""
+    """Return the condition that one of the rows applies."""
     if all(len(keys) == 1 for keys in rows):
         return _equal(w, by[0], [keys[0] for keys in rows if keys[0] is not None])
     conjunctions = [
@@ -140,7 +140,7 @@ def _equal(w: Writer, column: s.Expr, keys: list[s.Expr]) -> m.Math:
 
 
 def has_arrows(table: s.Expr, state: str, actions: Sequence[str]) -> bool:
-    """Whether a table of a state component's next value reads as transitions: by the state, maybe by the action."""
+    """Return whether a table of a state component's next value reads as transitions: by the state, maybe by the action."""
     if not isinstance(table, s.Table) or len(table.by) > 2:
         return False
     plain = [c.id if isinstance(c, s.Name) and not c.primed else None for c in table.by]
@@ -148,7 +148,7 @@ def has_arrows(table: s.Expr, state: str, actions: Sequence[str]) -> bool:
 
 
 def arrows(w: Writer, table: s.Table, state: str, action: m.Math, actions: str) -> list[m.Math]:
-    """One line for each state: `s --a--> s'` for every action.
+    """Return one line for each state: `s --a--> s'` for every action.
 
     Args:
         w: writes the labels of the state.

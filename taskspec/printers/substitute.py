@@ -18,7 +18,7 @@ _EXACT: dict[str, Callable[[Any, Any], Any]] = {
 
 
 def substitute(node: T, values: Mapping[str, Any]) -> T:
-    """The same tree with names replaced by numbers and constant arithmetic folded."""
+    """Return the same tree with names replaced by numbers and constant arithmetic folded."""
     return _go(node, values)  # type: ignore[no-any-return]
 
 
@@ -59,7 +59,7 @@ def _digits(value: int | float) -> str:
 
 
 def _fold(node: Any) -> Any:
-    """Arithmetic of two integers, done; anything else stays as written."""
+    """Return arithmetic of two integers, done; anything else stays as written."""
     match node:
         case s.Binary(op=op, left=left, right=right, place=place):
             a, b = _integer(left), _integer(right)
@@ -72,7 +72,7 @@ def _fold(node: Any) -> Any:
 
 
 def _unit(node: s.Binary) -> s.Expr:
-    """x * 1, 1 * x, x + 0."""
+    """Simplify x * 1, 1 * x and x + 0."""
     a, b = _integer(node.left), _integer(node.right)
     if node.op == "*" and a == 1:
         return node.right

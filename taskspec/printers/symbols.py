@@ -12,7 +12,7 @@ _CONSTANTS = {"inf": "∞", "nan": "NaN"}
 
 
 def symbol(name: str, given: str | None = None) -> Math:
-    """The symbol of a name; the author's own, in TeX, comes first."""
+    """Return the symbol of a name; the author's own, in TeX, comes first."""
     if given is not None:
         return _given(given)
     found = _letter(name)
@@ -29,7 +29,7 @@ def symbol(name: str, given: str | None = None) -> Math:
 
 
 def _given(text: str) -> Math:
-    """A symbol in TeX; a bare word (`dx`) is a name, not a product of letters."""
+    """Return a symbol in TeX; a bare word (`dx`) is a name, not a product of letters."""
     if text.isalnum() and len(text) > 1 and not text.isdigit():
         return Ident(text)
     return read(text)
@@ -48,7 +48,7 @@ def _base(name: str) -> Math:
 
 
 def label(name: str, given: str | None = None) -> Math:
-    """The symbol of a label of a choice: the author's, or the word itself."""
+    """Return the symbol of a label of a choice: the author's, or the word itself."""
     if given is not None:
         found = _given(given)
         return Ident(found.text) if isinstance(found, Sym) else found

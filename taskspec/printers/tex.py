@@ -28,8 +28,7 @@ from taskspec.printers.tree import (
     row,
 )  # fmt: skip
 
-# ---------- characters
-# Characters of mathematics and what TeX calls them: one table for reading and for writing.
+# ---------- characters, for reading and for writing
 
 GREEK: dict[str, str] = {
     "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ϵ", "varepsilon": "ε", "zeta": "ζ",
@@ -89,9 +88,7 @@ TEX_LETTER: dict[str, str] = {char: name for name, char in GREEK.items()}
 TEX_SYMBOL: dict[str, str] = {char: name for name, char in SYMBOLS.items()} | {"−": "-", "∼": "sim"}
 
 
-# ---------- tex
-# A small part of TeX's mathematics -> the mathematics tree.
-#
+# ---------- the reader
 # Reads the templates of the operator table, the symbols that authors give and the `$...$` of descriptions. Commands
 # come from a closed list; anything else is shown as the text it is, so that no text of a spec reaches TeX as a command.
 
@@ -132,7 +129,7 @@ class _TexReader:
             self.at += 1
 
     def items(self, *stops: str) -> list[Math]:
-        """Things up to one of the stops (left where it is) or the end."""
+        """Return things up to one of the stops (left where it is) or the end."""
         found: list[Math] = []
         self.stops.extend(stops)
         self.depth += 1
@@ -162,7 +159,7 @@ class _TexReader:
         return Script(base, sub, sup, primes)
 
     def argument(self) -> Math:
-        """A group, or the next single thing."""
+        """Return a group, or the next single thing."""
         self.skip_blanks()
         if self.peek() is None:
             return Row(())
@@ -170,7 +167,7 @@ class _TexReader:
         return row(*found)
 
     def digit_or_argument(self) -> Math:
-        r"""As `argument`, but of a number only the first digit: `\frac12` is a half."""
+        r"""Read an argument; of a number only the first digit: `\\frac12` is a half."""
         self.skip_blanks()
         token = self.peek()
         if token is None or not token[0].isdigit():
@@ -207,7 +204,7 @@ class _TexReader:
         return row(*inner)
 
     def raw(self, peek_only: bool = False) -> str:
-        """The text of a group as written, its opening brace already read."""
+        """Return the text of a group as written, its opening brace already read."""
         start, level, at = self.at, 1, self.at
         while at < len(self.tokens) and level:
             level += {"{": 1, "}": -1}.get(self.tokens[at], 0)
@@ -224,7 +221,7 @@ class _TexReader:
         return self.raw()
 
     def fenced(self, left: str, right: str, token: str | None = None) -> Math:
-        """A body up to its closing delimiter; when that is missing the opening one stands alone."""
+        """Return a body up to its closing delimiter; when that is missing the opening one stands alone."""
         close = token if token is not None else RIGHT_TEX.get(right, right)
         inner = self.items(close)
         if self.peek() == close:
@@ -311,18 +308,18 @@ class _TexReader:
 
 
 def _closing(token: str) -> tuple[str, str]:
-    """The closing delimiter of an opening command: its character and its command."""
+    """Return the closing delimiter of an opening command: its character and its command."""
     closing = token.replace(r"\l", r"\r") if token != r"\{" else r"\}"
     return DELIMITERS[closing], closing
 
 
 def _spaces(text: str) -> str:
-    """The text of an upright name: TeX's spaces are spaces."""
+    """Return the text of an upright name: TeX's spaces are spaces."""
     return text.replace(r"\,", "\u2009").replace(r"\ ", " ").replace(r"\_", "_")
 
 
 def read(text: str, holes: Collection[str] = ()) -> Math:
-    """The tree of a piece of TeX mathematics.
+    """Return the tree of a piece of TeX mathematics.
 
     Never fails: what it does not know is shown as text.
 

@@ -9,12 +9,9 @@ from taskspec.printers import tex as c
 from taskspec.printers import tree as m
 from taskspec.printers.pieces import NAME, TEXT
 
-# ---------- text
-# Surface syntax -> text that parses to the same tree, with the fewest brackets.
-
 
 def text(expr: s.Expr) -> str:
-    """An expression as text.
+    """Return an expression as text.
 
     What only YAML can write (`if:`/`then:` lists, `by:`/`rows:` tables) comes out as conditionals of the same
     meaning; `data` keeps their form.
@@ -23,7 +20,7 @@ def text(expr: s.Expr) -> str:
 
 
 def data(expr: s.Expr) -> Any:
-    """An expression as YAML data that reads as the same tree."""
+    """Return an expression as YAML data that reads as the same tree."""
     match expr:
         case s.Piecewise(branches=branches, otherwise=otherwise):
             pieces = [{"if": data(c), "then": data(v)} for c, v in branches]
@@ -53,14 +50,14 @@ def _rows(rows: tuple[s.TableRow, ...]) -> dict[str, Any]:
 
 
 def _operands(operator: str, *exprs: s.Expr) -> list[str]:
-    """The operands of an operator, with the brackets that it asks for."""
+    """Return the operands of an operator, with the brackets that it asks for."""
     rule = TEXT[operator]
     parts = [(_write(expr), rule.operand(i)) for i, expr in enumerate(exprs)]
     return [written if own >= least else f"({written})" for (written, own), least in parts]
 
 
 def _write(expr: s.Expr) -> tuple[str, int]:
-    """An expression, and how tightly its outermost operator binds."""
+    """Return an expression, and how tightly its outermost operator binds."""
     match expr:
         case s.Number(text=written):
             return written, NAME
@@ -142,7 +139,7 @@ def _conditional(branches: tuple[tuple[s.Expr, s.Expr], ...], otherwise: s.Expr,
 
 
 def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place: s.Place) -> s.Expr:
-    """A table as nested conditionals; where no row is for everything else, the last row is."""
+    """Return a table as nested conditionals; where no row is for everything else, the last row is."""
     pairs = [
         (row.key, _as_conditional(by[1:], row.body, place) if isinstance(row.body, tuple) else row.body) for row in rows
     ]
@@ -154,8 +151,7 @@ def _as_conditional(by: tuple[s.Expr, ...], rows: tuple[s.TableRow, ...], place:
     return _conditional(branches, last, place)
 
 
-# ---------- plain
-# The mathematics tree -> one line of plain text: alternative texts, labels, terminals.
+# ---------- mathematics as a line of Unicode
 
 _TIGHT = frozenset("()[]{}|‖′!")
 _AFTER = frozenset(",;:")
@@ -167,7 +163,7 @@ _SUBBED, _SUPPED = set("₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕ�
 
 
 def plain(node: m.Math) -> str:
-    """A readable line of Unicode text."""
+    """Return a readable line of Unicode text."""
     match node:
         case m.Ident(text=text, style="blackboard"):
             return c.BLACKBOARD.get(text, text)
@@ -210,7 +206,7 @@ def _row(items: tuple[m.Math, ...]) -> str:
 
 
 def _apart(node: m.Math, before: m.Math | None, after: tuple[m.Math, ...]) -> m.Math:
-    """A factor with its fraction in brackets where the slash would take in what stands beside it: (x/y)z."""
+    """Give pages different anchors, none of them a name of the files around them."""
     if isinstance(node, m.Frac) and before in _DIVIDES:
         return m.brackets(node)
     beside = next((x for x in after if not isinstance(x, m.Gap)), None)
@@ -219,7 +215,7 @@ def _apart(node: m.Math, before: m.Math | None, after: tuple[m.Math, ...]) -> m.
 
 
 def _closed(node: m.Math) -> m.Math:
-    """The same with the fraction that it ends with in brackets."""
+    """Put the fraction at the end in brackets."""
     if isinstance(node, m.Row) and node.items:
         return m.Row((*node.items[:-1], _closed(node.items[-1])))
     return m.brackets(node) if isinstance(node, m.Frac) else node

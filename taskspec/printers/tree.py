@@ -134,12 +134,12 @@ Math = (
 
 
 def row(*items: Math) -> Math:
-    """Things side by side; a single one stands for itself."""
+    """Return things side by side; a single one stands for itself."""
     return items[0] if len(items) == 1 else Row(items)
 
 
 def joined(items: Iterable[Math], mark: str = ",") -> Math:
-    """Items with a mark between them."""
+    """Return items with a mark between them."""
     found: list[Math] = []
     for item in items:
         found += [Sym(mark), item] if found else [item]
@@ -159,7 +159,7 @@ def upright(text: str) -> Ident:
 
 
 def children(node: Math) -> tuple[Math, ...]:
-    """What a node is made of, in reading order."""
+    """Return the children of a node, in reading order."""
     match node:
         case Row(items=items):
             return items
@@ -180,7 +180,7 @@ def children(node: Math) -> tuple[Math, ...]:
 
 
 def is_tall(node: Math) -> bool:
-    """Whether brackets around a node must grow."""
+    """Return whether brackets around a node must grow."""
     match node:
         case Frac() | Cases() | Matrix() | Big() | Root():
             return True
@@ -193,7 +193,7 @@ def is_tall(node: Math) -> bool:
 
 
 def width(node: Math) -> float:
-    """About how wide a node is, in letters; enough to decide where a line breaks."""
+    """Return about how wide a node is, in letters; enough to decide where a line breaks."""
     match node:
         case Ident(text=text) | Num(text=text) | Words(text=text):
             return 0.9 * len(text)

@@ -26,6 +26,7 @@ from taskspec.task.task import Example, Figure, Followed
 # ---------- figure
 # The section `figure`: the keys that its kind needs are checked, and its expressions become nodes; `figures` draws them.
 
+
 def figure(context: Context, scope: Scope) -> Figure | None:
     """What the section says; None without one.
 

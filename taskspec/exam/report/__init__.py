@@ -82,7 +82,7 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
 
 
 def _known(formats: Iterable[str], known: Sequence[str]) -> list[str]:
-    """The formats asked for, each once; another is refused."""
+    """Return the formats asked for, each once, or raise E713 for an unknown one."""
     wanted = list(dict.fromkeys(formats))
     for name in wanted:
         if name not in known:

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from taskspec.base.files import safe_name
-from taskspec.exam.report import rows as told
+from taskspec.exam.report import rows as report_rows
 from taskspec.exam.report.rows import SeedCell, TaskRow
 from taskspec.figures import chart
-from taskspec.figures.chart import Axis, Entry, Plot, Rgb, Sample
+from taskspec.figures.chart import Axes, BoxSample, LegendEntry, Rgb, Scale
 from taskspec.figures.scene import Anchor, Box, Hex, Item, Label, Line, Paint, Scene
 from taskspec.printers import tree as m
 
@@ -34,10 +34,10 @@ TITLE = 0.34
 
 def of_exam(exam: Mapping[str, Any]) -> Scene:
     """Draw a heat map (as printed, twins, the best constant action) beside the scores of every seed, and learning curves."""
-    rows = told.rows(exam)
+    rows = report_rows.rows(exam)
     names = max(chart.breadth(row.name) for row in rows) + 0.75
     cell = 2.2
-    seeds = Plot(
+    seeds = Axes(
         names + 3 * cell + 0.3, 0.0, 22.6 - names - 3 * cell, ROW * len(rows), _score_axis(rows, 0.08), _lanes(rows)
     )
     items: list[Item] = [*_title(exam)]
@@ -46,7 +46,7 @@ def of_exam(exam: Mapping[str, Any]) -> Scene:
         items += chart.words(row.name, (names - 0.6, y), anchor="end")
         if row.grade:
             items.append(
-                Label((names - 0.3, y), m.Words(told.SIGNS[row.grade]), 0.34, color=GRADES[row.grade], bold=True)
+                Label((names - 0.3, y), m.Words(report_rows.SIGNS[row.grade]), 0.34, color=GRADES[row.grade], bold=True)
             )
     cells = [[row.printed, row.twins, _constant(row)] for row in rows]
     items += _heat(names, cell, cells, ("as printed", "twins", "constant\naction"))
@@ -58,7 +58,7 @@ def of_exam(exam: Mapping[str, Any]) -> Scene:
 
 
 def _title(exam: Mapping[str, Any]) -> Iterator[Item]:
-    lines = [f"{exam['learner']}: {told.headline(exam)}", *textwrap.wrap(told.finding(exam), 115)]
+    lines = [f"{exam['learner']}: {report_rows.headline(exam)}", *textwrap.wrap(report_rows.finding(exam), 115)]
     for i, line in enumerate(lines):
         yield Label((0.0, -1.05 - 0.48 * (len(lines) - i)), m.Words(line), TITLE, "start")
 
@@ -78,21 +78,21 @@ def _heat(left: float, width: float, cells: Sequence[Sequence[SeedCell]], across
 
 def background(cell: SeedCell) -> Rgb:
     """Return the colour of a cell of a heat map."""
-    return told.NOT_RUN if cell.mean is None else told.colour(cell.mean)
+    return report_rows.NOT_RUN if cell.mean is None else report_rows.colour(cell.mean)
 
 
-def _score_axis(rows: Sequence[TaskRow], margin: float = 0.0) -> Axis:
+def _score_axis(rows: Sequence[TaskRow], margin: float = 0.0) -> Scale:
     """Return an axis for the scores of all seeds, which includes random actions and the expert."""
-    shown = told.cut([score for row in rows for cell in (row.printed, row.twins) for score in cell.scores])
-    return Axis(min([0.0, *shown]) - margin, max([1.0, *shown]) + margin)
+    shown = report_rows.cut([score for row in rows for cell in (row.printed, row.twins) for score in cell.scores])
+    return Scale(min([0.0, *shown]) - margin, max([1.0, *shown]) + margin)
 
 
-def _lanes(rows: Sequence[TaskRow]) -> Axis:
+def _lanes(rows: Sequence[TaskRow]) -> Scale:
     """Return an axis with a place for each row, the first at the top."""
-    return Axis(len(rows) - 0.5, -0.5)
+    return Scale(len(rows) - 0.5, -0.5)
 
 
-def _seeds(plot: Plot, rows: Sequence[TaskRow]) -> Iterator[Item]:
+def _seeds(plot: Axes, rows: Sequence[TaskRow]) -> Iterator[Item]:
     """Yield a box plot for each task, and one for its twins, on one scale."""
     for i in range(1, len(rows), 2):
         yield Box((plot.left, ROW * i), plot.width, ROW, chart.STRIPE, None)
@@ -108,16 +108,16 @@ def _seeds(plot: Plot, rows: Sequence[TaskRow]) -> Iterator[Item]:
         yield from chart.box_plot(plot, sample(row.printed), i - beside, PRINTED)
         yield from chart.box_plot(plot, sample(row.twins), i + beside, TWINS)
     entries = [
-        Entry("as printed", PRINTED, shape="circle", filled=True),
-        Entry("twins", TWINS, shape="circle", filled=True),
+        LegendEntry("as printed", PRINTED, shape="circle", filled=True),
+        LegendEntry("twins", TWINS, shape="circle", filled=True),
     ]
     yield from chart.legend(entries, plot.left + plot.width / 2 - 2.4, plot.bottom + 0.3, 8.0)
 
 
-def sample(cell: SeedCell) -> Sample:
+def sample(cell: SeedCell) -> BoxSample:
     """Return scores as charts show them, cut off below `FLOOR`."""
-    low, high = told.cut(cell.interval)
-    return Sample(told.cut(cell.scores), (low, high), max(cell.mean or 0.0, told.FLOOR))
+    low, high = report_rows.cut(cell.interval)
+    return BoxSample(report_rows.cut(cell.scores), (low, high), max(cell.mean or 0.0, report_rows.FLOOR))
 
 
 # ---------- learning curves
@@ -142,9 +142,9 @@ def _panels(rows: Sequence[TaskRow], top: float) -> Iterator[Item]:
         left = 0.9 + (i % ACROSS) * (width + 0.4)
         upper = top + (i // ACROSS) * (height + 1.5)
         steps = chart.axis([x for curve in row.curves for x, _ in curve], most=3)
-        steps = replace(steps, ticks=tuple((x, told.steps(x)) for x, _ in steps.ticks))
+        steps = replace(steps, ticks=tuple((x, report_rows.steps(x)) for x, _ in steps.ticks))
         y = scale if i % ACROSS == 0 else replace(scale, ticks=tuple((y, "") for y, _ in scale.ticks))
-        plot = Plot(left, upper, width, height, steps, y)
+        plot = Axes(left, upper, width, height, steps, y)
         yield from chart.frame(plot)
         yield from learning_curves(plot, row, CurveStyle())
         yield from chart.words(row.name, (left + width / 2, upper - 0.3))
@@ -156,10 +156,10 @@ def _panels(rows: Sequence[TaskRow], top: float) -> Iterator[Item]:
 def _levels(row: TaskRow) -> list[float]:
     """Return the scores that a panel has to have room for."""
     levels = [0.0, 1.0] if row.optimum is None else [0.0, 1.0, row.optimum]
-    return [*told.cut([y for curve in row.curves for _, y in curve]), *levels]
+    return [*report_rows.cut([y for curve in row.curves for _, y in curve]), *levels]
 
 
-def learning_curves(plot: Plot, row: TaskRow, style: CurveStyle) -> Iterator[Item]:
+def learning_curves(plot: Axes, row: TaskRow, style: CurveStyle) -> Iterator[Item]:
     """Yield scores over steps: every seed thin, their mean thick, with lines at the optimum, the expert and random actions."""
     if row.optimum is not None:
         yield chart.level(plot, row.optimum, style.optimum, "dotted")
@@ -167,8 +167,8 @@ def learning_curves(plot: Plot, row: TaskRow, style: CurveStyle) -> Iterator[Ite
     yield chart.level(plot, 0.0, style.random, "dashdot")
     for curve in row.curves:
         steps = [x for x, _ in curve]
-        yield from chart.polyline(plot, steps, told.cut([y for _, y in curve]), style.own, 0.02, shade=0.4)
-    steps, means = told.mean_curve(row.curves)
+        yield from chart.polyline(plot, steps, report_rows.cut([y for _, y in curve]), style.own, 0.02, shade=0.4)
+    steps, means = report_rows.mean_curve(row.curves)
     yield from chart.polyline(plot, steps, means, style.own, 0.06)
 
 
@@ -181,12 +181,12 @@ SIDE = 0.21
 """Margin on both sides."""
 
 
-def strip_axis(rows: Sequence[TaskRow]) -> Axis:
+def strip_axis(rows: Sequence[TaskRow]) -> Scale:
     """Return the axis that the strips of all tasks share."""
     return _score_axis(rows)
 
 
-def strip(row: TaskRow, scores: Axis) -> Scene:
+def strip(row: TaskRow, scores: Scale) -> Scene:
     """Draw the seeds of a task in one lane, and those of its twins in another below it."""
     lanes = [(cell, kind) for cell, kind in ((row.printed, "printed"), (row.twins, "twins")) if cell.scores]
     plot = _strip_plot(scores, max(len(lanes), 1))
@@ -196,11 +196,14 @@ def strip(row: TaskRow, scores: Axis) -> Scene:
     ]
     for i, (cell, kind) in enumerate(lanes):
         items += chart.box_plot(plot, sample(cell), i, PRINTED if kind == "printed" else TWINS)
-    parts = [f"{kind}: mean {told.decimal(cell.mean)} {told.interval(*cell.interval)}".strip() for cell, kind in lanes]
+    parts = [
+        f"{kind}: mean {report_rows.decimal(cell.mean)} {report_rows.interval(*cell.interval)}".strip()
+        for cell, kind in lanes
+    ]
     return Scene(STRIP[0], plot.bottom, tuple(items), f"{row.name}, {'; '.join(parts) or 'not run'}", font="sans")
 
 
-def strip_head(scores: Axis) -> Scene:
+def strip_head(scores: Scale) -> Scene:
     """Draw the line above the strips: where random actions and the expert are."""
     width, _ = STRIP
     plot = _strip_plot(scores, 1)
@@ -216,18 +219,18 @@ def strip_head(scores: Axis) -> Scene:
     return Scene(width, 0.37, tuple(items), "scores: random actions 0, expert 1", font="sans")
 
 
-def _strip_plot(scores: Axis, lanes: int) -> Plot:
+def _strip_plot(scores: Scale, lanes: int) -> Axes:
     width, height = STRIP
-    return Plot(SIDE, 0.0, width - 2 * SIDE, height * lanes + 0.1, scores, Axis(lanes - 0.5, -0.5))
+    return Axes(SIDE, 0.0, width - 2 * SIDE, height * lanes + 0.1, scores, Scale(lanes - 0.5, -0.5))
 
 
 def small_curves(row: TaskRow) -> Scene:
     """Draw learning curves without axes, for a row of small pictures."""
     last = max(1.0, *(x for curve in row.curves for x, _ in curve))
     values = _levels(row)
-    plot = Plot(0.1, 0.13, 4.27, 2.26, Axis(0.0, last), Axis(min(values), max(values)))
+    plot = Axes(0.1, 0.13, 4.27, 2.26, Scale(0.0, last), Scale(min(values), max(values)))
     style = CurveStyle(PRINTED, "muted", "muted", "muted")
-    alt = f"Learning curves of {row.name}, up to {told.steps(last)} steps"
+    alt = f"Learning curves of {row.name}, up to {report_rows.steps(last)} steps"
     return Scene(4.47, 2.53, tuple(learning_curves(plot, row, style)), alt, font="sans")
 
 
@@ -236,7 +239,7 @@ def small_curves(row: TaskRow) -> Scene:
 
 def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Scene]]:
     """Yield charts of several learners by the stems of their files: `table`, and box plots `task-NAME` and `learner-NAME`."""
-    found = {name: {row.name: row.printed for row in told.rows(exam)} for name, exam in exams.items()}
+    found = {name: {row.name: row.printed for row in report_rows.rows(exam)} for name, exam in exams.items()}
     tasks = dict.fromkeys(task for cells in found.values() for task in cells)
     yield "table", table(exams)
     for task in tasks:
@@ -251,7 +254,7 @@ def _stem(name: str) -> str:
 
 def table(exams: Mapping[str, Mapping[str, Any]], title: str = "") -> Scene:
     """Draw the paper's heat map: mean scores, learners across and tasks down; grey if one was not run."""
-    found = {name: {row.id: row for row in told.rows(exam)} for name, exam in exams.items()}
+    found = {name: {row.id: row for row in report_rows.rows(exam)} for name, exam in exams.items()}
     tasks = {task: row.name for by_task in found.values() for task, row in by_task.items()}
     cells = [[_cut(by[task].printed) if task in by else SeedCell(()) for by in found.values()] for task in tasks]
     width = 1.58
@@ -276,18 +279,19 @@ def _without_family(learners: Sequence[str]) -> list[str]:
 
 
 def _cut(cell: SeedCell) -> SeedCell:
-    return SeedCell(tuple(told.cut(cell.scores)), cell.failed)
+    return SeedCell(tuple(report_rows.cut(cell.scores)), cell.failed)
 
 
 def boxes(cells: Mapping[str, SeedCell], title: str) -> Scene:
     """Draw the paper's box plots: learners, or tasks, side by side, with the mean below each name."""
     colors = (PRINTED, chart.VERMILION, chart.GREEN, TWINS, chart.ORANGE, chart.SKY)
     names = tuple((i, f"{name}\n{cell.words or 'not run'}") for i, (name, cell) in enumerate(cells.items()))
-    x = Axis(-0.6, len(cells) - 0.4, names, angle=30 if len(cells) > 6 else 0)
+    x = Scale(-0.6, len(cells) - 0.4, names, angle=30 if len(cells) > 6 else 0)
     y = chart.axis(
-        [0.0, 1.0, *(score for cell in cells.values() for score in told.cut(cell.scores))], "score: 0 random, 1 expert"
+        [0.0, 1.0, *(score for cell in cells.values() for score in report_rows.cut(cell.scores))],
+        "score: 0 random, 1 expert",
     )
-    plot = Plot(0.0, 0.0, max(1.6 * len(cells), 3.0), 5.2, x, y)
+    plot = Axes(0.0, 0.0, max(1.6 * len(cells), 3.0), 5.2, x, y)
     items: list[Item] = [*chart.frame(plot), chart.level(plot, 0.0), chart.level(plot, 1.0)]
     for i, cell in enumerate(cells.values()):
         items += chart.box_plot(plot, sample(cell), i, colors[i % len(colors)], is_upright=True, half=0.2)

@@ -17,9 +17,6 @@ from taskspec.figures.chart import Rgb, blend
 from taskspec.rollout.statistics import estimate, mean
 from taskspec.rules.scores import side
 
-# ---------- tables
-# Scores of exams as a table in Parquet: a row for each seed on each task.
-
 COLUMNS = (
     "task", "twin", "probe", "seed", "deterministic", "stochastic", "half", "return", "error", "steps", "demonstrations",
     "comparisons", "seconds", "starc", "reward_regret",
@@ -39,8 +36,7 @@ def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
     return path
 
 
-# ---------- told
-# What a report shows of an exam, in whichever form: a row for each task, with the scores of its seeds.
+# ---------- rows of a report
 
 FLOOR = -1.0
 """Where pictures cut scores off, as the paper does; numbers are told as they are."""
@@ -74,7 +70,7 @@ class SeedCell:
 
     @property
     def words(self) -> str:
-        """The mean as it is written in a cell; why there is none."""
+        """The mean as text, or the reason why there is none."""
         return decimal(self.mean) if self.scores else "failed" if self.failed else "cannot" if self.cannot else ""
 
 
@@ -99,13 +95,13 @@ class TaskRow:
 
     @property
     def constant(self) -> float | None:
-        """The score of the best action that is taken always."""
+        """The score of the best constant action."""
         found = self.about.get("constant")
         return None if found is None else float(found)
 
     @property
     def grade(self) -> str | None:
-        """Whether the task is mastered, as printed and as twins; None where it was not run."""
+        """The grade of a task, as printed and as twins; None if it was not run."""
         known = [cell for cell in (self.printed, self.twins) if cell.scores]
         if not known:
             return None
@@ -122,19 +118,19 @@ class TaskRow:
 
 
 def named(task: str) -> str:
-    """What a report calls a task of an exam: `NoisyObs`, or `NoisyObs, L=50` where several are asked."""
+    """Return the name of a task in a report: `NoisyObs`, or `NoisyObs, L=50` for one of several instances."""
     about = ids.parse(task)
     name = about.name.partition("/")[2].rpartition("-v")[0] or about.name
     return ", ".join([name, *(f"{key}={value}" for key, value in about.parameters.items()), *about.modifiers])
 
 
 def left_out(exam: Mapping[str, Any]) -> list[str]:
-    """The tasks that the learner is not made for, each with the reason."""
+    """Return the tasks that the learner is not made for, each with the reason."""
     return [f"{named(task)}: {why}" for task, about in exam["tasks"].items() if (why := about.get("cannot"))]
 
 
 def rows(exam: Mapping[str, Any]) -> list[TaskRow]:
-    """The tasks of an exam, in its order."""
+    """Return the tasks of an exam, in its order."""
     found = []
     for task, about in exam["tasks"].items():
         own = [record for record in exam["scores"] if record["task"] == task]
@@ -163,13 +159,13 @@ def _cell(records: Iterable[Mapping[str, Any]], entry: str) -> SeedCell:
 
 
 def headline(exam: Mapping[str, Any]) -> str:
-    """What was examined: `learns from demonstrations; 500,000 steps, 15 seeds`."""
+    """Return what was examined: `learns from demonstrations; 500,000 steps, 15 seeds`."""
     source = " and ".join(exam["learns_from"]) or "nothing"
     return f"learns from {source}; {exam['steps']:,} steps, {counted(len(exam['seeds']), 'seed')}"
 
 
 def finding(exam: Mapping[str, Any]) -> str:
-    """The verdicts in one sentence."""
+    """Return the verdicts in one sentence."""
     graded: dict[str, list[str]] = {"masters": [], "unsure": [], "fails": []}
     for capability, verdict in exam["verdicts"].items():
         graded[verdict["verdict"]].append(capability)
@@ -180,13 +176,13 @@ def finding(exam: Mapping[str, Any]) -> str:
 
 
 def listed(names: Sequence[str]) -> str:
-    """`a, b and c`."""
+    """Return `a, b and c`."""
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last
 
 
 def costs(exam: Mapping[str, Any]) -> str:
-    """What an exam took: `7,500,000 steps, 150,000 demonstrated transitions, 84 s`."""
+    """Return the cost of an exam: `7,500,000 steps, 150,000 demonstrated transitions, 84 s`."""
     cost = exam["cost"]
     parts = [f"{int(cost.get('steps', 0)):,} steps"]
     parts += [f"{int(n):,} demonstrated transitions"] if (n := cost.get("demonstrations", 0)) else []
@@ -195,7 +191,7 @@ def costs(exam: Mapping[str, Any]) -> str:
 
 
 def duration(seconds: float) -> str:
-    """`84 s`, `12 min`, `3.5 h`."""
+    """Return `84 s`, `12 min`, `3.5 h`."""
     if seconds < 120:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
@@ -206,7 +202,7 @@ def counted(count: int, noun: str) -> str:
 
 
 def decimal(value: float | None) -> str:
-    """A score in two decimals, with a real minus sign; nothing for none."""
+    """Return a score in two decimals, with a real minus sign; nothing for none."""
     if value is None:
         return ""
     text = f"{value:.2f}"
@@ -214,7 +210,7 @@ def decimal(value: float | None) -> str:
 
 
 def interval(low: float | None, high: float | None) -> str:
-    """`0.81 to 0.95`; nothing for none, nor for one without a width."""
+    """Return `0.81 to 0.95`; nothing for none, nor for one without a width."""
     return "" if low is None or high is None or low == high else f"{decimal(low)} to {decimal(high)}"
 
 
@@ -224,17 +220,17 @@ def colour(score: float) -> Rgb:
 
 
 def cut(scores: Sequence[float]) -> list[float]:
-    """Scores as pictures show them."""
+    """Return scores as pictures show them."""
     return [max(score, FLOOR) for score in scores]
 
 
 def steps(count: float) -> str:
-    """`250k`, `1.5M`."""
+    """Return `250k`, `1.5M`."""
     return f"{count:g}" if count < 1000 else f"{count / 1e3:g}k" if count < 1e6 else f"{count / 1e6:g}M"
 
 
 def mean_curve(curves: Sequence[Sequence[tuple[float, float]]]) -> tuple[list[float], list[float]]:
-    """The mean over seeds at the steps where all of them were looked at."""
+    """Return the mean over seeds at the steps where all of them were looked at."""
     known = [dict(curve) for curve in curves]
     xs = sorted(set.intersection(*map(set, known)))
     return xs, [float(np.mean([max(each[x], FLOOR) for each in known])) for x in xs]

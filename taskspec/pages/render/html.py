@@ -5,7 +5,6 @@ The one script is the gallery's: it filters the tasks, and without it all of the
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -23,12 +22,9 @@ from taskspec.pages.page import Page
 from taskspec.pages.prose import is_safe
 from taskspec.pages.render.suite import Suite, html_environment
 
-BREAK_AFTER = 34.0
-_SIGNS = frozenset("=+−<>≤≥∼∧∨∈≡,")
-
 
 def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Files by name: `index.html` and one for each task.
+    """Return files by name: `index.html` and one for each task.
 
     Args:
         suite: the pages.
@@ -53,7 +49,7 @@ def site(suite: Suite, links: Mapping[str, str] | None = None) -> dict[str, str]
 
 
 def gallery(suite: Suite) -> str:
-    """The tasks as cards, with a field to search them and a button for each capability: a piece of HTML for a page of its own."""
+    """Return the tasks as cards, with a search field and a button for each capability, for a page of its own."""
     return visible(html_environment().get_template("cards.html").render(**_gallery(suite)), ON_PAGES)
 
 
@@ -63,12 +59,12 @@ def _gallery(suite: Suite) -> dict[str, Any]:
 
 
 def gallery_style() -> str:
-    """CSS of galleries and figures, for a page that says what `--ink`, `--paper` and the other colours are."""
+    """Return CSS of galleries and figures, for a page that says what `--ink`, `--paper` and the other colours are."""
     return html_environment().get_template("gallery.css").render()
 
 
 def page_style() -> str:
-    """CSS of pages that stand alone, with the colours on light and on dark paper."""
+    """Return CSS of pages that stand alone, with the colours on light and on dark paper."""
     return html_environment().get_template("style.css").render()
 
 
@@ -77,7 +73,7 @@ def _style() -> str:
 
 
 def page_of(template: str, **values: Any) -> str:
-    """A page that stands alone, in the style of the others: the templates are `report.html` and `findings.html`."""
+    """Return a page that stands alone, in the style of the others: the templates are `report.html` and `findings.html`."""
     env = html_environment()
     style = Markup("".join(env.get_template(name).render() for name in ("style.css", "report.css")))
     return visible(env.get_template(template).render(style=style, **values), ON_PAGES)
@@ -99,7 +95,7 @@ def _page(suite: Suite, page: Page) -> dict[str, Any]:
 
 
 def _card(suite: Suite, page: Page) -> dict[str, Any]:
-    """A task in the index: its line of facts and its thumbnail."""
+    """Return a task in the index: its line of facts and its thumbnail."""
     scene: Scene | None = suite.scenes.get(page.anchor)
     writer = HtmlWriter(suite.cited)
     spaces = [(name, section) for name, key in (("states", "state"), ("actions", "actions"), ("horizon", "horizon"))
@@ -114,12 +110,12 @@ def _card(suite: Suite, page: Page) -> dict[str, Any]:
     }  # fmt: skip
 
 
-# -- the source -------------------------------------------------------------------------------------------------------
+# ---------- the source of a task
 
 
 @lru_cache(maxsize=32)
 def _highlighted(text: str) -> Markup:
-    """YAML with its parts marked by class; the pages of variants have one source."""
+    """Return YAML with its parts marked by class; the pages of variants have one source."""
     pygments, lexers, formatters = (need(f"pygments{x}", "docs") for x in ("", ".lexers.data", ".formatters"))
     formatter = formatters.HtmlFormatter(nowrap=True, classprefix="y-")
     return Markup(pygments.highlight(text, lexers.YamlLexer(), formatter))
@@ -130,8 +126,3 @@ _KINDS = {"nt": "link", "c1": "muted", "m": "number", "kc": "number", "p": "mute
 
 def _highlight_style() -> str:
     return "".join(f".y-{short}{{color:var(--{color})}}\n" for short, color in _KINDS.items())
-
-
-def strip_tags(text: str) -> str:
-    """The words of a piece of HTML, for tests and search."""
-    return re.sub(r"<[^>]+>", "", text)

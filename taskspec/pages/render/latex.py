@@ -45,7 +45,7 @@ BESIDE_ROOM, BRIEF_ROOM, WHOLE_ROOM = 27.0, 40.0, 60.0
 
 
 def document(suite: Suite) -> dict[str, str]:
-    """Files by name: the tasks, `appendix.tex`, `document.tex`, `preamble.tex`, `references.bib`."""
+    """Return files by name: the tasks, `appendix.tex`, `document.tex`, `preamble.tex`, `references.bib`."""
     env = text_environment()
     writer = LatexWriter(frozenset(suite.cited))
     write = writer.brief if suite.brief else writer.family
@@ -70,7 +70,7 @@ class LatexWriter:
     known: frozenset[str]
 
     def family(self, suite: Suite, family: Family) -> str:
-        """Tasks of one spec in one section: the first, and what differs in the others."""
+        """Return tasks of one spec in one section: the first, and what differs in the others."""
         head = family.head
         return text_environment().get_template("task.tex").render(
             self.parts(suite, head), title=escape(family.title), id=escape(head.id), capability=escape(head.capability),
@@ -80,7 +80,7 @@ class LatexWriter:
         )  # fmt: skip
 
     def parts(self, suite: Suite, page: Page, base: Page | None = None) -> dict[str, object]:
-        """What is printed of a page; of one that is told by another, a figure and a description of its own if it has them."""
+        """Return the parts of a page; of a variant, a figure and a description only if it has its own."""
         scene = suite.scenes.get(page.anchor)
         if base is not None and scene is not None and scene.shows(suite.scenes.get(base.anchor)):
             scene = None
@@ -94,7 +94,7 @@ class LatexWriter:
         }  # fmt: skip
 
     def brief(self, suite: Suite, family: Family) -> str:
-        """Tasks of one spec in one section: the first, and what differs in the others."""
+        """Return tasks of one spec in one section: the first, and what differs in the others."""
         head = family.head
         scene = suite.scenes.get(head.anchor)
         return text_environment().get_template("brief.tex").render(
@@ -107,7 +107,7 @@ class LatexWriter:
         )  # fmt: skip
 
     def run_in(self, page: Page) -> Iterator[dict[str, object]]:
-        """Sections with their titles in the line; those of one paragraph follow each other."""
+        """Yield sections with their titles in the line; those of one paragraph follow each other."""
         last = None
         for section in page.sections:
             ends = [";"] * (len(section.lines) - 1) + ["."]
@@ -126,7 +126,7 @@ class LatexWriter:
         return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}
 
     def table(self, section: Section) -> str:
-        """A tabular, as wide as the line at the most, and its rows as paragraphs for lines that are too short for it."""
+        """Return a tabular, as wide as the line at the most, and its rows as paragraphs for lines that are too short for it."""
         found = section.table
         if found is None:
             return ""
@@ -137,7 +137,7 @@ class LatexWriter:
         return rf"\taskspectable{{{'l' * len(heads)}}}{{{body}}}{{{stacked}}}"
 
     def cell(self, content: Inlines) -> str:
-        """Prose in a line of its own, in which formulas are not broken."""
+        """Return prose in a line of its own, in which formulas are not broken."""
         return "".join(f"${latex(p.math)}$" if isinstance(p, Formula) else self.inline(p, WHOLE_ROOM) for p in content)
 
     def line(self, line: SectionLine, page: Page, room: float) -> str:
@@ -151,7 +151,7 @@ class LatexWriter:
         return text
 
     def brief_line(self, line: SectionLine, end: str, page: Page) -> str:
-        """A line among others of its paragraph, with the sign that ends it; a map has none."""
+        """Return a line among others of its paragraph, with the sign that ends it; a map has none."""
         if line.verbatim is not None:
             return rf"{self.line(line, page, BRIEF_ROOM)}\par"
         asides = [(s.title, values) for s, values in zip(page.settings, line.values, strict=False) if values]
@@ -162,7 +162,7 @@ class LatexWriter:
         return " ".join(told)
 
     def prose(self, content: Inlines, room: float = WHOLE_ROOM, end: str = "") -> str:
-        """Pieces of prose; the sign that ends them stays with a formula on a line of its own."""
+        """Return pieces of prose; the sign that ends them stays with a formula on a line of its own."""
         if end and content and isinstance(content[-1], Formula):
             return self.prose(content[:-1], room) + formula(content[-1].math, room, content[-1].display, end)
         return "".join(self.inline(piece, room) for piece in content) + end
@@ -206,12 +206,12 @@ class LatexWriter:
 
 
 def _base(sibling: Sibling, head: Page) -> str:
-    """The name of the page that another is told by, where it is not that at the head."""
+    """Return the name of the page that another is compared with, unless it is the first one."""
     return "" if sibling.base is head else escape(sibling.base.name)
 
 
 def formula(math: m.Math, room: float, display: bool = False, end: str = "") -> str:
-    """Mathematics and a sign after it; what cannot break and may be too wide is put on a line of its own and fitted."""
+    """Return mathematics and a sign after it; what cannot break and may be too wide is put on a line of its own and fitted."""
     if display or (_is_rigid(math) and m.width(math) > room):
         return rf"\taskspecwide{{{latex(math)}{end}}}"
     style = r"\displaystyle " if any(isinstance(part, m.Frac) and _has_fraction(part) for part in _parts(math)) else ""
@@ -225,12 +225,12 @@ def _parts(math: m.Math) -> Iterator[m.Math]:
 
 
 def _has_fraction(math: m.Math) -> bool:
-    """Whether there is a fraction within: in the style of a line, one in another is too small to read."""
+    """Return whether there is a fraction within: in the style of a line, one in another is too small to read."""
     return any(isinstance(part, m.Frac) for child in m.children(math) for part in _parts(child))
 
 
 def _is_rigid(math: m.Math) -> bool:
-    """Whether some part of a formula cannot be broken across lines."""
+    """Return whether some part of a formula cannot be broken across lines."""
     return any(
         isinstance(part, m.Cases | m.Matrix)
         or (isinstance(part, m.Fence) and m.is_tall(part.body))
@@ -240,11 +240,11 @@ def _is_rigid(math: m.Math) -> bool:
 
 
 def _address(address: str) -> str:
-    """An address with whatever TeX could take as its own written in per cent."""
+    """Return an address with whatever TeX could take as its own written in per cent."""
     return quote(address, safe=":/?=&.,+-@!*();~'").replace("%", r"\%").replace("&", r"\&").replace("~", r"\~{}")
 
 
 def _stacked(titles: Sequence[str], heads: Sequence[str], row: Sequence[str]) -> str:
-    """What a row of a table says, one cell after the other."""
+    """Return the cells of a row, one after the other."""
     cells = zip(titles, heads, row, strict=True)
     return r"\quad ".join(f"{head} {cell}" if title else cell for title, head, cell in cells if cell)

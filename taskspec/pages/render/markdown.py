@@ -37,7 +37,7 @@ _SPELLED = ((r"\taskspecone ", r"\mathbf{1}"), (r"\{", r"\lbrace "), (r"\}", r"\
 
 
 def markdown(suite: Suite) -> dict[str, str]:
-    """Files by name: `index.md` and one for each task."""
+    """Return files by name: `index.md` and one for each task."""
     env = text_environment()
     writer = MarkdownWriter(suite)
     files = {f"{page.anchor}.md": writer.page(page) for page in suite.pages}
@@ -47,7 +47,7 @@ def markdown(suite: Suite) -> dict[str, str]:
 
 
 def escape(text: str) -> str:
-    """Text for Markdown: no markup, no HTML, on one line."""
+    """Return text for Markdown: no markup, no HTML, on one line."""
     text = " ".join(text.split("\n")).replace("&", "&amp;").replace("<", "&lt;")
     return _NUMBERED.sub(
         r"\1\\\2", _SPECIAL.sub(r"\\\1", text).replace(r"\(", "(").replace(r"\)", ")").replace(r"\-", "-")
@@ -76,7 +76,7 @@ class MarkdownWriter:
         return {"title": escape(section.title), "lead": lead, "lines": rest, "table": self.table(section)}
 
     def table(self, section: Section) -> list[list[str]]:
-        """Rows of cells, the heading first."""
+        """Return rows of cells, the heading first."""
         found = section.table
         if found is None:
             return []
@@ -84,7 +84,7 @@ class MarkdownWriter:
         return [[escape(title) for title in found.header], *rows]
 
     def cell(self, content: Inlines) -> str:
-        """Prose without the bars that would end a cell."""
+        """Return prose without the bars that would end a cell."""
         spelled = {Formula: r"\vert ", CodeSpan: r"\|"}
         return "".join(self.inline(p).replace("|", spelled.get(type(p), "|")) for p in content)
 
@@ -142,7 +142,7 @@ class MarkdownWriter:
 
 
 def _inside(match: re.Match[str]) -> str:
-    """Marks that mean something inside a line."""
+    """Return marks that mean something inside a line."""
     return match[1] if match[1] in "().-+!>#" else f"\\{match[1]}"
 
 
@@ -151,7 +151,7 @@ def escape_entities(text: str) -> str:
 
 
 def _code(text: str) -> str:
-    """Code between as many backticks as it needs."""
+    """Return code between as many backticks as it needs."""
     ticks = "`" * (max((len(run) for run in re.findall("`+", text)), default=0) + 1)
     pad = " " if text.startswith("`") or text.endswith("`") else ""
     return f"{ticks}{pad}{text}{pad}{ticks}"

@@ -14,15 +14,14 @@ from taskspec.figures import Scene
 from taskspec.pages.page import Page, Setting, anchor
 from taskspec.task.merge import lineage
 
-# ---------- environment
-# Jinja2 environments: templates only lay out what the renderers have already escaped or mark as text.
+# ---------- templates, which only lay out what renderers have escaped
 
 _TEMPLATES = Path(__file__).parent.parent / "templates"
 
 
 @lru_cache(maxsize=1)
 def html_environment() -> Environment:
-    """For HTML: whatever is not marked as markup is escaped."""
+    """Return the environment for HTML, which escapes all that is not marked as markup."""
     return Environment(
         loader=FileSystemLoader(_TEMPLATES), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True,
@@ -31,7 +30,7 @@ def html_environment() -> Environment:
 
 @lru_cache(maxsize=1)
 def text_environment() -> Environment:
-    """For LaTeX and Markdown, with marks that neither uses; every value has been escaped for its language."""
+    """Return the environment for LaTeX and Markdown, with marks that neither uses; values have been escaped before."""
     return Environment(
         loader=FileSystemLoader(_TEMPLATES), autoescape=False, undefined=StrictUndefined,
         block_start_string="<%", block_end_string="%>", variable_start_string="<<", variable_end_string=">>",
@@ -40,8 +39,7 @@ def text_environment() -> Environment:
     )  # fmt: skip
 
 
-# ---------- suite
-# What the renderers work on: pages with their figures and the references that they cite.
+# ---------- pages with figures and references
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +57,7 @@ class Other:
 
 
 def setting_anchor(page: Page, setting: Setting) -> str:
-    """The page's anchor with the values of the setting."""
+    """Return the page's anchor with the values of the setting."""
     return f"{page.anchor}-{anchor(setting.title)}"
 
 
@@ -81,7 +79,7 @@ class Suite:
 
     @cached_property
     def folded(self) -> dict[str, tuple[Page, ...]]:
-        """By the anchors of the pages that are based on no other one: those of the variants based on each, however remotely."""
+        """Pages of variants by the anchor of the page that they are based on, directly or not."""
         known = {(page.task.document.origin.name, page.task.variant): page.anchor for page in self.pages}
         found: dict[str, list[Page]] = {}
         for page in self.pages:
@@ -92,10 +90,6 @@ class Suite:
         return {anchor: tuple(pages) for anchor, pages in found.items()}
 
     def others(self, page: Page) -> list[Other]:
-        """The figures of a page's settings."""
+        """Return the figures of a page's settings."""
         found = ((setting.title, setting_anchor(page, setting)) for setting in page.settings)
         return [Other(title, name, self.scenes[name]) for title, name in found if name in self.scenes]
-
-    def files(self) -> dict[str, str]:
-        """File names without ending, by anchor: they are the anchors."""
-        return {page.anchor: page.anchor for page in self.pages}
