@@ -14,8 +14,8 @@ from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Binding, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Refused, Shape, shape
-from taskspec.task.declare import Declarations
-from taskspec.task.forms import Forms
+from taskspec.source import Path
+from taskspec.task.forms import Forms, is_word
 from taskspec.task.merge import Merged
 from taskspec.task.task import Component, Parameter, Surface
 
@@ -92,7 +92,6 @@ class Context:
         self.builder = Builder()
         self.checker = Checker(self.builder, collector)
         self.forms = Forms(merged, collector)
-        self.declare = Declarations(merged, self.builder, self.checker, self.forms)
         self.parameters: list[Parameter] = []
         self.required: list[tuple[Node, str]] = []
         self.constants: dict[str, Binding] = {}
@@ -103,6 +102,8 @@ class Context:
         self.broken: set[str] = set()
         """Components that are declared wrongly (and reported): what reads them is given up."""
         self.horizon: int | None = None
+        self.raw_initial: dict[str, Node] = {}
+        """Initial values as they are written, in and out of range."""
         self.exprs: dict[str, Any] = {}  # parsed sections
         self.scopes: list[Scope] = []  # every scope made, for what was used
         self.named_scopes: dict[str, Scope] = {}
@@ -115,11 +116,29 @@ class Context:
         self.scopes.append(scope)
         return scope
 
+    def collect_labels(self) -> None:
+        """Collect the labels of all components, and which of them are no names."""
+        components = (*self.state, *self.action, *self.memory)
+        self.domains = [c.domain for c in components if c.domain is not None]
+        labels = (label for domain in self.domains for label in domain.labels)
+        self.forms.labels = frozenset(label for label in labels if not is_word(label))
+
     def surface(self) -> Surface:
         """What the author wrote, and what each part of it came to."""
         checker, sections = self.checker, {id(scope): name for name, scope in self.named_scopes.items()}
         meanings = {(sections[at], part): found for (part, at), found in checker.found.items() if at in sections}
         return Surface(self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes)
+
+    def expr(self, path: Path) -> s.Expr:
+        """Return the expression at a path.
+
+        Raises:
+            Poisoned: when it is broken; its mistakes are reported.
+        """
+        expr = self.forms.expr(path)
+        if expr is None:
+            raise Poisoned
+        return expr
 
     def place(self, *path: str) -> s.Place:
         """A whole section as a place."""
