@@ -13,9 +13,6 @@ from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Refused, Shape
 
-# ---------- excluded
-# Alternatives that parameters exclude: they may be without a value, as `max(x)` in `max(x) if n > 0 else 0` is where n is 0.
-
 
 def excluded_by_parameters(conditions: Sequence[tuple[s.Expr, Node]], scope: Scope) -> list[bool]:
     """Whether each alternative is excluded by conditions known once parameters are; the last is what is left without them."""
@@ -61,7 +58,6 @@ def _resolve(binding: Lazy, at: s.Name) -> None:
         return
 
 
-# ---------- alternatives
 # Values of which one is taken: branches, cells of a table, outcomes of a draw. All are of one choice, or all numbers.
 
 

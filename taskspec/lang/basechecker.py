@@ -18,9 +18,6 @@ from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import INT, Domain, Kind, Refused, Shape, Type
 
-# ---------- basechecker
-# What the checks of all kinds of expressions share: the parts of an expression, what is asked of them, and mistakes.
-
 T = TypeVar("T")
 
 
@@ -195,7 +192,6 @@ def _article(type: Type) -> str:
     return f"an {text}" if text[0] in "aeiou" else f"a {text}"
 
 
-# ---------- labels
 # Labels and ints: which label an int is, where a choice is given a value.
 
 
@@ -257,7 +253,6 @@ def check_comparable(one: Domain | None, other: Domain | None) -> None:
         raise Refused(message, hint=hint)
 
 
-# ---------- late
 # What is known before the task runs, and what is not, whatever it comes to: the state, the action, the time, a draw.
 #
 # It decides which indices count from the end (`lang.subscripts`), and where fractions end: what is known late is computed in

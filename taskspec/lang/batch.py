@@ -1,4 +1,8 @@
-"""Evaluate core nodes over a batch with array operations, and the array forms longer than one expression."""
+"""Evaluate core nodes over a batch with array operations, and the array forms longer than one expression.
+
+Arrays carry the batch axis last, so that a scalar of every lane, shape (N,), broadcasts against a vector of every
+lane, shape (n, N). `xp` is NumPy or a namespace like it (`jax.numpy`).
+"""
 
 from __future__ import annotations
 
@@ -12,12 +16,6 @@ from taskspec.base.arrays import AnyArray, Array
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT_MAX, Kind
-
-# ---------- arrays
-# Array forms that are more than one expression: what `rt.` means in the array templates of the operator table.
-#
-# Arrays carry the batch axis last, so that a scalar of every lane, shape (N,), broadcasts against a vector of every
-# lane, shape (n, N). `xp` is NumPy or a namespace like it (`jax.numpy`).
 
 UNSORTED = 16
 """Vectors up to this many elements are sorted by a network."""
@@ -217,7 +215,6 @@ class Runtime:
         return self.put(self.put(x, i, at_j), j, at_i)
 
 
-# ---------- batch
 # Array evaluation of core nodes over a batch: the array forms of the operator table, node by node.
 #
 # Used where many points are needed once (sets, soundness, exact models); a backend that steps environments generates

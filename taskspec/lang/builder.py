@@ -15,9 +15,6 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain,
 from taskspec.lang.operators import OPERATORS, STRUCTURES, Elements, Operator, entry_of
 from taskspec.lang.types import BOOL, INF, INT, INT_MAX, REAL, Interval, Kind, Range, Refused, Shape, Type, join
 
-# ---------- folding
-# Operations on constants, worked out when a task is built, by the references of the operator table.
-
 
 def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Type) -> Flat:
     """The elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
@@ -61,7 +58,6 @@ def power(base: Const, exponent: Const) -> tuple[Any, Type] | None:
     return (int(value), INT) if integral else (value, REAL)
 
 
-# ---------- builder
 # Makes core nodes: interning, promotion of kinds, constant folding and a few identities, in one place.
 #
 # Folding uses the references of the operator table, so a constant means what it means at run time. Cost is bounded

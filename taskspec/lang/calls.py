@@ -17,9 +17,6 @@ from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Shape, Type
 
-# ---------- folds
-# Going through a vector with a function of two arguments: `fold` gives the last value, `scan` all of them.
-
 NAMES = ("fold", "scan")
 Applied = Callable[[BaseChecker, FunctionDef, s.Call, list[Value]], Value]
 
@@ -53,7 +50,6 @@ def folded(checker: BaseChecker, expr: s.Call, scope: Scope, apply: Applied) -> 
     return Value(checker.stack(nodes, expr))
 
 
-# ---------- calls
 # Calls: functions of the table, distributions, an author's own definitions.
 
 NO_DRAWS = "a definition draws nothing, so name the draw under `noise`"

@@ -1,4 +1,9 @@
-"""Distributions that an author may draw from."""
+"""Distributions that an author may draw from.
+
+The distribution function is Numerical Recipes' rational Chebyshev fit of erfc (relative error below 1.2e-7, in the tails as
+well), its inverse Acklam's rational approximation (1.2e-9). Bounds with more mass above 0 than below are mirrored,
+so that the digits of small probabilities are not lost beside 1.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +20,6 @@ from taskspec.lang.types import INT, INT_MAX, Kind, Refused, Shape, Type
 
 if TYPE_CHECKING:
     from taskspec.lang.builder import Builder
-
-# ---------- truncated
-# A standard normal between two bounds, as arithmetic over a uniform: the inverse of its distribution function.
-#
-# The distribution function is Numerical Recipes' rational Chebyshev fit of erfc (relative error below 1.2e-7, in the tails as
-# well), its inverse Acklam's rational approximation (1.2e-9). Bounds with more mass above 0 than below are mirrored,
-# so that the digits of small probabilities are not lost beside 1.
 
 ERFC = (
     -1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398, 1.48851587, -0.82215223,
@@ -88,7 +86,6 @@ def _polynomial(b: NodeMaker, x: Node, coefficients: Sequence[float]) -> Node:
     return value
 
 
-# ---------- dists
 # Distributions: what an author may draw from.
 #
 # A distribution is arithmetic over a *base variate* whose random words do not depend on the state: `Normal(m, s)` is

@@ -9,9 +9,6 @@ from typing import NoReturn
 
 from taskspec.lang.dists import DISTS
 
-# ---------- mistakes
-# What is wrong with a text that Python's parser refuses, in the terms of this language.
-
 _CONFUSIONS = (
     (r"&&", "write `and`"),
     (r"\|\|", "write `or`"),
@@ -89,7 +86,6 @@ def _offset(value: str, line: int, column: int) -> int:
     return max(0, before + column - 1 - (1 if line == 1 else 0))
 
 
-# ---------- foreign
 # Functions of other languages and libraries, and how the same is written here.
 
 MODULES = frozenset(

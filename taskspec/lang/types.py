@@ -8,9 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-# ---------- ranges
-# What is known of values without running anything: bounds, and whether they are always finite numbers.
-
 INF = math.inf
 Interval = tuple[float, float]
 """Ends of an int are ints, or infinite; those of a real are floats."""
@@ -37,7 +34,6 @@ class Range(NamedTuple):
 Args = Sequence[Range]
 
 
-# ---------- types
 # Static types of the expression language: a kind and a shape, both known before anything runs.
 
 

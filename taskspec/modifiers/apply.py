@@ -19,9 +19,6 @@ from taskspec.task.invariants import check_on_request
 from taskspec.task.parameters import Ending
 from taskspec.task.task import Modifier, Task
 
-# ---------- table
-# The table of modifiers, in the order of the manual.
-
 MODIFIERS: dict[str, ModifierEntry] = {
     entry.name: entry
     for entry in (*actions.TABLE, *observations.TABLE, *symmetries.TABLE, *rewards.TABLE, *episodes.TABLE)
@@ -29,7 +26,6 @@ MODIFIERS: dict[str, ModifierEntry] = {
 """Every modifier by its name: what `modifiers=` and `-m` take."""
 
 
-# ---------- reading
 # Modifiers as people write them: texts as on the command line, mappings as in YAML; and what is said of wrong ones.
 
 Written: TypeAlias = str | Mapping[str, Any] | Modifier
@@ -129,7 +125,6 @@ def _refuse(name: str, message: str, hint: str | None = None) -> NoReturn:
     raise SpecError([Diagnostic("E719", None, f"the modifier {name}: {message}", hint)])
 
 
-# ---------- apply
 # Tasks with modifiers.
 
 

@@ -32,9 +32,6 @@ from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierE
 from taskspec.modifiers.symmetries import floats
 from taskspec.task.task import Component, Task
 
-# ---------- potential
-# The expression of a potential as a function of the state.
-
 SCOPE = "absorbing"
 """The section whose expressions see states, and no actions."""
 
@@ -75,7 +72,6 @@ def _beside(task: Task) -> list[str]:
     return ["t", *(c.name for c in task.action)]
 
 
-# ---------- later
 # Rewards that are paid later: after some steps, or when the episode ends.
 #
 # What is outstanding is part of the state. Where the rewards of a task are known to be few, it is kept in whole numbers, so that
@@ -207,7 +203,6 @@ def _times(steps: int) -> str:
     return "one step" if steps == 1 else f"${steps}$ steps"
 
 
-# ---------- rewards
 # Modifiers of rewards: scaled, shifted, noisy, shaped.
 
 

@@ -32,9 +32,6 @@ from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, 
 from taskspec.task.bijection import MapPart, Moves, bounds, codes, outside, parts
 from taskspec.task.task import FINITE_SPACES, Component, Symmetry, Task
 
-# ---------- values
-# The finitely many values that an expression can have, as far as its form tells; some of them may never occur.
-
 MOST_VALUES = 256
 """Values that are told apart, at the most."""
 TRIED = 4096
@@ -111,7 +108,6 @@ def floats(b: Builder, root: Node) -> list[float] | None:
     return numbers if all(map(math.isfinite, numbers)) else None
 
 
-# ---------- symmetries
 # The modifier of symmetries: a twin of a task, which is seen and steered in another way that its spec declares.
 
 

@@ -13,9 +13,6 @@ from taskspec.base.diagnostics import Diagnostic, Origin, Span, SpecError
 from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from taskspec.source.scalars import places
 
-# ---------- document
-# A spec's text, read: plain data, and the place of every value in it.
-
 Path: TypeAlias = tuple[str | int, ...]
 """Where a value stands in the data: keys of mappings and indices of lists, from the root down."""
 
@@ -110,7 +107,6 @@ def span(origin: Origin, lines: list[int], start: int, end: int) -> Span:
     return Span(origin, line, column, end_line, end_column)
 
 
-# ---------- extended
 # The files that a spec, or a variant of it, extends: read with it, so that a document is whole wherever it goes.
 
 Packed: TypeAlias = tuple[str, str, tuple[tuple[str, Any], ...]]

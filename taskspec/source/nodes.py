@@ -7,9 +7,6 @@ import re
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
-# ---------- nodes
-# The tree of a YAML text: what stands where. Offsets count characters; ends are exclusive.
-
 Style = Literal["plain", "'", '"', "|", ">"]
 
 
@@ -83,7 +80,6 @@ class Composed:
     bad_keys: list[Node] = field(default_factory=list)
 
 
-# ---------- excerpts
 # What an author meant to write at a place: where it ends, and how to write it in quotes.
 
 _PAIRS = {"(": ")", "[": "]", "{": "}"}

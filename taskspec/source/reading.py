@@ -17,9 +17,6 @@ from taskspec.source.nodes import FENCE, Composed, MappingNode, Node, ScalarNode
 from taskspec.source.scalars import resolve
 from taskspec.source.yaml_errors import explain, find
 
-# ---------- reading
-# Reading specs: from a file or a text to a document, with every problem of the text found.
-
 _MAX_FINDINGS = 50
 _BREAKS = re.compile(r"\r\n|\r|\n")
 # Control characters, the line separators that editors do not show, and what is not a character.
@@ -164,7 +161,6 @@ def _data(node: Node) -> Any:
             return {key.value: _data(value) for key, value in node.entries}
 
 
-# ---------- recover
 # Reading on behind what stops the YAML parser, so that one run reports all of it.
 #
 # What was to be in quotes is covered up, character by character so that every place stays where it was, and the

@@ -1,4 +1,8 @@
-"""Why YAML could not be read, in an author's words, and texts that it reads as something else than meant."""
+"""Why YAML could not be read, in an author's words, and texts that it reads as something else than meant.
+
+The parser's own messages describe its state. Each rule below recognises one situation from where
+the parser gave up, what it had read last, and the text around; the first that applies explains it.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +27,6 @@ from taskspec.source.nodes import (
     value_end,
 )
 from taskspec.source.scalars import is_overlong_number
-
-# ---------- syntax
-# Says in an author's words why YAML could not be read.
-#
-# The parser's own messages describe its state. Each rule below recognises one situation from where
-# the parser gave up, what it had read last, and the text around; the first that applies explains it.
 
 _FOREIGN = (
     (r"[^?\n]+\s(\?)\s", "`c ? x : y` is not part of the language", "write `x if c else y`"),
@@ -287,7 +285,6 @@ _RULES: tuple[Callable[[str, Syntax], TextProblem | None], ...] = (
 )
 
 
-# ---------- traps
 # Texts that YAML reads without complaint, as something else than their author meant.
 
 # An escape that makes a control character, or begins the name of a well-known TeX command.

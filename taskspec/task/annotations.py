@@ -22,9 +22,6 @@ from taskspec.task.parts import Component, Observation, Symmetry
 from taskspec.task.reach import too_wide, widest
 from taskspec.task.task import Example, Figure, Followed
 
-# ---------- figure
-# The section `figure`: what its kind needs is checked, and its expressions become nodes; `appendix.figures` draws them.
-
 _NEEDED: dict[str, tuple[str, ...]] = {
     "grid": ("at",),
     "curve": ("at", "curve"),
@@ -129,7 +126,6 @@ def _digits(value: Value | None) -> tuple[str, ...] | None:
     return tuple("".join(letters[i : i + width]) for i in range(0, len(letters), width))
 
 
-# ---------- examples
 # Worked examples as surface syntax: names are checked when a task is built, values when the example is.
 
 SCOPE = "examples"
@@ -193,7 +189,6 @@ def _names(context: Context, section: str) -> Sequence[str]:
     return [c.name for c in (context.action if section == "action" else context.state)]
 
 
-# ---------- symmetries
 # The section `symmetries`: maps of what is seen and of what is done, as nodes.
 
 SEEN, DONE = "observation", "action"

@@ -19,9 +19,6 @@ from taskspec.task.forms import Forms, is_word
 from taskspec.task.merge import Merged
 from taskspec.task.task import Component, Parameter, Surface
 
-# ---------- assign
-# Expressions as values of components: of the right domain, kind and shape.
-
 
 def assign(checker: Checker, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
     """An expression as a value of a component; None when it is broken (and reported to the checker's collector)."""
@@ -80,7 +77,6 @@ def _whole(expr: s.Expr, c: Component) -> str:
     return "`floor(x)` and `round(x)` give ints"
 
 
-# ---------- context
 # What every part of a build shares: the merged spec, one builder, one collector, and the names resolved so far.
 
 

@@ -1,4 +1,8 @@
-"""The names visible in each section, what they mean there, and names that are taken."""
+"""The names visible in each section, what they mean there, and names that are taken.
+
+Definitions are expanded in the scope of the section that uses them, so that a primed name in a definition means the
+next value where there is one, and is refused where there is none.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +22,6 @@ from taskspec.task.context import Context, poison
 from taskspec.task.merge import Merged
 from taskspec.task.parameters import article
 from taskspec.task.reach import kept
-
-# ---------- names
-# The names visible in each section, and what they mean there.
-#
-# Definitions are expanded in the scope of the section that uses them, so that a primed name in a definition means the
-# next value where there is one, and is refused where there is none.
 
 PRIMED = ("dynamics", "reward", "terminal")
 """Sections that may name next values."""
@@ -317,7 +315,6 @@ def signature(written: str) -> tuple[str, tuple[str, ...] | None]:
     return name.strip(), tuple(a.strip() for a in rest.rstrip().rstrip(")").split(",") if a.strip())
 
 
-# ---------- taken
 # One set of names: what a spec declares twice, or what the language has already given a meaning.
 
 _SECTIONS = {

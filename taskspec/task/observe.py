@@ -1,4 +1,8 @@
-"""The observation section, and what an expert remembers beside the state."""
+"""The observation section, and what an expert remembers beside the state.
+
+Bounds are the declared ones (`{value: ..., low: ..., high: ...}`, or those of an observed state component). Where none are
+declared they follow from the expression by interval reasoning, over the states that can be reached within the horizon.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +22,6 @@ from taskspec.task.names import Names
 from taskspec.task.parts import Component, ExpertMemory, Observation
 from taskspec.task.reach import kept, over
 from taskspec.task.task import Task
-
-# ---------- observe
-# The observation section: components with their expressions and the bounds of their spaces.
-#
-# Bounds are the declared ones (`{value: ..., low: ..., high: ...}`, or those of an observed state component). Where none are
-# declared they follow from the expression by interval reasoning, over the states that can be reached within the horizon.
 
 Edges = list[Interval]
 FAR = 1e9
@@ -88,7 +86,6 @@ def _bounded(c: Component, edges: Edges) -> Component:
     return replace(c, low=tuple(a for a, _ in edges), high=tuple(b for _, b in edges))
 
 
-# ---------- memory
 # What an expert remembers: declared memory that is no part of the task's state.
 #
 # It begins with what is first seen, and changes with each action and what is seen after it; so whoever sees observations alone

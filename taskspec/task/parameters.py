@@ -15,9 +15,6 @@ import numpy as np
 
 from taskspec.lang.types import INT_WIDEST
 
-# ---------- given
-# Values of parameters as callers give them.
-
 
 @dataclass(frozen=True)
 class Varying:
@@ -55,7 +52,6 @@ def brief(value: Any) -> str:
     return reprlib.repr(value)
 
 
-# ---------- grids
 # Parameter values that a claim or an example is about: a list of choices, or a grid of values, `{L: [1, 2], K: [3, 4]}`.
 
 Grid: TypeAlias = Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
@@ -80,7 +76,6 @@ def _values(value: Any) -> list[Any]:
     return value if isinstance(value, list) else [value]
 
 
-# ---------- options
 # Options of environments that a task's own methods take as well.
 
 Ending: TypeAlias = Literal["terminate", "absorb"]

@@ -1,4 +1,7 @@
-"""How far each state component can get within the horizon, and ints that fit their range."""
+"""How far each state component can get within the horizon, and ints that fit their range.
+
+A space such as Z^2 is endless, but thirty steps from a bounded start do not leave a box; observation spaces use that box.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +16,6 @@ from taskspec.lang.ir import Apply, Draw, Node, Read, Role, children, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range
 from taskspec.task.task import Component
-
-# ---------- reach
-# How far each state component can get within the horizon, by interval reasoning step after step.
-#
-# A space such as Z^2 is endless, but thirty steps from a bounded start do not leave a box; observation spaces use that box.
 
 MAX_STEPS = 256
 
@@ -123,7 +121,6 @@ def finite(edge: Interval) -> bool:
     return edge[0] > -INF and edge[1] < INF
 
 
-# ---------- widths
 # Ints that fit: a state int keeps to its range, and an expression that may leave 64 bits is refused.
 #
 # Python's ints are endless and those of array backends are not; without this, the same task would mean different things. And

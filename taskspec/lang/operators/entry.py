@@ -12,9 +12,6 @@ from taskspec.lang.ir import Apply, Const, Node
 from taskspec.lang.operators.signatures import Promote, TypeRule, to_result
 from taskspec.lang.types import EVERYTHING, Args, Interval, Kind, Shape, Type
 
-# ---------- nodes
-# What entries of the table of operators ask of whoever makes nodes (`lang.builder`).
-
 
 class NodeMaker(Protocol):
     """Makes nodes; each method is that of `lang.builder.Builder`."""
@@ -36,7 +33,6 @@ class NodeMaker(Protocol):
     def check_size(self, shape: Shape) -> None: ...
 
 
-# ---------- levels
 # How tightly notation binds, which decides where brackets stand.
 
 
@@ -77,7 +73,6 @@ ENCLOSED = Brackets(Level.ATOM, (Level.SCOPE,))
 """Whatever stands between delimiters of its own, as the arguments of most functions do."""
 
 
-# ---------- entry
 # What an entry of the operator table says.
 
 Build = Callable[[NodeMaker, list[Node]], Node]
@@ -264,7 +259,6 @@ class Operator:
     infix: Infix | None = None
 
 
-# ---------- samples
 # Inputs on which every form of an operator is compared with its reference.
 
 PAIRS = ((1, 2), (-7, 2), (7, -2), (0, 5), (-3, -3), (1.5, -0.25), (0.0, 3.0), (-2.5, 0.75), (2, 0.5))

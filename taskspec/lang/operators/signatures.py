@@ -6,9 +6,6 @@ from collections.abc import Callable, Sequence
 
 from taskspec.lang.types import Kind, Type, join
 
-# ---------- signatures
-# Type rules of operators, and what their arguments are promoted to.
-
 TypeRule = Callable[[tuple[Type, ...]], Type | str]
 """Result type from argument types, or a sentence that says what is wrong."""
 Promote = Callable[[Sequence[Kind], Kind], Sequence[Kind]]
@@ -128,7 +125,6 @@ def but_the_first(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
     return [kinds[0], *([result] * (len(kinds) - 1))]
 
 
-# ---------- linearity
 # Where a value is linear in what its arguments are linear in.
 
 

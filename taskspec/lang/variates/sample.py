@@ -1,4 +1,9 @@
-"""The random words that each draw takes, and the value of a draw from its words."""
+"""The random words that each draw takes, and the value of a draw from its words.
+
+A step and a reset are phases of their own. Each has a `WordLayout` (`Task.step_words`, `Task.reset_words`) over all the draws
+that its sections write, those included whose values turn out not to matter: what a word is for depends on the text of the spec
+alone, and on no simplification.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +20,6 @@ from taskspec.lang.ir import Draw, Node
 from taskspec.lang.ir import draws as draws_below
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.entry import Flat, Words
-
-# ---------- layout
-# Which random words a draw takes: the words of a phase, dealt out to its draws in the order they were written.
-#
-# A step and a reset are phases of their own. Each has a `WordLayout` (`Task.step_words`, `Task.reset_words`) over all the draws
-# that its sections write, those included whose values turn out not to matter: what a word is for depends on the text of the spec
-# alone, and on no simplification.
 
 
 def words_of(draw: Draw) -> int:
@@ -52,7 +50,6 @@ class WordLayout:
         return cls(found, first, count)
 
 
-# ---------- sample
 # The value of a draw from its words: one draw at a time on Python numbers, or many by NumPy, to the bit the same.
 
 

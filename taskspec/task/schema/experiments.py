@@ -16,9 +16,6 @@ from taskspec.task.schema.models import Source
 from taskspec.task.schema.problems import Problem, wrong_kind
 from taskspec.task.schema.typed import PROBLEMS, Name, Strict, checked, fail
 
-# ---------- experiments
-# The shape of an experiment: tasks, values of their parameters, modifiers, and what is to be measured.
-
 FORMAT = 1
 """The version of the format that is read here."""
 SPANS = {
@@ -260,7 +257,6 @@ def experiment_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found, "title": "taskspec experiment"}
 
 
-# ---------- exams
 # The shape of what comes with a suite beside its specs: the diagnoses of its exam, and findings about several learners.
 
 EXAM_FORMAT = 1

@@ -1,4 +1,7 @@
-"""The sections of a spec and the keys of their entries, for whole specs and for variants."""
+"""The sections of a spec and the keys of their entries, for whole specs and for variants.
+
+Expressions stay plain data: what they say is the business of the expression language.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +35,6 @@ from taskspec.task.schema.typed import (
     Warned,
     fail,
 )
-
-# ---------- models
-# The sections of a spec and the keys of their entries. Descriptions show up in editors.
-#
-# Expressions stay plain data: what they say is the business of the expression language.
 
 FORMAT = 1
 """The version of the format that is read here."""
@@ -289,7 +287,6 @@ class Sections(Strict):
     figure: FigureEntry | None = Field(None, description="How to draw the task.")
 
 
-# ---------- variants
 # The whole spec, with its variants: the same sections and keys, with nothing required.
 #
 # The models of variants are made from the models of the sections, so that a key exists once.

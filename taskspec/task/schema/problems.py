@@ -10,9 +10,6 @@ from typing import NamedTuple
 
 from taskspec.base.diagnostics import suggest
 
-# ---------- elsewhere
-# What Gymnasium, RDDL and others call the keys and types of a spec, and how the same is written here.
-
 _NAMES: Mapping[str, str] = {
     "terminal": "done terminated termination terminate terminals is_terminal goal end until",
     "horizon": "max_steps max_episode_steps episode_length steps time_limit truncation truncated truncate",
@@ -53,7 +50,6 @@ def advice(word: str, known: Collection[str]) -> str | None:
     return next((f"write `{form}`" for form in forms if re.split(r"\W", form)[0] in known), None)
 
 
-# ---------- problems
 # What may be wrong with a value of a spec, whatever its form; and what a name is.
 
 OWN_WORDS = ("and", "or", "not", "in", "if", "else", "for", "true", "false", "True", "False")

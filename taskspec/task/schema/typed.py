@@ -23,9 +23,6 @@ from taskspec.task.schema import problems, values
 from taskspec.task.schema.problems import Problem
 from taskspec.task.schema.values import Kind
 
-# ---------- fields
-# Annotations for the models: what a field holds, how it is checked, and how an editor sees it.
-
 PROBLEMS = "taskspec_problems"
 FORM = "x-form"  # pydantic follows every `$ref` it meets, so forms are linked afterwards
 
@@ -125,7 +122,6 @@ Defined: TypeAlias = Annotated[
 ]
 
 
-# ---------- typed
 # Parameters and components: entries with a type, and the keys that each type has.
 
 
