@@ -106,7 +106,7 @@ class Checker(BaseChecker):
         return Value(self.builder.scalar(truth))
 
     def label(self, label: str, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:
-        """A word that can only be a label."""
+        """Return a word that can only be a label."""
         if want is not None and label in want.labels:
             return Value(self.builder.scalar(want.labels.index(label)), want)
         found = scope.labelled(label)

@@ -188,7 +188,7 @@ ATTRIBUTES: Mapping[str, str] = {
 
 
 def advice(name: str, keywords: Iterable[str] = ()) -> str | None:
-    """What to write for a function of another language, given its keyword arguments; None where nothing is known of it."""
+    """Return what to write for a function of another language, given its keyword arguments; None where nothing is known of it."""
     found = FOREIGN.get(name.lower())
     if found == _DRAWN["choice"] and not _WEIGHTS.isdisjoint(keywords):
         found = _DRAWN["choices"]

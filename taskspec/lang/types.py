@@ -100,7 +100,7 @@ class Domain:
 
 
 def shape(type_: Type, domain: Domain | None) -> Shape:
-    """The shape of a value as arithmetic sees it: a mapped choice is what its label stands for."""
+    """Return the shape of a value as arithmetic sees it: a mapped choice is what its label stands for."""
     return type_.shape if domain is None or domain.value_type is None else domain.value_type.shape
 
 
@@ -108,7 +108,7 @@ BOOLEAN_LABELS = ("false", "true")
 
 
 def join(*kinds: Kind) -> Kind:
-    """The kind that all the given kinds promote to."""
+    """Return the kind that all the given kinds promote to."""
     return max(kinds)
 
 

@@ -48,7 +48,7 @@ def bind_parameters(context: Context, given: dict[str, Any]) -> None:
 
 
 def _by_own_names(context: Context, given: dict[str, Any], aliases: dict[str, str]) -> dict[str, Any]:
-    """Values by the names that the spec itself uses; those of no parameter, and those given twice, are reported."""
+    """Return values by the names that the spec itself uses; those of no parameter, and those given twice, are reported."""
     names, found = list(aliases.values()), dict[str, Any]()
     for key, value in given.items():
         name = aliases.get(key, key)
@@ -104,7 +104,7 @@ def bind_constants(context: Context) -> None:
 
 
 def fixed_constants(context: Context) -> dict[str, Const]:
-    """The values of the constants."""
+    """Return the values of the constants."""
     found = {name: context.constant(name) for name in context.data.get("constants") or {}}
     return {name: value.node for name, value in found.items() if value and isinstance(value.node, Const)}
 

@@ -73,7 +73,9 @@ def _built(document: Document, variant: str | None, given: tuple[Any, ...], suit
 def mistakes(
     document: Document, variants: Iterable[str | None] | None = None, parameters: Mapping[str, Any] | None = None
 ) -> list[Diagnostic]:
-    """What is wrong with the shape of a document, and with its tasks (all of them unless variants are given) in other parts."""
+    """Return what is wrong with the shape of a document, and with its tasks (all of them unless variants are given)
+    in other parts.
+    """
     found = list(check_shape(document))
     rest = remainder(document)
     if rest is None:
@@ -102,7 +104,7 @@ class BoundParameters(NamedTuple):
 def bound_parameters(
     document: Document, variant: str | None = None, parameters: Mapping[str, Any] | None = None
 ) -> BoundParameters:
-    """The parameters of a document's task, bound to the given values or their defaults; the rest of it is not looked at.
+    """Return the parameters of a document's task, bound to the given values or their defaults; the rest of it is not looked at.
 
     Raises:
         SpecError: for a value that a parameter cannot have, or values that may not go together.
@@ -176,7 +178,7 @@ def _pipeline(spec: Spec, context: Context, given: dict[str, Any], suite: str) -
     with builder.written() as observation_draws:
         observation = sections.observed(context, names, initial, following)
 
-    # What is said about it.
+    # What the spec states about it.
     memory = remembered(context, names, observation)
     expert = sections.expert_action(context, names)
     check_unused(context, names)
@@ -241,7 +243,7 @@ def content_hash(context: Context) -> str:
 
 
 def build_abstract(task: Task) -> Task | None:
-    """The finite stand-in that a task's spec declares under `abstraction`, for the same parameters; None without one.
+    """Return the finite stand-in that a task's spec declares under `abstraction`, for the same parameters; None without one.
 
     Raises:
         SpecError: with every mistake found in it.
@@ -294,7 +296,7 @@ def _error(message: str) -> SpecError:
 
 
 def _refused(found: Diagnostic, names: Sequence[str]) -> Diagnostic:
-    """A mistake that there is because parameters are open."""
+    """Return a mistake that there is because parameters are open."""
     subject = f"parameter {names[0]}" if len(names) == 1 else f"all of the parameters {', '.join(names)}"
     why = found.message.partition(":")[0]
     hint = "what decides shapes, counts and bounds is bound when a task is loaded: `load(task, L=5)`"

@@ -36,7 +36,7 @@ KINDS = {"bool": Kind.BOOL, "int": Kind.INT, "real": Kind.REAL}
 def bind_parameter(
     context: Context, name: str, given: Mapping[str, Any], scope: Scope
 ) -> tuple[Parameter, Value] | None:
-    """A parameter bound to the given value or its default; None when it is broken (and reported)."""
+    """Return a parameter bound to the given value or its default; None when it is broken (and reported)."""
     path: Path = ("parameters", name)
     entry = context.merged.data["parameters"][name]
     kind = entry.get("type", "real")
@@ -132,7 +132,7 @@ def _check_within(context: Context, name: str, value: Any, low: Any, high: Any, 
 
 
 def constant(context: Context, name: str, scope: Scope, seed: int | None) -> Value:
-    """A constant: an expression, a text grid, or a draw made once per instance."""
+    """Return a constant: an expression, a text grid, or a draw made once per instance."""
     path: Path = ("constants", name)
     value = context.merged.data["constants"][name]
     if isinstance(value, dict) and "grid" in value:
@@ -151,14 +151,14 @@ def constant(context: Context, name: str, scope: Scope, seed: int | None) -> Val
 
 
 def _drawn(context: Context, node: Node, layout: WordLayout, seed: int, name: str) -> Const:
-    """The value of a constant drawn once: the same seed gives the same constant, whatever else is declared."""
+    """Return the value of a constant drawn once: the same seed gives the same constant, independent of other declarations."""
     words = draws.block(seed, INSTANCE, zlib.crc32(name.encode()), 1, layout.count)[0].tolist()
     (flat,) = evaluate([node], {}, sampler(layout, words))
     return context.builder.const(flat if node.type.shape else flat[0], node.type)
 
 
 def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> Const:
-    """A text grid: every character stands for what the legend says."""
+    """Return a text grid: every character stands for what the legend says."""
     block = value["grid"] if isinstance(value["grid"], str) else None
     lines = value["grid"] if block is None else block.splitlines()
     legend = {str(k): _legend(context, k, path, scope) for k in value["legend"]}
@@ -178,7 +178,7 @@ def _grid(context: Context, value: dict[str, Any], path: Path, scope: Scope) -> 
 
 
 def _check_row(context: Context, line: str, width: int, legend: Mapping[str, Node], path: Path, start: int) -> None:
-    """A row of a text grid, which begins at a character of the text at a path."""
+    """Check a row of a text grid, which begins at a character of the text at a path."""
     if not line or len(line) != width:
         place = context.merged.span(path, start, start + len(line))
         context.collector.add("E307", place, f"this row has {len(line)} characters, the first has {width}")
@@ -204,7 +204,7 @@ def _stop(context: Context, code: str, path: Path, message: str, hint: str | Non
 
 
 def component(context: Context, path: Path, scope: Scope) -> Component | None:
-    """The state or action component declared at a path, or None when it is broken (and reported)."""
+    """Return the state or action component declared at a path, or None when it is broken (and reported)."""
     name, entry = str(path[-1]), context.forms.value(path)
     try:
         shape = _component_shape(context, entry, path, scope)
@@ -225,7 +225,7 @@ def component(context: Context, path: Path, scope: Scope) -> Component | None:
 
 
 def broken_component(context: Context, name: str, entry: Mapping[str, Any]) -> Component:
-    """What stands for a component that is broken: of its declaration, the labels are known."""
+    """Return what stands for a component that is broken: of its declaration, the labels are known."""
     values = entry.get("values")
     labels = tuple(map(str, values)) if values else ()
     domain = Domain(labels) if labels else None
@@ -245,7 +245,9 @@ def _component_shape(context: Context, entry: Mapping[str, Any], path: Path, sco
 
 
 def fits(context: Context, size: int, place: Placed, what: str, least: int = 0) -> bool:
-    """Whether the state, the action or the observation may have so many elements; reported (E307, E314) where it may not."""
+    """Return whether the state, the action or the observation may have so many elements; reported (E307, E314) where
+    it may not.
+    """
     most = limits().width
     if size < least:
         context.collector.add(
@@ -304,7 +306,7 @@ def bound(
 
 
 def _domain(context: Context, entry: Mapping[str, Any], path: Path, scope: Scope) -> Domain:
-    """Labels of a choice, and their values when it is mapped or its labels are numbers."""
+    """Return labels of a choice, and their values when it is mapped or its labels are numbers."""
     values = entry["values"]
     symbols = None if entry.get("symbols") is None else tuple(str(x) for x in entry["symbols"])
     labels = tuple(str(v).lower() if isinstance(v, bool) else str(v) for v in values)

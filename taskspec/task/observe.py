@@ -35,14 +35,14 @@ class Observed:
         self.components = {c.name: c for c in state}
 
     def state(self, c: Component) -> Component:
-        """A state component that is observed as it is."""
+        """Return a state component that is observed as it is."""
         edges = self._tight(list(zip(c.low, c.high, strict=True)), self.reached.get(c.name))
         return _bounded(c, edges)
 
     def expression(
         self, name: str, value: Value, low: Sequence[float] | None, high: Sequence[float] | None
     ) -> Component:
-        """An observed expression; `low` and `high` are declared bounds, one for each element."""
+        """Return an observed expression; `low` and `high` are declared bounds, one for each element."""
         node = value.node
         edges = self.edges(node)
         lows = [a for a, _ in edges] if low is None else list(low)
@@ -58,7 +58,7 @@ class Observed:
         return None
 
     def edges(self, node: Node) -> Edges:
-        """Bounds of every element: of a state component as declared, of a vector part by part."""
+        """Return bounds of every element: of a state component as declared, of a vector part by part."""
         original = self._original(node)
         if original is not None:
             return self._tight(list(zip(original.low, original.high, strict=True)), self.reached.get(original.name))
@@ -98,7 +98,7 @@ FIRST, LATER = "first memory", "memory"
 
 
 def remembered(context: Context, names: Names, observation: Observation) -> ExpertMemory | None:
-    """The memory that the expert of a spec keeps; None for none, or for one that is broken (and reported)."""
+    """Return the memory that the expert of a spec keeps; None for none, or for one that is broken (and reported)."""
     _check_names(context, observation)
     seen = what_is_seen(context.builder, observation)
     scopes = {"initial": names.memory_scope(FIRST, seen), "next": names.memory_scope(LATER, seen)}
@@ -117,14 +117,14 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
 
 
 def what_is_seen(builder: Builder, observation: Observation) -> Mapping[str, Value]:
-    """What is observed, by name, as the memory and symmetries read it."""
+    """Return what is observed, by name, as the memory and symmetries read it."""
     pairs = zip(observation.components, observation.nodes, strict=True)
     reads = {c.name: builder.read(Role.NEXT, c.name, c.type, *builder.certain(node)) for c, node in pairs}
     return {c.name: Value(reads[c.name], c.domain, late=True) for c in observation.components}
 
 
 def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-    """Values with ints that keep to their ranges, and to 32 bits where these have no end."""
+    """Return values with ints that keep to their ranges, and to 32 bits where these have no end."""
     pairs = [(c, kept(builder, c, node)) for c, node in zip(components, nodes, strict=True)]
     return tuple(builder.within(n, -INT_MAX, INT_MAX) if c.type.kind is Kind.INT else n for c, n in pairs)
 
@@ -142,7 +142,7 @@ def _check_names(context: Context, observation: Observation) -> None:
 def recall(
     task: Task, memory: ExpertMemory, seen: Flats, before: Flats, action: Flats, t: int
 ) -> list[tuple[Any, ...]]:
-    """What is remembered once something is seen, as flat values by component.
+    """Return what is remembered once something is seen, as flat values by component.
 
     Args:
         seen: what is now observed, by component.

@@ -44,7 +44,7 @@ def _entry(context: Context, section: str, name: str, value: Any) -> s.Expr | No
 
 
 def initial_values(context: Context, names: Names) -> list[Node]:
-    """Nodes of the first state, in order; later lines see earlier ones."""
+    """Return nodes of the first state, in order; later lines see earlier ones."""
     scope = names.initial_scope()
     _check_names(context, "initial", [c.name for c in context.state])
     components = {c.name: c for c in context.state}
@@ -91,7 +91,7 @@ def _check_names(context: Context, section: str, known: list[str]) -> None:
 
 
 def next_values(context: Context, names: Names) -> list[Node]:
-    """Nodes of the next state, in order; a component that is not named keeps its value."""
+    """Return nodes of the next state, in order; a component that is not named keeps its value."""
     _check_names(context, "dynamics", [c.name + "'" for c in context.state])
     place = context.place("dynamics")
     found = []
@@ -104,7 +104,7 @@ def next_values(context: Context, names: Names) -> list[Node]:
 
 
 def saturate(context: Context, names: Names, initial: list[Node], following: list[Node]) -> list[Node]:
-    """Next states with ints that fit (`spec.widths`); what reads a next value later reads that."""
+    """Return next states with ints that fit (`spec.widths`); what reads a next value later reads that."""
     if not len(initial) == len(following) == len(context.state):
         return following
     found = saturated(context.builder, context.state, initial, following, context.horizon)
@@ -134,7 +134,7 @@ def _check_widths(context: Context, section: str, nodes: Sequence[Node]) -> None
 
 
 def end_condition(context: Context, names: Names) -> Node | None:
-    """The condition that ends an episode, which `reward` may have named before; never, where there is none."""
+    """Return the condition that ends an episode, which `reward` may have named before; never, where there is none."""
     if "terminal" not in context.data:
         return context.builder.scalar(False)
     try:
@@ -144,7 +144,7 @@ def end_condition(context: Context, names: Names) -> Node | None:
 
 
 def single_number(context: Context, section: str, type_: Type, scope: Scope, default: Any = None) -> Node | None:
-    """A section that is one number: the reward, the absorbing reward."""
+    """Return a section that is one number: the reward, the absorbing reward."""
     if section not in context.data:
         return context.builder.const(default, type_)
     expr = context.exprs[section]
@@ -214,7 +214,7 @@ def _check_space(context: Context, components: tuple[Component, ...], space: str
 
 
 def _check_order(context: Context, c: Component) -> bool:
-    """Whether values lie between the bounds of what is observed; reported where there are none."""
+    """Return whether values lie between the bounds of what is observed; reported where there are none."""
     try:
         declare.check_order(context, c.low, c.high, ("observation", c.name))
     except Poisoned:
@@ -223,7 +223,7 @@ def _check_order(context: Context, c: Component) -> bool:
 
 
 def _edge(context: Context, name: str, key: str, type_: Type) -> tuple[float, ...] | None:
-    """A declared bound of an observed expression, if there is one."""
+    """Return a declared bound of an observed expression, if there is one."""
     entry = context.data["observation"][name]
     if not is_bounded(entry) or entry.get(key) is None:
         return None
@@ -295,7 +295,7 @@ def _expert_components(context: Context, names: Names, value: dict[str, Any]) ->
 
 
 def abstraction_map(context: Context, names: Names) -> list[Node]:
-    """The values that the components of the finite stand-in have in a state."""
+    """Return the values that the components of the finite stand-in have in a state."""
     if not context.data.get("abstraction"):
         return []
     scope, written = names.scope("abstraction"), context.data["abstraction"]["map"]
@@ -309,7 +309,7 @@ def abstraction_map(context: Context, names: Names) -> list[Node]:
 
 
 def _mapped(context: Context, name: str, expr: s.Expr | None, components: dict[str, Any], scope: Scope) -> Node | None:
-    """An expression of the map as a value of the component that it is for; None when it is broken (and reported)."""
+    """Return an expression of the map as a value of the component that it is for; None when it is broken (and reported)."""
     if name not in components:
         span = context.merged.key_span(("abstraction", "map", name))
         context.collector.add("E216", span, f"the abstraction has no component '{name}'", suggest(name, components))
@@ -341,7 +341,7 @@ def _too_many(context: Context, claims: list[Any]) -> bool:
 
 
 def claims(context: Context) -> Iterable[Claim]:
-    """The claims as surface syntax; they are evaluated on the exact model."""
+    """Yield the claims as surface syntax; they are evaluated on the exact model."""
     too_many = _too_many(context, context.data.get("claims") or [])
     for i, entry in enumerate(context.data.get("claims") or ()):
         path: Path = ("claims", i) if isinstance(entry, str) else ("claims", i, "claim")
@@ -355,5 +355,5 @@ def claims(context: Context) -> Iterable[Claim]:
 
 
 def is_bounded(entry: Any) -> bool:
-    """Whether an observation is written `{value: expression, low: ..., high: ...}`."""
+    """Return whether an observation is written `{value: expression, low: ..., high: ...}`."""
     return isinstance(entry, dict) and "value" in entry and entry.keys() <= {"value", "low", "high"}

@@ -83,7 +83,7 @@ Axes = Callable[[Sequence[int]], int]
 
 
 def widest(axes: Sequence[int]) -> int:
-    """Of what is worked out element by element, single values stretching."""
+    """Return the axes of an elementwise function, whose scalars stretch."""
     return max(axes, default=0)
 
 
@@ -153,7 +153,7 @@ class Scalar:
 
     `real` is used instead where an argument is real, `divides` where the second argument is never 0, `whole` where no argument
     is real. A reduction of a few elements is written out as a `chain`: what stands between them, and the value of none.
-    `names` are the functions that the templates call, besides Python's own.
+    `names` are the functions that the templates call, in addition to Python's own.
     """
 
     template: str

@@ -38,7 +38,7 @@ Flat = tuple[Any, ...]
 
 
 def strided(shape: tuple[int, ...]) -> int:
-    """Elements a step along the first axis."""
+    """Return elements a step along the first axis."""
     size = 1
     for n in shape[1:]:
         size *= n
@@ -183,7 +183,7 @@ Vector = Sequence[Any]
 
 
 def sort(x: Vector) -> list[Any]:
-    """Of reals, with nan last and zeros without a sign."""
+    """Sort reals, with nan last and zeros without a sign."""
     return [x[i] or abs(x[i]) for i in argsort(x)]
 
 

@@ -23,7 +23,7 @@ from taskspec.lang.variates.entry import Flat, Words
 
 
 def words_of(draw: Draw) -> int:
-    """How many words a draw takes."""
+    """Return how many words a draw takes."""
     return VARIATES[draw.base].words(draw)
 
 
@@ -37,7 +37,7 @@ class WordLayout:
 
     @classmethod
     def of(cls, roots: Iterable[Node]) -> WordLayout:
-        """The layout of the draws that some expressions are made of."""
+        """Return the layout of the draws that some expressions are made of."""
         return cls.dealt(draws_below(roots))
 
     @classmethod
@@ -54,7 +54,7 @@ class WordLayout:
 
 
 def sampler(layout: WordLayout, words: Words) -> Callable[[Draw, list[Flat]], Flat]:
-    """A sampler for `lang.evaluate`: gives every draw of a phase the value of its words."""
+    """Return a sampler for `lang.evaluate`: gives every draw of a phase the value of its words."""
 
     def sample(draw: Draw, args: list[Flat]) -> Flat:
         return one(draw)(args, words[layout.first[draw.site] :])
@@ -63,7 +63,7 @@ def sampler(layout: WordLayout, words: Words) -> Callable[[Draw, list[Flat]], Fl
 
 
 def batch_sampler(layout: WordLayout, words: Array) -> Callable[[Draw, list[Array]], Array]:
-    """A sampler for `lang.batch`: every draw over a block of words, uint32 (count, N), (*shape, N) each."""
+    """Return a sampler for `lang.batch`: every draw over a block of words, uint32 (count, N), (*shape, N) each."""
 
     def sample(draw: Draw, args: list[Array]) -> Array:
         first = layout.first[draw.site]
@@ -73,12 +73,12 @@ def batch_sampler(layout: WordLayout, words: Array) -> Callable[[Draw, list[Arra
 
 
 def one(draw: Draw) -> Callable[[Sequence[Flat], Words], Flat]:
-    """The function of a draw's arguments and words on Python numbers."""
+    """Return the function of a draw's arguments and words on Python numbers."""
     return partial(VARIATES[draw.base].one or _alone, draw)
 
 
 def many(draw: Draw) -> Callable[[Sequence[Array], Array], Array]:
-    """The function of a draw's arguments (*shape, N or 1) and words (count, N) that gives its values (*shape, N)."""
+    """Return the function of a draw's arguments (*shape, N or 1) and words (count, N) that gives its values (*shape, N)."""
     return partial(_many, draw)
 
 
@@ -90,7 +90,7 @@ def _many(draw: Draw, args: Sequence[Array], words: Array) -> Array:
 
 
 def _alone(draw: Draw, args: Sequence[Flat], words: Words) -> Flat:
-    """A batch of one."""
+    """Return a batch of one."""
     given = [
         np.array(flat, DTYPES[a.type.kind]).reshape(*a.type.shape, 1) for a, flat in zip(draw.args, args, strict=True)
     ]

@@ -293,7 +293,7 @@ class Sections(Strict):
 
 
 def _partial_type(annotation: Any) -> Any:
-    """The same type with nothing required inside, and `null` allowed to remove entries."""
+    """Return the same type with nothing required inside, and `null` allowed to remove entries."""
     if isinstance(annotation, type) and issubclass(annotation, Parameters):
         return PartialParameters
     if annotation is ComponentEntry:
@@ -307,7 +307,7 @@ def _partial_type(annotation: Any) -> Any:
 
 
 def _partial(model: type[Strict], name: str, **more: Any) -> type[Strict]:
-    """A model with the keys of another, none of them required."""
+    """Return a model with the keys of another, none of them required."""
     fields: dict[str, Any] = {}
     for key, field in model.model_fields.items():
         annotation = _partial_type(field.annotation)

@@ -34,7 +34,7 @@ def fail(problems: list[Problem]) -> None:
 
 
 def _checked(check: Callable[[Any], Iterator[Problem]]) -> Callable[[Any], Any]:
-    """A validator that leaves a value as it is, or reports what a check finds."""
+    """Return a validator that leaves a value as it is, or reports what a check finds."""
 
     def validate(value: Any) -> Any:
         fail(list(check(value)))
@@ -65,7 +65,7 @@ class Shorthand:
 
 
 def checked(check: Callable[[Any], Iterator[Problem]]) -> BeforeValidator:
-    """An annotation that checks a value by hand."""
+    """Return an annotation that checks a value by hand."""
     return BeforeValidator(_checked(check))
 
 
@@ -157,7 +157,7 @@ DEFAULTS = {"int": ["integer", "string"], "real": ["number", "string"], "bool": 
 
 
 def _rules(then: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
-    """What follows from an entry's type, for the JSON Schema."""
+    """Return what follows from an entry's type, for the JSON Schema."""
     return {
         "allOf": [
             {"if": {"required": ["type"], "properties": {"type": {"const": kind}}}, "then": then(kind)}
