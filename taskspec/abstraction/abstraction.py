@@ -21,8 +21,8 @@ from taskspec.model.model import Model
 from taskspec.modifiers import stand_in as modified_stand_in
 from taskspec.registry import load
 from taskspec.rollout.rollout import reads_of
+from taskspec.task.build import build_abstract
 from taskspec.task.context import assign
-from taskspec.task.derived import build_abstract
 from taskspec.task.task import Task, TaskLike
 
 State = Mapping[str, Array]

@@ -20,7 +20,7 @@ from taskspec.modifiers import MODIFIERS, Modifier, modifier, modify
 from taskspec.policies.adapters import policy_of
 from taskspec.policies.files import is_function, place_of
 from taskspec.source import Path as Place
-from taskspec.task.build import bind
+from taskspec.task.build import bound_parameters
 from taskspec.task.parts import Parameter
 from taskspec.task.schema.experiments import SPANS, TaskEntry
 from taskspec.task.task import Task
@@ -201,7 +201,7 @@ class _Entry:
         source = self._source()
         try:
             self.task = registry.load(source, self.entry.variant)
-            known = bind(self.task.document, self.task.variant).parameters
+            known = bound_parameters(self.task.document, self.task.variant).parameters
         except SpecError as error:
             self._report(error, ("task",))
             return
@@ -293,7 +293,7 @@ class _Entry:
 
     def _unknown(self, path: Place, name: str) -> None:
         try:
-            bind(self.task.document, self.task.variant, {name: 0})
+            bound_parameters(self.task.document, self.task.variant, {name: 0})
         except SpecError as error:
             place = self.document.key_span(("tasks", self.index, *path))
             self.collector.extend(replace(d, span=place) for d in error.diagnostics if d.code == "E702")
@@ -340,7 +340,7 @@ class _Entry:
             return None
         problem, bound = None, None
         try:
-            bound = bind(self.task.document, self.task.variant, values)
+            bound = bound_parameters(self.task.document, self.task.variant, values)
         except SpecError as error:
             problem = "; ".join(d.message for d in error.diagnostics)
             place, note = self._span("parameters"), f"at {ids.assigned(values.items())}"
@@ -359,7 +359,7 @@ class _Entry:
             return known
         try:
             plain = {name: value for name, value in given.items() if name not in texts}
-            return bind(self.task.document, self.task.variant, plain).parameters
+            return bound_parameters(self.task.document, self.task.variant, plain).parameters
         except SpecError:  # with the others they may be right
             return known
 

@@ -13,12 +13,11 @@ from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Refused, Shape
 
-# ---------- excluded
-# Alternatives that parameters exclude: they may be without a value, as `max(x)` in `max(x) if n > 0 else 0` is where n is 0.
-
 
 def excluded_by_parameters(conditions: Sequence[tuple[s.Expr, Node]], scope: Scope) -> list[bool]:
-    """Whether each alternative is excluded by conditions known once parameters are; the last is what is left without them."""
+    """Return whether each alternative is excluded by conditions known once parameters are; the last is what is left
+    without them.
+    """
     found, decided = [], False
     for expr, node in conditions:
         known = isinstance(node, Const) and not basechecker.varies(expr, scope)
@@ -28,7 +27,7 @@ def excluded_by_parameters(conditions: Sequence[tuple[s.Expr, Node]], scope: Sco
 
 
 def excluded_value(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> Value | None:
-    """The value of an excluded alternative; None where it has none, and draws nothing that would take random words."""
+    """Return the value of an excluded alternative; None where it has none, and draws nothing that would take random words."""
     with checker.lenient(), checker.builder.written() as made:
         found = checker.check(expr, scope, want)
     if found is None and (made or _draws(checker, expr, scope, set())):
@@ -37,7 +36,7 @@ def excluded_value(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domai
 
 
 def _draws(checker: BaseChecker, expr: s.Expr, scope: Scope, known: set[str]) -> bool:
-    """Whether something is drawn in an expression, or in what it names."""
+    """Return whether something is drawn in an expression, or in what it names."""
     with checker.builder.written(apart=True) as made:
         for part in s.below(expr):
             if isinstance(part, s.Weights) or (isinstance(part, s.Call) and is_distribution(part.function)):
@@ -61,8 +60,7 @@ def _resolve(binding: Lazy, at: s.Name) -> None:
         return
 
 
-# ---------- alternatives
-# Values of which one is taken: branches, cells of a table, outcomes of a draw. All are of one choice, or all numbers.
+# One of several values is taken: branches, cells of a table, outcomes of a draw. All are of one choice, or all numbers.
 
 
 def select(
@@ -72,7 +70,7 @@ def select(
     scope: Scope,
     want: Domain | None,
 ) -> Value:
-    """The first branch whose condition holds; one that parameters exclude may be without a value."""
+    """Return the first branch whose condition holds; one that parameters exclude may be without a value."""
     branches = tuple(branches)
     where = partial(_where, checker, branches, otherwise, scope) if want is None else None
     conditions = checker.each([partial(checker.condition, c, scope, where) for c, _ in branches])
@@ -93,7 +91,9 @@ def select(
 def _where(
     checker: BaseChecker, branches: Sequence[tuple[s.Expr, s.Expr]], otherwise: s.Expr, scope: Scope, shape: Shape
 ) -> str | None:
-    """How one of two numbers is chosen for each element, where the condition is of some shape; None where that is impossible."""
+    """Return how one of two numbers is chosen for each element, where the condition is of some shape; None where
+    that is impossible.
+    """
     condition, then = branches[0]
     found = [checker.check(e, scope) for e in (then, otherwise)]
     if len(branches) > 1 or any(v is None or v.domain or v.node.type.shape not in ((), shape) for v in found):
@@ -107,7 +107,9 @@ def _value(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None
 
 
 def _either(checker: BaseChecker, condition: Node | None, node: Node, otherwise: Node) -> Node:
-    """One of two values. Between vectors of different shapes a condition decides when the task is built, or it is an error."""
+    """Return one of two values. Between vectors of different shapes a condition decides when the task is built, or
+    it is an error.
+    """
     assert condition is not None  # that is `otherwise`, the last one
     shapes = {node.type.shape, otherwise.type.shape}
     if isinstance(condition, Const) and len(shapes - {()}) == 2:
@@ -116,13 +118,13 @@ def _either(checker: BaseChecker, condition: Node | None, node: Node, otherwise:
 
 
 def values(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Value]:
-    """The values of alternatives."""
+    """Return the values of alternatives."""
     wants = wanted(exprs, scope, want)
     return checker.each([partial(checker.value, e, scope, w) for e, w in zip(exprs, wants, strict=True)])
 
 
 def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[Domain | None]:
-    """The domain in which each of several alternatives finds its labels.
+    """Return the domain in which each of several alternatives finds its labels.
 
     That is `want`, if something is wanted; else bare labels mean what the first component among the others makes of them.
     """
@@ -134,7 +136,7 @@ def wanted(exprs: Sequence[s.Expr], scope: Scope, want: Domain | None) -> list[D
 
 
 def domain_of(expr: s.Expr, scope: Scope) -> Domain | None:
-    """The domain of a choice that is named."""
+    """Return the domain of a choice that is named."""
     binding = scope.lookup(expr.written) if isinstance(expr, s.Name) else None
     return binding.domain if isinstance(binding, Value | Lazy) else None
 
@@ -146,7 +148,7 @@ def _is_label(expr: s.Expr, scope: Scope) -> bool:
 def unify(
     checker: BaseChecker, values: Sequence[Value], exprs: Sequence[s.Expr], want: Domain | None = None
 ) -> tuple[list[Node], Domain | None]:
-    """Nodes of alternatives that may stand for each other: all of one choice, or all numbers.
+    """Return nodes of alternatives that may stand for each other: all of one choice, or all numbers.
 
     Beside numbers, labels of another choice than is wanted are refused (E306): as numbers they would pass for its positions.
     """

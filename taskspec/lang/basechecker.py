@@ -18,9 +18,6 @@ from taskspec.lang.ir import Const, Node
 from taskspec.lang.scope import Binding, FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import INT, Domain, Kind, Refused, Shape, Type
 
-# ---------- basechecker
-# What the checks of all kinds of expressions share: the parts of an expression, what is asked of them, and mistakes.
-
 T = TypeVar("T")
 
 
@@ -63,7 +60,7 @@ class BaseChecker(ABC):
 
     @abstractmethod
     def value(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value:
-        """The value of an expression; `want` is the domain whose labels it may name.
+        """Return the value of an expression; `want` is the domain whose labels it may name.
 
         Raises:
             Poisoned: when it is broken; every mistake in it has been reported.
@@ -71,18 +68,18 @@ class BaseChecker(ABC):
         """
 
     def check(self, expr: s.Expr, scope: Scope, want: Domain | None = None) -> Value | None:
-        """The value of an expression, or None when it is broken (and reported)."""
+        """Return the value of an expression, or None when it is broken (and reported)."""
         try:
             return self.value(expr, scope, want)
         except Poisoned:
             return None
 
     def numeric(self, expr: s.Expr, scope: Scope) -> Node:
-        """An expression that must be a number, a condition or a vector; a choice gives what its label stands for."""
+        """Return an expression that must be a number, a condition or a vector; a choice gives what its label stands for."""
         return self.number_of(self.value(expr, scope))
 
     def number_of(self, value: Value) -> Node:
-        """A value in arithmetic: a label is the value that it stands for, or else its position."""
+        """Return a value in arithmetic: a label is the value that it stands for, or else its position."""
         domain = value.domain
         if domain is None or domain.values is None or domain.value_type is None:
             return value.node
@@ -91,11 +88,11 @@ class BaseChecker(ABC):
         return self.builder.structure("index", [self.builder.const(flat, rows), value.node])
 
     def numerics(self, exprs: Iterable[s.Expr], scope: Scope) -> list[Node]:
-        """All of them, reporting the mistakes of each before giving up."""
+        """Return all of them, reporting the mistakes of each before giving up."""
         return self.each([(lambda e=e: self.numeric(e, scope)) for e in exprs])  # type: ignore[misc]
 
     def each(self, jobs: Sequence[Callable[[], T]]) -> list[T]:
-        """Results of all the jobs; every one runs, then a broken one gives up."""
+        """Return results of all the jobs; every one runs, then a broken one gives up."""
         results, broken = [], False
         for job in jobs:
             try:
@@ -107,7 +104,7 @@ class BaseChecker(ABC):
         return results
 
     def stack(self, nodes: list[Node], expr: s.Expr) -> Node:
-        """A vector of elements, which must be of one shape."""
+        """Return a vector of elements, which must be of one shape."""
         shapes = {n.type.shape for n in nodes}
         if len(shapes) > 1:
             self.fail("E307", expr, "the elements of this vector have different shapes",
@@ -115,7 +112,7 @@ class BaseChecker(ABC):
         return self.builder.structure("vector", nodes)
 
     def condition(self, expr: s.Expr, scope: Scope, of_many: Callable[[Shape], str | None] | None = None) -> Node:
-        """An expression that must be a single condition; `of_many` may say what to do about several of some shape."""
+        """Return an expression that must be a single condition; `of_many` may say what to do about several of some shape."""
         node = self.numeric(expr, scope)
         if node.type.kind is not Kind.BOOL:
             hint = "compare it with something, e.g. `x != 0`" if node.type.is_scalar else None
@@ -126,11 +123,11 @@ class BaseChecker(ABC):
         return node
 
     def of_many(self, expr: s.Expr, scope: Scope) -> str | None:
-        """What was meant by several conditions where one is needed, as far as their form tells."""
+        """Return what was meant by several conditions where one is needed, as far as their form tells."""
         return None
 
     def constant(self, expr: s.Expr, scope: Scope, what: str, instead: str | None = None) -> Const:
-        """An expression that must be known once parameters are; `instead` is what to write where it is not."""
+        """Return an expression that must be known once parameters are; `instead` is what to write where it is not."""
         node = self.numeric(expr, scope)
         if not isinstance(node, Const):
             self.fail(
@@ -163,7 +160,7 @@ class BaseChecker(ABC):
         raise Poisoned
 
     def values_of(self, *exprs: s.Expr | s.Slice | None) -> list[str]:
-        """The values of the parameters that expressions name, as a note: at others they may be right."""
+        """Return the values of the parameters that expressions name, as a note: at others they may be right."""
         names = (x for expr in exprs if expr is not None for x in s.names(expr))
         named = dict.fromkeys(x.id for x in names if isinstance(x, s.Name) and x.id in self.parameters)
         return [f"with {', '.join(f'{name} = {self.parameters[name]}' for name in named)}"] if named else []
@@ -195,12 +192,11 @@ def _article(type: Type) -> str:
     return f"an {text}" if text[0] in "aeiou" else f"a {text}"
 
 
-# ---------- labels
 # Labels and ints: which label an int is, where a choice is given a value.
 
 
 def numbered(checker: BaseChecker, value: Value, expr: s.Expr, domain: Domain) -> Node:
-    """A value as positions of labels: a label of the choice, or an int, which is the label of that position or value.
+    """Return a value as positions of labels: a label of the choice, or an int, which is the label of that position or value.
 
     What is no label's is -1, or beyond the last position.
 
@@ -242,7 +238,7 @@ def _table(domain: Domain) -> str:
 
 
 def listed(domain: Domain) -> str:
-    """The labels of a choice in words, the first few of many."""
+    """Return the labels of a choice in words, the first few of many."""
     return ", ".join(domain.labels[:6]) + ", ..." * (len(domain.labels) > 6)
 
 
@@ -257,15 +253,14 @@ def check_comparable(one: Domain | None, other: Domain | None) -> None:
         raise Refused(message, hint=hint)
 
 
-# ---------- late
-# What is known before the task runs, and what is not, whatever it comes to: the state, the action, the time, a draw.
+# Binding times: what is known before the task runs, and what is not, even if it is constant: state, action, time, draws.
 #
 # It decides which indices count from the end (`lang.subscripts`), and where fractions end: what is known late is computed in
-# floats, even where its value can be told when the task is built.
+# floats, even where its value is known when the task is built.
 
 
 def operands(checker: BaseChecker, exprs: Sequence[s.Expr], scope: Scope) -> list[Node]:
-    """The operands of an operation; among those that are known late, fractions are floats."""
+    """Return the operands of an operation; among those that are known late, fractions are floats."""
     nodes = checker.numerics(exprs, scope)
     if not all(isinstance(n, Const) for n in nodes) or not any(map(_has_fractions, nodes)):
         return nodes
@@ -279,12 +274,12 @@ def _has_fractions(node: Node) -> bool:
 
 
 def named(value: Value, expr: s.Expr, scope: Scope) -> Value:
-    """The value of an expression as that of a name, for which a definition or an argument lets it stand."""
+    """Return the value of an expression as that of a name, for which a definition or an argument lets it stand."""
     return replace(value, late=True) if isinstance(value.node, Const) and varies(expr, scope) else value
 
 
 def varies(expr: s.Expr, scope: Scope) -> bool:
-    """Whether an expression names what is known only when the task runs, whatever its value comes to."""
+    """Return whether an expression names something that is bound at run time."""
     if isinstance(expr, s.Name):  # most arguments are names
         return _known_late(expr, scope.lookup(expr.written))
     names = list(s.names(expr))

@@ -1,4 +1,8 @@
-"""Evaluate core nodes over a batch with array operations, and the array forms longer than one expression."""
+"""Evaluate core nodes over a batch with array operations, and the array forms longer than one expression.
+
+Arrays carry the batch axis last, so that a scalar of every lane, shape (N,), broadcasts against a vector of every
+lane, shape (n, N). `xp` is NumPy or a namespace like it (`jax.numpy`).
+"""
 
 from __future__ import annotations
 
@@ -12,12 +16,6 @@ from taskspec.base.arrays import AnyArray, Array
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, plain, walk
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INT_MAX, Kind
-
-# ---------- arrays
-# Array forms that are more than one expression: what `rt.` means in the array templates of the operator table.
-#
-# Arrays carry the batch axis last, so that a scalar of every lane, shape (N,), broadcasts against a vector of every
-# lane, shape (n, N). `xp` is NumPy or a namespace like it (`jax.numpy`).
 
 UNSORTED = 16
 """Vectors up to this many elements are sorted by a network."""
@@ -52,7 +50,7 @@ class Runtime:
         return self.xp.asarray(x).astype(self.real)
 
     def to_int(self, x: AnyArray) -> AnyArray:
-        """A whole-numbered real as an int: saturating, nan as 0. The clamp is a hair wider, for float32."""
+        """Return a whole-numbered real as an int: saturating, nan as 0. The clamp is a hair wider, for float32."""
         xp = self.xp
         inside = xp.clip(xp.where(xp.isnan(x), 0, x), -INT_MAX, INT_MAX)
         if self.real != xp.float32:
@@ -88,7 +86,7 @@ class Runtime:
         return self.xp.power(a, b + self.xp.zeros_like(a))
 
     def min2(self, a: AnyArray, b: AnyArray) -> AnyArray:
-        """The first of equals; `fmin` gives either 0.0 or -0.0 of the two."""
+        """Return the first of equals; `fmin` gives either 0.0 or -0.0 of the two."""
         return self.xp.where((a <= b) | (b != b), a, b)
 
     def max2(self, a: AnyArray, b: AnyArray) -> AnyArray:
@@ -101,7 +99,7 @@ class Runtime:
     # -- reductions over all elements of each lane ----------------------------------------------------------------
 
     def rows(self, x: AnyArray) -> AnyArray:
-        """One row for every element."""
+        """Return one row for every element."""
         return x.reshape(-1, x.shape[-1])
 
     def sum(self, x: AnyArray) -> AnyArray:
@@ -141,7 +139,7 @@ class Runtime:
         return self._best(self.rows(x), -1)
 
     def _best(self, rows: AnyArray, direction: int) -> AnyArray:
-        """Index of the first best number; of the first element where every element is nan."""
+        """Return index of the first best number; of the first element where every element is nan."""
         xp = self.xp
         keys = self._without_nan(rows, direction * xp.inf)
         found = xp.argmin(keys, axis=0) if direction > 0 else xp.argmax(keys, axis=0)
@@ -174,7 +172,7 @@ class Runtime:
         return self.xp.stack(rows)
 
     def without_sign(self, x: AnyArray) -> AnyArray:
-        """The numbers with 0.0 for -0.0. A sum with 0.0 would do, but XLA takes it for the number itself."""
+        """Return the numbers with 0.0 for -0.0. A sum with 0.0 would do, but XLA takes it for the number itself."""
         return x if x.dtype.kind in "iub" else self.xp.where(x == 0, 0.0, x)
 
     def argsort(self, x: AnyArray) -> AnyArray:
@@ -190,7 +188,7 @@ class Runtime:
         return self.xp.stack(parts if alike else self.xp.broadcast_arrays(*parts))
 
     def fill(self, x: AnyArray, shape: tuple[int, ...]) -> AnyArray:
-        """A scalar of every lane in each place of a shape."""
+        """Return a scalar of every lane in each place of a shape."""
         return self.xp.broadcast_to(x, (*shape, self.xp.asarray(x).shape[-1]))
 
     def concat(self, *parts: AnyArray) -> AnyArray:
@@ -198,7 +196,7 @@ class Runtime:
         return self.xp.concatenate([self.xp.broadcast_to(p, (*p.shape[:-1], lanes)) for p in parts])
 
     def index(self, x: AnyArray, i: AnyArray) -> AnyArray:
-        """Rows of x (n, ..., N) at the indices i (..., N) of each lane."""
+        """Return rows of x (n, ..., N) at the indices i (..., N) of each lane."""
         xp = self.xp
         if x.shape[-1] == 1:
             picked = xp.take(x[..., 0], i, axis=0)  # (*i.shape, *row)
@@ -217,7 +215,6 @@ class Runtime:
         return self.put(self.put(x, i, at_j), j, at_i)
 
 
-# ---------- batch
 # Array evaluation of core nodes over a batch: the array forms of the operator table, node by node.
 #
 # Used where many points are needed once (sets, soundness, exact models); a backend that steps environments generates
@@ -229,7 +226,7 @@ RUNTIME = Runtime(np, np.int64, np.float64)
 
 @lru_cache(maxsize=4096)
 def array(node: Const) -> Array:
-    """A constant as a read-only array with a batch axis of one."""
+    """Return a constant as a read-only array with a batch axis of one."""
     values = [plain(v) for v in node.flat] if node.type.kind is Kind.REAL else node.flat
     made = np.array(values, dtype=DTYPES[node.type.kind]).reshape(*node.type.shape, 1)
     made.setflags(write=False)
@@ -245,7 +242,7 @@ def evaluate(
     reads: Mapping[tuple[Role, str], Array],
     sample: Callable[[Draw, list[Array]], Array] = no_draws,
 ) -> list[Array]:
-    """Values of the roots over a batch.
+    """Return values of the roots over a batch.
 
     Args:
         roots: nodes; shared ones are evaluated once.
@@ -295,7 +292,7 @@ def _planned(roots: tuple[Node, ...]) -> _Plan:
 
 
 def _operation(node: Apply) -> Callable[..., Array]:
-    """One operator over a batch, as a function of its arguments."""
+    """Return one operator over a batch, as a function of its arguments."""
     if node.op in OPERATORS:
         return partial(function(node.op, node.type.kind), np, RUNTIME)
     static = node.static
@@ -319,7 +316,7 @@ def _operation(node: Apply) -> Callable[..., Array]:
 
 @cache
 def function(op: str, kind: Kind) -> Callable[..., Any]:
-    """The array form of an operator as a function of (xp, rt, *arguments)."""
+    """Return the array form of an operator as a function of (xp, rt, *arguments)."""
     entry = OPERATORS[op]
     form = entry.array
     template = form.real if kind is Kind.REAL and form.real else form.template

@@ -15,12 +15,9 @@ from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain,
 from taskspec.lang.operators import OPERATORS, STRUCTURES, Elements, Operator, entry_of
 from taskspec.lang.types import BOOL, INF, INT, INT_MAX, REAL, Interval, Kind, Range, Refused, Shape, Type, join
 
-# ---------- folding
-# Operations on constants, worked out when a task is built, by the references of the operator table.
-
 
 def folded(name: str, args: Sequence[Node], static: tuple[int, ...], result: Type) -> Flat:
-    """The elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
+    """Return the elements of an operation on constants. Fractions that are compared with floats are floats: 0.1 is 1 / 10."""
     constants = [a for a in args if isinstance(a, Const)]
     flats = [c.flat for c in constants]
     reals = [c.flat for c in constants if c.type.kind is Kind.REAL]  # a table of ints may have a million of them
@@ -61,7 +58,6 @@ def power(base: Const, exponent: Const) -> tuple[Any, Type] | None:
     return (int(value), INT) if integral else (value, REAL)
 
 
-# ---------- builder
 # Makes core nodes: interning, promotion of kinds, constant folding and a few identities, in one place.
 #
 # Folding uses the references of the operator table, so a constant means what it means at run time. Cost is bounded
@@ -91,7 +87,7 @@ class Builder:
     # -- leaves ---------------------------------------------------------------------------------------------------
 
     def const(self, value: Any, type: Type) -> Const:
-        """A constant; `value` is a scalar, or a flat row-major sequence for a vector."""
+        """Return a constant; `value` is a scalar, or a flat row-major sequence for a vector."""
         flat = (value,) if type.is_scalar else value
         self.check_size(type.shape)
         # A set may have a hundred thousand elements, and they are ints: a task's tables are built here.
@@ -102,7 +98,7 @@ class Builder:
         return self._intern(key, lambda: Const(items[0] if type.is_scalar else items, type))
 
     def scalar(self, value: Any) -> Const:
-        """A Python number as a constant of its own kind."""
+        """Return a Python number as a constant of its own kind."""
         if type(value) is int:
             if value not in self._ints:
                 self._ints[value] = self.const(value, INT)
@@ -111,13 +107,13 @@ class Builder:
         return self.const(value, Type(kind))
 
     def read(self, role: Role, name: str, type: Type, low: float = -INF, high: float = INF) -> Node:
-        """The present value of something; nothing is left to read of what has no elements."""
+        """Return the present value of something; nothing is left to read of what has no elements."""
         if not type.size:
             return self.const((), type)
         return self._intern((Read, role, name, type, low, high), lambda: Read(role, name, type, low, high))
 
     def draw(self, base: str, args: Sequence[Node], type: Type) -> Node:
-        """A new draw: never shared with another."""
+        """Return a new draw: never shared with another."""
         self.check_size(type.shape)
         if not type.size:
             return self.const((), type)  # which takes no words
@@ -131,7 +127,7 @@ class Builder:
     def written(self, apart: bool = False) -> Iterator[dict[int, Draw]]:
         """The draws that are written or named inside, by site, whether or not their values turn out to matter.
 
-        They count in whatever is around as well, unless they stand `apart`.
+        They count in enclosing blocks as well, unless they stand `apart`.
         """
         found: dict[int, Draw] = {}
         self._written.append(found)
@@ -150,7 +146,7 @@ class Builder:
     # -- operators ------------------------------------------------------------------------------------------------
 
     def apply(self, name: str, *args: Node) -> Node:
-        """An operator of the table on arguments of any kind that promotes."""
+        """Return an operator of the table on arguments of any kind that promotes."""
         key = (name, (), *map(id, args))
         if key in self._folded:
             return self._folded[key]
@@ -177,7 +173,7 @@ class Builder:
         return simpler if simpler is not None else self._apply(name, args, result, ())
 
     def structure(self, name: str, args: Sequence[Node], static: tuple[int, ...] = ()) -> Node:
-        """An operator of `lang.operators.structure`; elements of mixed kinds are promoted."""
+        """Return an operator of `lang.operators.structure`; elements of mixed kinds are promoted."""
         key = (name, static, *map(id, args))
         if key in self._folded:
             return self._folded[key]
@@ -199,7 +195,7 @@ class Builder:
         return simpler if simpler is not None else self._apply(name, tuple(args), result, static)
 
     def cast(self, node: Node, kind: Kind) -> Node:
-        """The node promoted to a kind (never demoted)."""
+        """Return the node promoted to a kind (never demoted)."""
         if node.type.kind >= kind:
             return node
         if isinstance(node, Const):
@@ -209,13 +205,13 @@ class Builder:
         return self._apply("to_real", (node,), Type(kind, node.type.shape), ())
 
     def _operand(self, node: Node, kind: Kind) -> Node:
-        """The same for an operand: a whole number among reals stays exact, as a fraction does."""
+        """Return the same for an operand: a whole number among reals stays exact, as a fraction does."""
         if isinstance(node, Const) and kind is Kind.REAL > node.type.kind:
             return self._of(tuple(map(Fraction, node.flat)), Type(kind, node.type.shape))
         return self.cast(node, kind)
 
     def held(self, node: Node) -> Node:
-        """The node as a component holds it: fractions that make up its value are floats."""
+        """Return the node as a component holds it: fractions that make up its value are floats."""
 
         def leaf(part: Node) -> Node | None:
             if isinstance(part, Const) and part.type.kind is Kind.REAL:
@@ -225,13 +221,15 @@ class Builder:
         return rewrite([node], leaf, self.remake)[0]
 
     def stretch(self, node: Node, shape: Shape) -> Node:
-        """A scalar filled to a shape; anything else as it is."""
+        """Return a scalar filled to a shape; anything else as it is."""
         if node.type.shape == shape or not node.type.is_scalar:
             return node
         return self.structure("fill", [node], shape)
 
     def within(self, node: Node, low: float, high: float) -> Node:
-        """An int moved to the nearest of low, ..., high, unless it is certain to be one of them; refused where there are none."""
+        """Return an int moved to the nearest of low, ..., high, unless it is certain to be one of them; refused
+        where there are none.
+        """
         if low > high and node.type.size:
             raise Refused("a vector without elements has no index", "E315")
         least, most = self.certain(node)
@@ -240,7 +238,7 @@ class Builder:
         return self.apply("min2", node, self.scalar(int(high))) if most > high else node
 
     def position(self, index: Node, length: int) -> Node:
-        """An index (int) brought into range(length): a constant counts from the end when it is negative."""
+        """Return an index (int) brought into range(length): a constant counts from the end when it is negative."""
         if isinstance(index, Const):
             flat = tuple(i + length if i < 0 else i for i in index.flat)
             index = self.const(flat if index.type.shape else flat[0], index.type)
@@ -259,19 +257,19 @@ class Builder:
         return self.apply("pow", base, exponent)
 
     def bounds(self, node: Node) -> Interval:
-        """An interval that holds every element of the node's value, in float64."""
+        """Return an interval that holds every element of the node's value, in float64."""
         return interval.bounds(node, self._ranges)
 
     def finite(self, node: Node) -> bool:
-        """Whether every element is a finite number, whatever is read and drawn, as far as bounds can tell."""
+        """Return whether bounds prove that every element is always a finite number."""
         return interval.ranges(node, self._ranges).finite
 
     def certain(self, node: Node) -> Interval:
-        """An interval that holds on every backend, however reals are rounded: what index clamps may be dropped for."""
+        """Return an interval that holds on every backend, however reals are rounded: what index clamps may be dropped for."""
         return interval.certain(node, self._certain)
 
     def remake(self, node: Node, args: tuple[Node, ...]) -> Node:
-        """The same node over other arguments (`ir.rewrite`)."""
+        """Return the same node over other arguments (`ir.rewrite`)."""
         match node:
             case Apply(op=op, static=static):
                 return self.apply(op, *args) if op in OPERATORS else self.structure(op, args, static)
@@ -281,7 +279,7 @@ class Builder:
                 return node
 
     def remake_late(self, node: Node, args: tuple[Node, ...]) -> Node:
-        """As `remake`, where values take the place of what is known late: fractions beside these stay floats, as in a step."""
+        """Remake a node where values replace what is only known at run time: fractions beside these stay floats, as in a step."""
         if isinstance(node, Apply) and not all(isinstance(a, Const) for a in node.args):
             args = tuple(self.held(a) if isinstance(a, Const) else a for a in args)
         return self.remake(node, args)
@@ -289,7 +287,7 @@ class Builder:
     # -- how ------------------------------------------------------------------------------------------------------
 
     def _kept(self, key: Any, args: Sequence[Node], result: Node) -> Node:
-        """The result of an operation; of one on constants it is kept, as comprehensions ask for the same over and over."""
+        """Return the result of an operation; of one on constants it is kept, as comprehensions ask for the same over and over."""
         if isinstance(result, Const) and all(isinstance(a, Const) for a in args):
             self._folded[key] = result
         return result
@@ -298,7 +296,7 @@ class Builder:
         return self.const(flat[0] if type.is_scalar else flat, type)
 
     def settle(self, expressions: int) -> None:
-        """The task is built, of so many expressions: what backends and models make of it is bounded by it, and counts no more."""
+        """End the build of a task of so many expressions: its limit on operations does not hold for what is made from it."""
         self.expressions = expressions
         self._folded.clear()
         self._most = sys.maxsize
@@ -334,7 +332,7 @@ class Builder:
         return self.apply("mul", square, base) if count % 2 else square
 
     def _identity(self, name: str, args: tuple[Node, ...], type: Type) -> Node | None:
-        """A simpler node of the same value, where one is plain to see."""
+        """Return a simpler node of the same value, where one is plain to see."""
         match name, args:
             case "where", (Const(value=bool(c)), a, b):
                 return self.stretch(a if c else b, type.shape)
@@ -358,12 +356,14 @@ class Builder:
                 return self._decided(name, args) if type == BOOL else None
 
     def _is_narrow(self, node: Node) -> bool:
-        """Whether an int fits 32 bits, so that rounding, which moves reals to the nearest that does, leaves it as it is."""
+        """Return whether an int fits 32 bits, so that rounding, which moves reals to the nearest that does, leaves
+        it as it is.
+        """
         low, high = self.certain(node)
         return low >= -INT_MAX and high <= INT_MAX
 
     def _decided(self, name: str, args: tuple[Node, ...]) -> Node | None:
-        """A comparison that the bounds of its sides already settle."""
+        """Return a comparison that the bounds of its sides already settle."""
         if name not in ("lt", "le") or any(a.type.kind is Kind.REAL for a in args):
             return None
         (a_low, a_high), (b_low, b_high) = self.certain(args[0]), self.certain(args[1])

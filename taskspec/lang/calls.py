@@ -17,15 +17,12 @@ from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Shape, Type
 
-# ---------- folds
-# Going through a vector with a function of two arguments: `fold` gives the last value, `scan` all of them.
-
 NAMES = ("fold", "scan")
 Applied = Callable[[BaseChecker, FunctionDef, s.Call, list[Value]], Value]
 
 
 def folded(checker: BaseChecker, expr: s.Call, scope: Scope, apply: Applied) -> Value:
-    """The value of `fold(f, start, x)` or `scan(f, start, x)`; `apply` is a call of f, with values for its arguments."""
+    """Return the value of `fold(f, start, x)` or `scan(f, start, x)`; `apply` is a call of f, with values for its arguments."""
     if len(expr.args) != 3 or expr.keywords:
         checker.fail("E304", expr, f"{expr.function}(f, start, x) was given the wrong arguments")
     written, start, vector = expr.args
@@ -53,7 +50,6 @@ def folded(checker: BaseChecker, expr: s.Call, scope: Scope, apply: Applied) -> 
     return Value(checker.stack(nodes, expr))
 
 
-# ---------- calls
 # Calls: functions of the table, distributions, an author's own definitions.
 
 NO_DRAWS = "a definition draws nothing, so name the draw under `noise`"
@@ -61,12 +57,12 @@ SET_FUNCTIONS = ("box", "range")
 
 
 def is_function(name: str) -> bool:
-    """Whether the language itself has a function or distribution of this name."""
+    """Return whether the language itself has a function or distribution of this name."""
     return name in FUNCTIONS or dists.is_distribution(name) or name in SET_FUNCTIONS or name in NAMES
 
 
 def call(checker: BaseChecker, expr: s.Call, scope: Scope, want: Domain | None) -> Value:
-    """The value of a call."""
+    """Return the value of a call."""
     binding = scope.lookup(expr.function)
     if isinstance(binding, FunctionDef):
         return _own(checker, binding, expr, scope, want)
@@ -118,7 +114,7 @@ def refuse_keywords(collector: Collector, expr: s.Call) -> None:
 
 
 def _keyword(name: str, value: s.Expr) -> s.Place:
-    """The place of the name before `=`, which stands directly before its value."""
+    """Return the place of the name before `=`, which stands directly before its value."""
     text, end = value.place.text, value.place.start
     start = text.value.rfind(name, 0, end)
     return s.Place(text, start, start + len(name)) if start >= 0 else value.place
@@ -160,7 +156,7 @@ def _own(checker: BaseChecker, function: FunctionDef, expr: s.Call, scope: Scope
 def _applied(
     checker: BaseChecker, function: FunctionDef, expr: s.Call, given: list[Value], want: Domain | None = None
 ) -> Value:
-    """A definition with these values for its arguments."""
+    """Return a definition with these values for its arguments."""
     leave = function.enter(expr)
     try:
         inner = function.scope.child(dict(zip(function.arguments, given, strict=True)))
@@ -204,7 +200,7 @@ def _categorical(checker: BaseChecker, expr: s.Call, scope: Scope) -> Node:
 
 
 def _bind(checker: BaseChecker, dist: dists.Dist, expr: s.Call, scope: Scope) -> tuple[dict[str, Node], Shape]:
-    """Arguments by name, defaults filled in, all of one shape or scalar; and the shape of the draw."""
+    """Return arguments by name, defaults filled in, all of one shape or scalar; and the shape of the draw."""
     given, shape = _given(checker, dist, expr, scope)
     names = [a.name for a in dist.arguments]
     nodes = dict(zip(given, checker.numerics(given.values(), scope), strict=True))
@@ -251,7 +247,7 @@ def _given(
 
 
 def static_shape(checker: BaseChecker, expr: s.Expr, scope: Scope) -> Shape:
-    """A shape: a constant int or a short vector of them."""
+    """Return a shape: a constant int or a short vector of them."""
     node = checker.constant(expr, scope, "a shape")
     if node.type.kind is Kind.REAL or len(node.type.shape) > 1 or node.type.size > 4:
         checker.fail("E306", expr, "a shape is an int or a list of a few ints")

@@ -1,4 +1,8 @@
-"""Surface syntax -> typed core: resolve names and labels, check kinds and shapes."""
+"""Surface syntax -> typed core: resolve names and labels, check kinds and shapes.
+
+An expression with several mistakes reports them all: the parts are checked one by one, a mistake goes to the collector at once,
+and only what needs the value of a broken part is given up.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +19,6 @@ from taskspec.lang.ir import Node
 from taskspec.lang.operators import FUNCTIONS
 from taskspec.lang.scope import FunctionDef, Lazy, Scope, Unavailable, Value
 from taskspec.lang.types import Domain, Kind, Refused
-
-# ---------- check
-# Surface syntax -> typed core: resolves names and labels, checks kinds and shapes, and reports every mistake with its place.
-#
-# An expression with several mistakes reports them all: the parts are checked one by one, a mistake goes to the collector at once,
-# and only what needs the value of a broken part is given up.
 
 CONSTANTS = {"pi": math.pi, "inf": math.inf}
 _ARITHMETIC = {"+": "add", "-": "sub", "*": "mul", "/": "div", "//": "floordiv", "%": "mod"}
@@ -108,7 +106,7 @@ class Checker(BaseChecker):
         return Value(self.builder.scalar(truth))
 
     def label(self, label: str, expr: s.Expr, scope: Scope, want: Domain | None) -> Value:
-        """A word that can only be a label."""
+        """Return a word that can only be a label."""
         if want is not None and label in want.labels:
             return Value(self.builder.scalar(want.labels.index(label)), want)
         found = scope.labelled(label)
@@ -197,7 +195,6 @@ class Checker(BaseChecker):
         return self.stack(self.numerics(items, scope), expr)
 
 
-# ---------- uncalled
 # Mistakes in the body of a function that nothing calls.
 #
 # The types of its arguments are known only where it is called, so names and functions are all that can be checked.

@@ -47,7 +47,7 @@ class _Side:
         return alternatives.domain_of(self.expr, self.scope) is not None or any(p.has_choices for p in self.parts)
 
     def check(self, want: Domain | None = None) -> Value | None:
-        """The value beside a neighbour of the domain `want`, the first one if there are two; None when it is broken."""
+        """Return the value beside a neighbour of the domain `want`, the first one if there are two; None when it is broken."""
         if self.may_be_label:
             return self.checker.check(self.expr, self.scope, want)
         if not self._found:
@@ -55,7 +55,7 @@ class _Side:
         return self._found[0]
 
     def value(self, want: Domain | None = None) -> Value:
-        """The same.
+        """Return the same.
 
         Raises:
             Poisoned: when it is broken.
@@ -88,7 +88,7 @@ def _link(op: str, left: _Side, right: _Side) -> Node:
 
 
 def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
-    """Two values to compare: a label on one side belongs to the choice on the other."""
+    """Return two values to compare: a label on one side belongs to the choice on the other."""
     if left.may_be_label and not right.may_be_label:
         other = right.value()
         return left.value(other.domain), other
@@ -104,7 +104,9 @@ def _alike(left: _Side, right: _Side) -> tuple[Value, Value]:
 
 
 def _of_choices(left: _Side, right: _Side) -> bool:
-    """Whether both are vectors that are written out, with choices among their elements: labels are those of their own element."""
+    """Return whether both are vectors that are written out, with choices among their elements: labels are those of
+    their own element.
+    """
     return 0 < len(left.parts) == len(right.parts) and (left.has_choices or right.has_choices)
 
 

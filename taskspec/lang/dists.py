@@ -1,4 +1,9 @@
-"""Distributions that an author may draw from."""
+"""Distributions that an author may draw from.
+
+The distribution function is Numerical Recipes' rational Chebyshev fit of erfc (relative error below 1.2e-7, in the tails as
+well), its inverse Acklam's rational approximation (1.2e-9). Bounds with more mass above 0 than below are mirrored,
+so that the digits of small probabilities are not lost beside 1.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +20,6 @@ from taskspec.lang.types import INT, INT_MAX, Kind, Refused, Shape, Type
 
 if TYPE_CHECKING:
     from taskspec.lang.builder import Builder
-
-# ---------- truncated
-# A standard normal between two bounds, as arithmetic over a uniform: the inverse of its distribution function.
-#
-# The distribution function is Numerical Recipes' rational Chebyshev fit of erfc (relative error below 1.2e-7, in the tails as
-# well), its inverse Acklam's rational approximation (1.2e-9). Bounds with more mass above 0 than below are mirrored,
-# so that the digits of small probabilities are not lost beside 1.
 
 ERFC = (
     -1.26551223, 1.00002368, 0.37409196, 0.09678418, -0.18628806, 0.27886807, -1.13520398, 1.48851587, -0.82215223,
@@ -49,7 +47,7 @@ TAIL = 0.02425
 
 
 def truncated(b: NodeMaker, u: Node, low: Node, high: Node) -> Node:
-    """A standard normal between `low` and `high`, from a uniform number."""
+    """Return a standard normal between `low` and `high`, from a uniform number."""
     mirrored = b.apply("lt", b.scalar(0.0), b.apply("add", low, high))
     left = b.apply("where", mirrored, b.apply("neg", high), low)
     right = b.apply("where", mirrored, b.apply("neg", low), high)
@@ -60,7 +58,7 @@ def truncated(b: NodeMaker, u: Node, low: Node, high: Node) -> Node:
 
 
 def _distribution(b: NodeMaker, x: Node) -> Node:
-    """The probability of a standard normal up to x."""
+    """Return the probability of a standard normal up to x."""
     z = b.apply("mul", b.apply("abs", x), b.scalar(math.sqrt(0.5)))
     t = b.apply("div", b.scalar(1.0), b.apply("add", b.scalar(1.0), b.apply("mul", b.scalar(0.5), z)))
     inner = b.apply("sub", _polynomial(b, t, ERFC[::-1]), b.apply("mul", z, z))
@@ -69,7 +67,7 @@ def _distribution(b: NodeMaker, x: Node) -> Node:
 
 
 def _quantile(b: NodeMaker, p: Node) -> Node:
-    """The x up to which a standard normal has the probability p."""
+    """Return the x up to which a standard normal has the probability p."""
     q = b.apply("sub", p, b.scalar(0.5))
     r = b.apply("mul", q, q)
     middle = b.apply("div", b.apply("mul", _polynomial(b, r, A), q), _polynomial(b, r, B))
@@ -81,14 +79,13 @@ def _quantile(b: NodeMaker, p: Node) -> Node:
 
 
 def _polynomial(b: NodeMaker, x: Node, coefficients: Sequence[float]) -> Node:
-    """The first coefficient belongs to the highest power."""
+    """Return the first coefficient belongs to the highest power."""
     value: Node = b.scalar(coefficients[0])
     for c in coefficients[1:]:
         value = b.apply("add", b.apply("mul", value, x), b.scalar(c))
     return value
 
 
-# ---------- dists
 # Distributions: what an author may draw from.
 #
 # A distribution is arithmetic over a *base variate* whose random words do not depend on the state: `Normal(m, s)` is
@@ -145,7 +142,7 @@ def _uniform(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _moved(b: Builder, by: Node, value: Node) -> Node:
-    """A draw with something added to it, unless that is the constant 0."""
+    """Return a draw with something added to it, unless that is the constant 0."""
     return value if isinstance(by, Const) and not any(by.flat) and by.type.is_scalar else b.apply("add", by, value)
 
 
@@ -163,7 +160,7 @@ def _normal(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _truncated_normal(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """By its inverse, and not by trials, which would not end."""
+    """Draw by the inverse of the distribution function; rejection might not end."""
     mean, std, low, high = (b.cast(a[name], Kind.REAL) for name in ("mean", "std", "low", "high"))
     unit = b.draw("uniform", (), Type(Kind.REAL, shape))
     ends = (b.apply("div", b.apply("sub", end, mean), std) for end in (low, high))
@@ -184,7 +181,9 @@ def _gamma(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _geometric(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """One more than an index with the probabilities of so many failures; the last one stands for all that are rarer than RARE."""
+    """Return one more than an index with the probabilities of so many failures; the last one stands for all that are
+    rarer than RARE.
+    """
     p = b.cast(a["p"], Kind.REAL)
     least = min(map(float, p.flat), default=1.0) if isinstance(p, Const) else b.bounds(p)[0]
     most = Limits.waiting if isinstance(p, Const) else Limits.trials
@@ -206,7 +205,9 @@ RARE = 2.0**-60
 
 
 def _failures(b: Builder, count: int, p: Node) -> Node:
-    """The probabilities of 0, 1, ... failures before the first success, and of `count` - 1 or more; exact like `_counts`."""
+    """Return the probabilities of 0, 1, ... failures before the first success, and of `count` - 1 or more; exact
+    like `_counts`.
+    """
     type_ = Type(Kind.REAL, (count,))
     if isinstance(p, Const):
         q = Fraction(p.value)
@@ -242,7 +243,7 @@ def _permutation(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _subset(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """Whether each place's number in a permutation is one of the first k."""
+    """Return whether each place's number in a permutation is one of the first k."""
     n, k = a["n"], a["k"]
     assert isinstance(n, Const) and isinstance(k, Const)
     if k.value > n.value:
@@ -251,7 +252,7 @@ def _subset(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _beta(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """The first of two shares."""
+    """Return the first of two shares."""
     one, other = (_elements(b, b.cast(a[name], Kind.REAL), shape) for name in ("a", "b"))
     pairs = (b.structure("vector", pair) for pair in zip(one, other, strict=True))
     shares = [b.structure("element", [b.draw("dirichlet", (pair,), pair.type)], (0,)) for pair in pairs]
@@ -259,7 +260,7 @@ def _beta(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
-    """An index drawn with the probabilities of all counts, which exact analysis lists."""
+    """Return an index drawn with the probabilities of all counts, which exact analysis lists."""
     n, p = a["n"], b.cast(a["p"], Kind.REAL)
     assert isinstance(n, Const)
     if n.value > Limits.trials:
@@ -271,7 +272,7 @@ def _binomial(b: Builder, a: Mapping[str, Node], shape: Shape) -> Node:
 
 
 def _counts(b: Builder, n: int, p: Node) -> Node:
-    """The probabilities of 0, ..., n successes in n trials; exact where p is, unless they have very many digits."""
+    """Return the probabilities of 0, ..., n successes in n trials; exact where p is, unless they have very many digits."""
     type_, ways = Type(Kind.REAL, (n + 1,)), [math.comb(n, k) for k in range(n + 1)]
     if isinstance(p, Const) and not isinstance(p.value, float):
         q = Fraction(p.value)
@@ -284,14 +285,14 @@ def _counts(b: Builder, n: int, p: Node) -> Node:
 
 
 def _elements(b: Builder, node: Node, shape: Shape) -> list[Node]:
-    """The elements of an argument for each element of a draw."""
+    """Return the elements of an argument for each element of a draw."""
     size = math.prod(shape)
     flat = b.structure("reshape", [b.stretch(node, shape)], (size,)) if shape else None
     return [node] if flat is None else [b.structure("element", [flat], (i,)) for i in range(size)]
 
 
 def _is_all(value: float, *names: str) -> Callable[[Mapping[str, Node | None]], bool]:
-    """Whether one of some arguments is a constant with this value everywhere."""
+    """Return whether one of some arguments is a constant with this value everywhere."""
 
     def test(given: Mapping[str, Node | None]) -> bool:
         found = (given.get(name) for name in names)

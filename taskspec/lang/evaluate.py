@@ -22,7 +22,7 @@ def no_draws(draw: Draw, args: list[Flat]) -> Flat:
 
 
 def evaluate(roots: Iterable[Node], reads: Mapping[tuple[Role, str], Flat], sample: Sampler = no_draws) -> list[Flat]:
-    """Values of the roots.
+    """Return values of the roots.
 
     Args:
         roots: nodes to evaluate; a node shared between them is evaluated once, a draw is drawn once.
@@ -52,7 +52,7 @@ def evaluate(roots: Iterable[Node], reads: Mapping[tuple[Role, str], Flat], samp
 
 
 def apply_flat(name: str, args: Sequence[Flat], types: tuple[Type, ...], static: tuple[int, ...], result: Type) -> Flat:
-    """One operator on flat values; elementwise operators stretch scalars."""
+    """Return one operator on flat values; elementwise operators stretch scalars."""
     if name in STRUCTURES:
         return STRUCTURES[name].reference(args, types, static)
     op = OPERATORS[name]

@@ -9,9 +9,6 @@ from typing import NoReturn
 
 from taskspec.lang.dists import DISTS
 
-# ---------- mistakes
-# What is wrong with a text that Python's parser refuses, in the terms of this language.
-
 _CONFUSIONS = (
     (r"&&", "write `and`"),
     (r"\|\|", "write `or`"),
@@ -89,7 +86,6 @@ def _offset(value: str, line: int, column: int) -> int:
     return max(0, before + column - 1 - (1 if line == 1 else 0))
 
 
-# ---------- foreign
 # Functions of other languages and libraries, and how the same is written here.
 
 MODULES = frozenset(
@@ -192,7 +188,7 @@ ATTRIBUTES: Mapping[str, str] = {
 
 
 def advice(name: str, keywords: Iterable[str] = ()) -> str | None:
-    """What to write for a function of another language, given its keyword arguments; None where nothing is known of it."""
+    """Return what to write for a function of another language, given its keyword arguments; None where nothing is known of it."""
     found = FOREIGN.get(name.lower())
     if found == _DRAWN["choice"] and not _WEIGHTS.isdisjoint(keywords):
         found = _DRAWN["choices"]

@@ -1,4 +1,4 @@
-"""Interval reasoning over core nodes: bounds that hold for every element of a value, whatever is read and drawn.
+"""Interval reasoning over core nodes: bounds that hold for every element of a value, for all reads and draws.
 
 There are two kinds. `bounds` follow the arithmetic of float64, each operation rounded as the run time rounds it: they serve
 proofs, spaces and widths. `certain` bounds rest on integer arithmetic alone, so that they hold in any precision of reals, on
@@ -23,12 +23,12 @@ from taskspec.lang.variates import VARIATES
 
 
 def bounds(root: Node, known: dict[int, Range]) -> Interval:
-    """Bounds of a node; `known` (by node id) carries results from call to call."""
+    """Return bounds of a node; `known` (by node id) carries results from call to call."""
     return ranges(root, known)[:2]
 
 
 def ranges(root: Node, known: dict[int, Range], rule: Callable[[Node, Args], Range] | None = None) -> Range:
-    """What is known of a node; `rule` gives that of a node from its arguments, `step` unless it is given."""
+    """Return what is known of a node; `rule` gives that of a node from its arguments, `step` unless it is given."""
     rule = rule or step
     if id(root) not in known:
         for node in walk([root], known):
@@ -37,7 +37,7 @@ def ranges(root: Node, known: dict[int, Range], rule: Callable[[Node, Args], Ran
 
 
 def step(node: Node, args: Args) -> Range:
-    """What is known of a node from what is known of its arguments."""
+    """Return what is known of a node from what is known of its arguments."""
     match node:
         case Const():
             return _constant(node)
@@ -58,16 +58,16 @@ def step(node: Node, args: Args) -> Range:
 
 
 def certain(root: Node, known: dict[int, Range]) -> Interval:
-    """Bounds that integer arithmetic alone gives: nothing is known of a real, nor of an int that may leave 64 bits."""
+    """Return bounds that integer arithmetic alone gives: nothing is known of a real, nor of an int that may leave 64 bits."""
     return ranges(root, known, _certain_step)[:2]
 
 
 SINGLE = 2.0**-21
-"""By more of its size an operation that does not give the nearest single float is not off: eight units of the last place."""
+"""Relative error bound of float32 operations that are not correctly rounded (8 ulp)."""
 
 
 def single(root: Node) -> Interval:
-    """Bounds that hold in single floats as well, which JAX computes in."""
+    """Return bounds that hold in single floats as well, which JAX computes in."""
     return ranges(root, {}, single_step)[:2]
 
 
@@ -88,7 +88,9 @@ def single_step(node: Node, args: Args) -> Range:
 
 
 def rounded(found: Range) -> Range:
-    """What is known of reals once they are single floats: rounding keeps their order, so that of the ends bounds that of all."""
+    """Return what is known of reals once they are single floats: rounding keeps their order, so that of the ends
+    bounds that of all.
+    """
     with np.errstate(over="ignore"):
         return found._replace(low=float(np.float32(found.low)), high=float(np.float32(found.high)))
 
@@ -129,7 +131,7 @@ _OF_CONSTANTS: WeakKeyDictionary[Const, Range] = WeakKeyDictionary()
 
 
 def _constant(node: Const) -> Range:
-    """What is known of a constant; kept, as tables are asked about often and may have a million elements."""
+    """Return what is known of a constant; kept, as tables are asked about often and may have a million elements."""
     if node not in _OF_CONSTANTS:
         _OF_CONSTANTS[node] = _looked_at(node)
     return _OF_CONSTANTS[node]

@@ -71,7 +71,7 @@ class Draw:
 
 
 Node = Const | Read | Apply | Draw
-_WITH_ARGUMENTS = (Apply, Draw)  # a union would be made anew for each node
+_WITH_ARGUMENTS = (Apply, Draw)  # a union would be built again for each node
 
 
 def children(node: Node) -> tuple[Node, ...]:
@@ -83,7 +83,7 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def walk(roots: Iterable[Node], known: Container[int] = frozenset()) -> Iterator[Node]:
-    """Every node below the roots once, arguments before users, in a stable order.
+    """Yield every node below the roots once, arguments before users, in a stable order.
 
     Nodes whose ids are `known` are left out, with all that is below them alone.
     """
@@ -106,7 +106,7 @@ def walk(roots: Iterable[Node], known: Container[int] = frozenset()) -> Iterator
 
 
 def draws(roots: Iterable[Node]) -> tuple[Draw, ...]:
-    """The draws below the roots, by site, except that those which others depend on come before them."""
+    """Return the draws below the roots, by site, except that those which others depend on come before them."""
     found = {n.site: n for n in walk(roots) if isinstance(n, Draw)}
     if len(found) < 2:
         return tuple(found.values())
@@ -122,7 +122,7 @@ def rewrite(
     leaf: Callable[[Node], Node | None],
     remake: Callable[[Node, tuple[Node, ...]], Node],
 ) -> tuple[Node, ...]:
-    """Roots with every node for which `leaf` gives a replacement replaced, rebuilt bottom-up by `remake`."""
+    """Return roots with every node for which `leaf` gives a replacement replaced, rebuilt bottom-up by `remake`."""
     roots = tuple(roots)
     done: dict[int, Node] = {}
     for node in walk(roots):
@@ -135,7 +135,7 @@ def rewrite(
 
 
 def exact(value: Any, kind: Kind) -> Any:
-    """A scalar as the Python number of its kind; Fractions stay exact."""
+    """Return a scalar as the Python number of its kind; Fractions stay exact."""
     if kind is Kind.BOOL:
         return bool(value)
     if kind is Kind.INT:
@@ -144,5 +144,5 @@ def exact(value: Any, kind: Kind) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """A constant's scalar as a bool, int or float: what leaves the compiler."""
+    """Return a constant's scalar as a bool, int or float: what leaves the compiler."""
     return float(value) if type(value) is Fraction else value

@@ -15,15 +15,15 @@ from taskspec.lang.types import Kind, Range
 class NormalForms:
     """Numbers for nodes, the same number for the same form; two builders may have made them.
 
-    Operands that may change places are put in order, `x >= n` where x is at most n counts as `x == n`, and draws are told
-    apart by their rank in the order of drawing.
+    Operands that may change places are put in order, `x >= n` where x is at most n counts as `x == n`, and draws are
+    identified by their rank in the order of drawing.
     """
 
     def __init__(self) -> None:
         self._known: dict[tuple[Any, ...], int] = {}
 
     def all(self, roots: Iterable[Node], order: Sequence[Draw] | None = None) -> list[int]:
-        """The forms of some nodes; `order` ranks the draws that may occur in them."""
+        """Return the forms of some nodes; `order` ranks the draws that may occur in them."""
         roots = list(roots)
         rank = {d.site: i for i, d in enumerate(draws(roots) if order is None else order)}
         numbers: dict[int, int] = {}
@@ -59,19 +59,19 @@ def _operands(op: str, args: tuple[Node, ...], numbers: dict[int, int]) -> tuple
 
 
 def _number(value: Any) -> str:
-    """A constant; a fraction and a float of the same value are one, 0 and -0 are two."""
+    """Return a constant; a fraction and a float of the same value are one, 0 and -0 are two."""
     if isinstance(value, Fraction) and abs(value) < 2**1000 and value == float(value):
         value = float(value)
     return repr(value)
 
 
 def _may_be_zeros(args: tuple[Node, ...]) -> bool:
-    """Whether two reals may both be zero: then the first of 0 and -0 is taken, and their order matters."""
+    """Return whether two reals may both be zero: then the first of 0 and -0 is taken, and their order matters."""
     return all(a.type.kind is Kind.REAL and not (isinstance(a, Const) and all(a.flat)) for a in args)
 
 
 def _only_equal(args: tuple[Node, ...], edges: dict[int, Range]) -> bool:
-    """Whether `a <= b` between ints can hold by equality alone, because a is never below b."""
+    """Return whether `a <= b` between ints can hold by equality alone, because a is never below b."""
     if any(a.type.kind is Kind.REAL for a in args):
         return False
     return bounds(args[0], edges)[0] >= bounds(args[1], edges)[1]

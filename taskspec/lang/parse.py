@@ -89,7 +89,7 @@ def _bound_tree(value: str, root: ast.AST) -> None:
 
 
 def _prepare(value: str) -> str:
-    """The text with primes replaced, after checking its length, brackets and quotes."""
+    """Return the text with primes replaced, after checking its length, brackets and quotes."""
     if len(value) > limits().characters:
         message = f"this expression has {len(value):,} characters; the limit is {limits().characters:,}"
         raise SyntaxFailure(0, 1, message, how_to_raise("characters", len(value)), "E314")
@@ -149,7 +149,7 @@ def _balance(value: str, at: int, brackets: list[int]) -> None:
 
 
 class _Reader:
-    """Python's syntax tree -> surface syntax, refusing whatever lies outside the subset."""
+    """Python's syntax tree -> surface syntax, refusing everything outside the subset."""
 
     def __init__(self, text: s.SourceText, source: str) -> None:
         self.text = text
@@ -311,7 +311,7 @@ class _Reader:
 
 
 def literal(value: bool | int | float, text: s.SourceText) -> s.Expr:
-    """A YAML number or boolean as the expression it stands for."""
+    """Return a YAML number or boolean as the expression it stands for."""
     place = s.Place(text, 0, len(text.value))
     if isinstance(value, bool):
         return s.Boolean(value, place)

@@ -1,4 +1,4 @@
-"""What names mean where an expression stands: values, functions, labels, and why some names cannot be used there."""
+"""Meanings of names where an expression stands: values, functions, labels, and why some names cannot be used there."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Lazy:
 
 @dataclass(frozen=True, slots=True)
 class FunctionDef:
-    """A definition with arguments: its body is checked anew at every call, in the scope where it was written."""
+    """A definition with arguments: its body is checked at every call, in the scope where it was written."""
 
     name: str
     arguments: tuple[str, ...]
@@ -87,7 +87,7 @@ class Scope:
         self.used: set[str] = parent.used if parent else set()
 
     def child(self, bindings: dict[str, Binding]) -> Scope:
-        """A scope that also sees the given names (arguments, variables of a comprehension)."""
+        """Return a scope that also sees the given names (arguments, variables of a comprehension)."""
         return Scope(bindings, parent=self)
 
     def lookup(self, written: str) -> Binding | None:
@@ -100,7 +100,7 @@ class Scope:
         return None
 
     def names(self) -> Iterator[str]:
-        """Every name that could have been meant, labels included."""
+        """Yield every name that could have been meant, labels included."""
         scope: Scope | None = self
         while scope is not None:
             yield from scope.bindings
@@ -109,7 +109,7 @@ class Scope:
             yield from domain.labels
 
     def is_label(self, word: str) -> bool:
-        """Whether some choice has this label, one among the parameters included."""
+        """Return whether some choice has this label, one among the parameters included."""
         bound: list[Domain] = []
         scope: Scope | None = self
         while scope is not None:
@@ -118,5 +118,5 @@ class Scope:
         return any(word in domain.labels for domain in (*self.domains, *bound))
 
     def labelled(self, label: str) -> list[Domain]:
-        """The distinct domains that have this label."""
+        """Return the distinct domains that have this label."""
         return list(dict.fromkeys(d for d in self.domains if label in d.labels))

@@ -44,7 +44,7 @@ def uniform(
     scope: Scope,
     want: Domain | None,
 ) -> Value:
-    """A uniform draw from a finite set."""
+    """Return a uniform draw from a finite set."""
     b = checker.builder
     table, domain = _table(checker, expr, scope, want)
     count = table.type.shape[0]
@@ -55,7 +55,7 @@ def uniform(
 
 
 def _table(checker: BaseChecker, expr: s.Expr, scope: Scope, want: Domain | None) -> tuple[Node, Domain | None]:
-    """The elements of a set as the rows of a vector; equal constants count once, as in mathematics."""
+    """Return the elements of a set as the rows of a vector; equal constants count once, as in mathematics."""
     b = checker.builder
     if isinstance(expr, s.Comprehension):
         points = _enumerate(checker, expr, scope)
@@ -106,7 +106,7 @@ def unroll(
     make: Callable[[Scope], Node] | None = None,
     wants: Mapping[str, Domain | None] = MappingProxyType({}),
 ) -> list[Node]:
-    """Elements of `[e for x in range(n) for y in range(m)]`, one node each; the element may depend on the state.
+    """Return elements of `[e for x in range(n) for y in range(m)]`, one node each; the element may depend on the state.
 
     `make` gives what stands for the element, in a scope of its own; `wants` are the domains of variables.
     """
@@ -125,7 +125,7 @@ def _unrolled(
     make: Callable[[Scope], Node],
     wants: Mapping[str, Domain | None],
 ) -> list[Node]:
-    """The elements for everything that the clauses go over, the last one fastest."""
+    """Return the elements for everything that the clauses go over, the last one fastest."""
     if not clauses:
         return [make(scope)]
     clause, nodes = clauses[0], []
@@ -165,7 +165,7 @@ def _bind(checker: BaseChecker, clause: s.Clause, row: Array, domain: Domain | N
 
 
 def _enumerate(checker: BaseChecker, expr: s.Comprehension, scope: Scope) -> _Points:
-    """The elements of a set comprehension, without repetitions, in the order of enumeration."""
+    """Return the elements of a set comprehension, without repetitions, in the order of enumeration."""
     columns: dict[str, Array] = {}
     bindings: dict[str, Any] = {}
     count = 1
@@ -215,7 +215,7 @@ def _add_columns(
 
 
 def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.Expr) -> Array:
-    """A node evaluated for every candidate: (count, *shape)."""
+    """Return a node evaluated for every candidate: (count, *shape)."""
     outside = {name for role, name in reads([node]) if role is not Role.VARIABLE} | {
         name for role, name in reads([node]) if role is Role.VARIABLE and name not in columns
     }
@@ -233,7 +233,7 @@ def _over(checker: BaseChecker, node: Node, columns: dict[str, Array], expr: s.E
 def _candidates(
     checker: BaseChecker, clause: s.Clause, scope: Scope, want: Domain | None = None, instead: str = _VARYING
 ) -> _Points:
-    """What a clause goes over; `instead` is what to write for a range whose ends vary."""
+    """Return what a clause goes over; `instead` is what to write for a range whose ends vary."""
     expr = clause.domain
     match expr:
         case s.Call(function="box", args=(low, high, n)):
@@ -283,7 +283,7 @@ def _range(checker: BaseChecker, expr: s.Call, scope: Scope, instead: str) -> _P
 
 
 def _length(values: range) -> int:
-    """The length of a range of any size, which `len` has not."""
+    """Return the length of a range of any size, which `len` has not."""
     return max(0, -((values.start - values.stop) // values.step))
 
 

@@ -43,7 +43,7 @@ def _row(checker: BaseChecker, node: Node, index: s.Expr | s.Slice, scope: Scope
 
 
 def rows_for_an_element(checker: BaseChecker, expr: s.Expr, scope: Scope) -> str | None:
-    """What to write where a vector with an index for each axis picks rows of a matrix, and so is no place in it."""
+    """Return what to write where a vector with an index for each axis picks rows of a matrix, and so is no place in it."""
     for part in s.below(expr):
         if not isinstance(part, s.Subscript) or len(part.indices) > 1 or isinstance(part.indices[0], s.Slice):
             continue
@@ -60,7 +60,7 @@ def rows_for_an_element(checker: BaseChecker, expr: s.Expr, scope: Scope) -> str
 
 
 def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) -> Node:
-    """What several indices leave of a matrix, an axis for each slice: elements of its rows laid end to end."""
+    """Return what several indices leave of a matrix, an axis for each slice: elements of its rows laid end to end."""
     b, axes = checker.builder, node.type.shape[: len(expr.indices)]
     jobs = [partial(_places, checker, i, n, scope) for i, n in zip(expr.indices, axes, strict=True)]
     places = checker.each(jobs)
@@ -74,7 +74,7 @@ def _block(checker: BaseChecker, node: Node, expr: s.Subscript, scope: Scope) ->
 
 
 def _places(checker: BaseChecker, index: s.Expr | s.Slice, length: int, scope: Scope) -> Node:
-    """Where an index points along one axis: a number, or the numbers of a slice."""
+    """Return where an index points along one axis: a number, or the numbers of a slice."""
     if not isinstance(index, s.Slice):
         return _index(checker, index, length, scope)
     start, count, step = _slice_bounds(checker, index, length, scope)
@@ -82,7 +82,7 @@ def _places(checker: BaseChecker, index: s.Expr | s.Slice, length: int, scope: S
 
 
 def _numbers(b: Builder, places: Sequence[Node], axes: Shape, kept: Shape) -> Node:
-    """Where elements stand when rows are laid end to end; those of slices are constants, one after the other."""
+    """Return where elements stand when rows are laid end to end; those of slices are constants, one after the other."""
     number: Node = b.scalar(0)
     slices = iter(np.indices(kept).reshape(len(kept), math.prod(kept)))
     for place, length in zip(places, axes, strict=True):
@@ -111,7 +111,9 @@ def _index(checker: BaseChecker, expr: s.Expr, length: int, scope: Scope) -> Nod
 
 
 def argument(checker: BaseChecker, index: Node, x: Node, expr: s.Expr, scope: Scope) -> Node:
-    """The argument of a function that is an index of x, or one for each axis; what cannot be one is left to the function."""
+    """Return the argument of a function that is an index of x, or one for each axis; what cannot be one is left to
+    the function.
+    """
     axes = x.type.shape
     if len(axes) > 1 and index.type.shape == (len(axes),):
         written = expr.items if isinstance(expr, s.Vector) else [expr] * len(axes)
@@ -129,7 +131,7 @@ def _argument(checker: BaseChecker, index: Node, length: int, expr: s.Expr, scop
 
 
 def moved(checker: BaseChecker, index: Node, length: int, expr: s.Expr) -> Node:
-    """An index that depends on the state, moved to the nearest end of a vector if it lies outside; kept for the lints."""
+    """Return an index that depends on the state, moved to the nearest end of a vector if it lies outside; kept for the lints."""
     if Role.PARAMETER in {role for role, _ in reads([index])}:  # a known one would count from the end
         checker.fail("E312", expr, "an index must be a constant where it depends on parameters")
     found = checker.builder.within(index, 0, length - 1)
@@ -148,7 +150,7 @@ def _slice_bounds(checker: BaseChecker, index: s.Slice, length: int, scope: Scop
 
 
 def _bound(checker: BaseChecker, expr: s.Expr, test: str | None, scope: Scope) -> int:
-    """One of the numbers of a slice; `test` is the start of a condition that does the same."""
+    """Return one of the numbers of a slice; `test` is the start of a condition that does the same."""
     inside = f"`[x[i] if {test} {expr.place.written} else 0 for i in range(len(x))]`"
     instead = None if test is None else f"take all and test inside: {inside}"
     return checker.integer(expr, scope, "the bounds of a slice", instead)

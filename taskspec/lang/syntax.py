@@ -219,7 +219,7 @@ Expr = (
 
 
 def alternatives(expr: Expr) -> Iterator[Expr]:
-    """The expressions of which a value is one: branches, cells of a table, values with probabilities; else itself."""
+    """Yield the alternatives of an expression: branches, cells of a table, values with probabilities; else itself."""
     match expr:
         case IfElse(then=then, otherwise=otherwise):
             parts: tuple[Expr, ...] = (then, otherwise)
@@ -245,12 +245,12 @@ def _cells(rows: tuple[TableRow, ...]) -> Iterator[Expr]:
 
 
 def names(root: Any) -> Iterator[Name | Call]:
-    """Every name read and every function called anywhere below a node, in written order."""
+    """Return every name read and every function called anywhere below a node, in written order."""
     return (node for node in below(root) if isinstance(node, Name | Call))
 
 
 def targets(root: Any) -> Iterator[str]:
-    """The variables of all comprehensions below a node."""
+    """Return the variables of all comprehensions below a node."""
     return (name for node in below(root) if isinstance(node, Clause) for name in node.targets)
 
 

@@ -48,7 +48,9 @@ def row_problem(row: Sequence[Any]) -> tuple[str, str] | None:
 
 
 def _rounding(row: Sequence[Any]) -> float:
-    """How far from 1 a row may be: shares that were drawn in float32, as Dirichlet draws them, add up to it that nearly."""
+    """Return how far from 1 a row may be: shares that were drawn in float32, as Dirichlet draws them, add up to it
+    that nearly.
+    """
     single = all(struct.unpack("f", struct.pack("f", value))[0] == value for value in row)
     return max(TOLERANCE, len(row) * 2**-24) if single else TOLERANCE
 
@@ -67,7 +69,7 @@ class _WeightedValues:
 
 
 def weighted(checker: BaseChecker, expr: s.Weights, scope: Scope, want: Domain | None) -> Value:
-    """A value drawn with the probabilities written beside each."""
+    """Return a value drawn with the probabilities written beside each."""
     outcomes = _outcomes(checker, expr, scope, want)
     nodes, domain = alternatives.unify(checker, outcomes.values, outcomes.exprs, want)
     _same_shape(checker, nodes, expr)
@@ -129,7 +131,7 @@ _Key = int | None  # the value of one column, None for `else` or a cell that spa
 
 
 def table(checker: BaseChecker, expr: s.Table, scope: Scope, want: Domain | None) -> Value:
-    """The value of the first row that matches."""
+    """Return the value of the first row that matches."""
     columns = checker.each([(lambda e=e: _column(checker, e, scope)) for e in expr.by])  # type: ignore[misc]
     leaves = _leaves(checker, expr.rows, columns, scope)
     wants = alternatives.wanted([e for _, e in leaves], scope, want)
@@ -213,7 +215,7 @@ def _known(column: _Column) -> str | None:
 def _grid(
     checker: BaseChecker, expr: s.Table, columns: Sequence[_Column], keys: Sequence[tuple[_Key, ...]], scope: Scope
 ) -> list[int] | None:
-    """For every combination of column values the number of its cell; None where the combinations are endless or many.
+    """Return for every combination of column values the number of its cell; None where the combinations are endless or many.
 
     A combination without a cell is reported, at the row that lacks it.
     """
@@ -242,7 +244,7 @@ def _grid(
 def _lacking(
     checker: BaseChecker, expr: s.Table, columns: Sequence[_Column], values: Sequence[int], scope: Scope
 ) -> s.Expr:
-    """The key of the innermost row for some column values in which no row follows for the next of them, or the table."""
+    """Return the key of the innermost row for some column values in which no row follows for the next of them, or the table."""
     place: s.Expr = expr
     rows = expr.rows
     for column, value in zip(columns, values, strict=True):
@@ -254,7 +256,7 @@ def _lacking(
 
 
 def _covers(keys: Sequence[tuple[_Key, ...]], columns: Sequence[_Column]) -> bool:
-    """Whether there is a cell for all values of the columns."""
+    """Return whether there is a cell for all values of the columns."""
     if not columns or not keys:
         return bool(keys)
     values = columns[0].values
@@ -265,7 +267,7 @@ def _covers(keys: Sequence[tuple[_Key, ...]], columns: Sequence[_Column]) -> boo
 
 
 def _by_precision(keys: Sequence[tuple[_Key, ...]]) -> list[int]:
-    """Rows in the order in which they are tried: a named value goes before `else`, the leftmost column first."""
+    """Return rows in the order in which they are tried: a named value goes before `else`, the leftmost column first."""
     return sorted(range(len(keys)), key=lambda n: tuple(k is None for k in keys[n]))
 
 
@@ -301,7 +303,7 @@ def _look_up(
     cells: Sequence[Node],
     grid: list[int] | None,
 ) -> Node:
-    """The cell of the present row: a look-up in a constant array where possible, else a chain of selects."""
+    """Return the cell of the present row: a look-up in a constant array where possible, else a chain of selects."""
     b = checker.builder
     if all(c is cells[0] for c in cells) and grid is not None:
         return cells[0]
@@ -318,7 +320,7 @@ def _look_up(
 
 
 def _code(checker: BaseChecker, columns: Sequence[_Column]) -> Node:
-    """The number of the present combination of column values, row-major."""
+    """Return the number of the present combination of column values, row-major."""
     b = checker.builder
     code: Node = b.scalar(0)
     for column in columns:

@@ -8,9 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-# ---------- ranges
-# What is known of values without running anything: bounds, and whether they are always finite numbers.
-
 INF = math.inf
 Interval = tuple[float, float]
 """Ends of an int are ints, or infinite; those of a real are floats."""
@@ -37,7 +34,6 @@ class Range(NamedTuple):
 Args = Sequence[Range]
 
 
-# ---------- types
 # Static types of the expression language: a kind and a shape, both known before anything runs.
 
 
@@ -104,7 +100,7 @@ class Domain:
 
 
 def shape(type_: Type, domain: Domain | None) -> Shape:
-    """The shape of a value as arithmetic sees it: a mapped choice is what its label stands for."""
+    """Return the shape of a value as arithmetic sees it: a mapped choice is what its label stands for."""
     return type_.shape if domain is None or domain.value_type is None else domain.value_type.shape
 
 
@@ -112,7 +108,7 @@ BOOLEAN_LABELS = ("false", "true")
 
 
 def join(*kinds: Kind) -> Kind:
-    """The kind that all the given kinds promote to."""
+    """Return the kind that all the given kinds promote to."""
     return max(kinds)
 
 

@@ -51,7 +51,7 @@ def _sticky(task: Task, given: Arguments) -> Task:
 
 
 def _previous(c: Component, name: str) -> Component:
-    """What keeps an action."""
+    """Return what keeps an action."""
     return replace(c, name=name, symbol=None, doc=f"`{c.name}` as it was executed last")
 
 
@@ -68,7 +68,7 @@ def _random(task: Task, given: Arguments) -> Task:
 
 
 def _any(task: Task, c: Component) -> Node:
-    """A uniformly random value of a component."""
+    """Return a uniformly random value of a component."""
     b = task.builder
     if c.type.kind is Kind.BOOL:
         return DISTS["Bernoulli"].build(b, {"p": b.scalar(0.5)}, c.type.shape)
@@ -79,7 +79,7 @@ def _any(task: Task, c: Component) -> Node:
 
 
 def _permuted(task: Task, given: Arguments) -> Task:
-    """The table has a row of actions for every state, or one row for all."""
+    """Return the table has a row of actions for every state, or one row for all."""
     b = task.builder
     count = combinations(task.action, "the actions")
     states = combinations(task.state, "the states", max(1, MOST // count)) if given["per_state"] else 1

@@ -19,9 +19,6 @@ from taskspec.task.invariants import check_on_request
 from taskspec.task.parameters import Ending
 from taskspec.task.task import Modifier, Task
 
-# ---------- table
-# The table of modifiers, in the order of the manual.
-
 MODIFIERS: dict[str, ModifierEntry] = {
     entry.name: entry
     for entry in (*actions.TABLE, *observations.TABLE, *symmetries.TABLE, *rewards.TABLE, *episodes.TABLE)
@@ -29,8 +26,7 @@ MODIFIERS: dict[str, ModifierEntry] = {
 """Every modifier by its name: what `modifiers=` and `-m` take."""
 
 
-# ---------- reading
-# Modifiers as people write them: texts as on the command line, mappings as in YAML; and what is said of wrong ones.
+# Modifiers as people write them: texts as on the command line, mappings as in YAML; and messages about wrong ones.
 
 Written: TypeAlias = str | Mapping[str, Any] | Modifier
 """A modifier as people write it: `"sticky=0.25"`, `{"distractors": {"count": 3}}`, or one that was read before."""
@@ -40,7 +36,7 @@ _FIRST = ""
 
 
 def modifier(written: Written) -> Modifier:
-    """A modifier with all that it was given: its first argument, and others where they differ from their defaults.
+    """Return a modifier with all that it was given: its first argument, and others where they differ from their defaults.
 
     Raises:
         SpecError: E718 for one that does not exist, E719 for its arguments.
@@ -54,17 +50,17 @@ def modifier(written: Written) -> Modifier:
 
 
 def arguments(entry: ModifierEntry, bound: Modifier) -> dict[str, Any]:
-    """All arguments of a modifier that was read."""
+    """Return all arguments of a modifier that was read."""
     return {a.name: a.default for a in entry.arguments} | dict(bound.arguments)
 
 
 def _open(text: str) -> bool:
-    """Whether a text has brackets that are not closed."""
+    """Return whether a text has brackets that are not closed."""
     return sum(text.count(c) for c in "([{") > sum(text.count(c) for c in ")]}")
 
 
 def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
-    """Name and arguments."""
+    """Return name and arguments."""
     match written:
         case Modifier():
             return written.name, dict(written.arguments)
@@ -81,7 +77,7 @@ def _taken_apart(written: Written) -> tuple[str, dict[str, Any]]:
 
 
 def _texts(written: str, rest: str) -> Iterator[tuple[str, str]]:
-    """The arguments of a text, by name."""
+    """Yield the arguments of a text, by name."""
     for i, part in enumerate(_split(rest)):
         named = _NAMED.fullmatch(part.strip())
         if named is None and i:
@@ -90,7 +86,7 @@ def _texts(written: str, rest: str) -> Iterator[tuple[str, str]]:
 
 
 def _split(text: str) -> list[str]:
-    """Parts between the commas that stand outside of brackets."""
+    """Return parts between the commas that stand outside of brackets."""
     found: list[str] = []
     for part in text.split(","):
         if found and _open(found[-1]):
@@ -101,7 +97,7 @@ def _split(text: str) -> list[str]:
 
 
 def _bound(entry: ModifierEntry, given: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """The arguments that are kept, in the order of the table."""
+    """Yield the arguments that are kept, in the order of the table."""
     names = [a.name for a in entry.arguments]
     if _FIRST in given and not names:
         _refuse(entry.name, "it has no arguments")
@@ -129,12 +125,11 @@ def _refuse(name: str, message: str, hint: str | None = None) -> NoReturn:
     raise SpecError([Diagnostic("E719", None, f"the modifier {name}: {message}", hint)])
 
 
-# ---------- apply
 # Tasks with modifiers.
 
 
 def modify(task: Task, *modifiers: Written) -> Task:
-    """The task with modifiers, one after the other.
+    """Return the task with modifiers, one after the other.
 
     Args:
         task: the task; `taskspec.load(id, modifiers=[...])` is the same of an id or a path.
@@ -155,18 +150,18 @@ def modify(task: Task, *modifiers: Written) -> Task:
 
 
 def with_options(task: Task, ending: Ending, observe_time: bool) -> Task:
-    """The task with the modifiers that options of environments stand for."""
+    """Return the task with the modifiers that options of environments stand for."""
     asked = {"absorbing": ending == "absorb", "time_observed": observe_time}
     return modify(task, *(name for name, wanted in asked.items() if wanted))
 
 
 def is_as_written(task: Task) -> bool:
-    """Whether what a spec says about its task (claims, examples, accepted warnings) is about this one, too."""
+    """Return whether what a spec says about its task (claims, examples, accepted warnings) is about this one, too."""
     return all(MODIFIERS[m.name].claims for m in task.modifiers)
 
 
 def keeps_observers(task: Task, *modifiers: Written) -> bool:
-    """Whether modifiers keep the returns of those who see the observations of a task alone, too, as the table says it.
+    """Return whether modifiers keep the returns of those who see the observations of a task alone, too, as the table says it.
 
     Raises:
         SpecError: as `modify` does.
@@ -181,7 +176,7 @@ def keeps_observers(task: Task, *modifiers: Written) -> bool:
 
 
 def stand_in(task: Task, unmodified: Task) -> Task | None:
-    """The finite stand-in of a task from that of the task as written; None where modifiers leave it none."""
+    """Return the finite stand-in of a task from that of the task as written; None where modifiers leave it none."""
     entries = [(m, MODIFIERS[m.name]) for m in task.modifiers]
     ways = [(m, entry.abstraction(arguments(entry, m))) for m, entry in entries]
     if any(way == "lost" for _, way in ways):
@@ -190,7 +185,7 @@ def stand_in(task: Task, unmodified: Task) -> Task | None:
 
 
 def sentences(task: Task) -> Iterator[tuple[Modifier, str]]:
-    """What each modifier of a task does, in Markdown with mathematics."""
+    """Yield what each modifier of a task does, in Markdown with mathematics."""
     before = task.unmodified
     for each in task.modifiers:
         entry = MODIFIERS[each.name]
@@ -234,7 +229,7 @@ def _check_time_limit(task: Task, given: Modifier, entry: ModifierEntry) -> None
 
 
 def _about(task: Task, changed: Task, entry: ModifierEntry, values: Arguments) -> Task:
-    """The changed task without what is true of the other one only."""
+    """Return the changed task without what is true of the other one only."""
     if entry.claims:
         return changed
     stays = KEPT.index(entry.kept(task, values)) <= KEPT.index("best policies")

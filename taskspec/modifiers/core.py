@@ -34,14 +34,14 @@ class AddedState:
 
 
 def names_in(task: Task) -> set[str]:
-    """Every name that something in a task has."""
+    """Return every name that something in a task has."""
     memory = () if task.memory is None else task.memory.components
     found = {c.name for c in (*task.state, *task.action, *task.observation.components, *memory)}
     return found | {p.name for p in task.parameters} | set(task.fixed)
 
 
 def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
-    """The wanted names, lengthened so that none of them is taken and no two are the same."""
+    """Return the wanted names, lengthened so that none of them is taken and no two are the same."""
     known = set(taken)
     found = []
     for name in wanted:
@@ -53,7 +53,7 @@ def fresh(wanted: Sequence[str], taken: Iterable[str]) -> list[str]:
 
 
 def with_state(task: Task, added: Sequence[AddedState]) -> Task:
-    """The task with more components of the state; it does not observe them."""
+    """Return the task with more components of the state; it does not observe them."""
     initial, following = tuple(a.initial for a in added), tuple(a.following for a in added)
     return replace(
         task,
@@ -67,19 +67,19 @@ def with_state(task: Task, added: Sequence[AddedState]) -> Task:
 
 
 def present(task: Task, c: Component, role: Role = Role.STATE) -> Node:
-    """The present value of a component."""
+    """Return the present value of a component."""
     return task.builder.read(role, c.name, c.type, c.least, c.most)
 
 
 def inside(task: Task, c: Component) -> Node:
-    """A fixed value of a component: the one nearest to 0."""
+    """Return a fixed value of a component: the one nearest to 0."""
     flat = [min(max(0, a), b) for a, b in zip(c.low, c.high, strict=True)]
     numbers = flat if c.type.kind is Kind.REAL else [int(v) for v in flat]
     return task.builder.const(numbers if c.type.shape else numbers[0], c.type)
 
 
 def noisy(b: Builder, node: Node, std: float) -> Node:
-    """A value with independent normal noise added to each of its elements."""
+    """Return a value with independent normal noise added to each of its elements."""
     noise = DISTS["Normal"].build(b, {"mean": b.scalar(0), "std": b.scalar(std)}, node.type.shape)
     return b.apply("add", b.cast(node, Kind.REAL), noise)
 
@@ -88,7 +88,7 @@ def noisy(b: Builder, node: Node, std: float) -> Node:
 
 
 def acting(task: Task, executed: Mapping[str, Node]) -> Task:
-    """The task in which other actions are executed than those that are chosen, by name."""
+    """Return the task in which other actions are executed than those that are chosen, by name."""
 
     def leaf(node: Node) -> Node | None:
         return executed[node.name] if isinstance(node, Read) and node.role is Role.ACTION else None
@@ -100,7 +100,7 @@ def acting(task: Task, executed: Mapping[str, Node]) -> Task:
 
 
 def meaning(task: Task, meant: Mapping[str, Node]) -> Task:
-    """The task in which each action stands for another one, by name; its expert remembers those that are meant."""
+    """Return the task in which each action stands for another one, by name; its expert remembers those that are meant."""
     return remembering(acting(task, meant), {(Role.ACTION, name): node for name, node in meant.items()})
 
 
@@ -112,7 +112,7 @@ def step_draws(task: Task) -> Iterator[Callable[[Task], Task]]:
 
 
 def last(task: Task) -> Node:
-    """Whether a step is the last of an episode."""
+    """Return whether a step is the last of an episode."""
     b = task.builder
     if task.horizon is None:
         return task.terminal
@@ -121,7 +121,7 @@ def last(task: Task) -> Node:
 
 
 def after_step(task: Task, node: Node) -> Node:
-    """A function of the state as one of the state that a step leads to."""
+    """Return a function of the state as one of the state that a step leads to."""
     following = {c.name: n for c, n in zip(task.state, task.next, strict=True)}
 
     def leaf(part: Node) -> Node | None:
@@ -131,14 +131,14 @@ def after_step(task: Task, node: Node) -> Node:
 
 
 def reads_time(task: Task) -> bool:
-    """Whether anything depends on the time."""
+    """Return whether anything depends on the time."""
     expert = task.expert if isinstance(task.expert, tuple) else ()
     roots = (*task.next, task.reward, task.terminal, task.absorbing_reward, *task.observation.nodes, *expert)
     return (Role.TIME, "t") in reads(roots)
 
 
 def paying(task: Task, reward: Node) -> Task:
-    """The task with another reward."""
+    """Return the task with another reward."""
     return replace(task, reward=task.builder.cast(reward, Kind.REAL))
 
 
@@ -153,7 +153,7 @@ def observing(
     drawn: Mapping[int, Draw],
     meant: Mapping[str, Node] | None = None,
 ) -> Task:
-    """The task with other observations, for which more is drawn at resets and in steps.
+    """Return the task with other observations, for which more is drawn at resets and in steps.
 
     What was observed before, by name, is `meant` as a function of what is observed now. An expert that remembers something else
     of it is left out.
@@ -174,12 +174,12 @@ def observing(
 
 
 def real_space(task: Task) -> SpaceKind:
-    """The space of observations that hold reals: a dictionary where they are one, else a box."""
+    """Return the space of observations that hold reals: a dictionary where they are one, else a box."""
     return "dict" if task.observation.space == "dict" else "box"
 
 
 def shows_the_state(task: Task) -> bool:
-    """Whether it is known that no two states look alike, at whatever time; what is drawn tells nothing here."""
+    """Return whether it is known that no two states look alike at any time; draws do not count."""
     nodes = [n for n in task.observation.nodes if not draws([n]) and (Role.TIME, "t") not in reads([n])]
     return all(part.is_decided and part.clash() is None for part in parts(Role.STATE, task.state, nodes))
 
@@ -188,9 +188,9 @@ def shows_the_state(task: Task) -> bool:
 
 
 def remembering(task: Task, meant: Mapping[tuple[Role, str], Node]) -> Task:
-    """The task whose expert remembers what is meant by an action or an observation; without the expert where this is not told.
+    """The task whose expert remembers what is meant by an action or an observation; without the expert where this is unknown.
 
-    What is meant is not told where it depends on a state that is not observed.
+    It is unknown where it depends on a state that is not observed.
     """
     memory = task.memory
     if memory is None or not meant:
@@ -214,7 +214,7 @@ def remembering(task: Task, meant: Mapping[tuple[Role, str], Node]) -> Task:
 
 
 def forgetting(task: Task) -> Task:
-    """The task without a written expert, and without its memory."""
+    """Return the task without a written expert, and without its memory."""
     return replace(task, memory=None, expert=None if isinstance(task.expert, tuple) else task.expert)
 
 
@@ -222,7 +222,7 @@ def forgetting(task: Task) -> Task:
 
 
 def combinations(components: Sequence[Component], what: str, most: int = MOST) -> int:
-    """How many values some components have together.
+    """Return how many values some components have together.
 
     Raises:
         Inapplicable: infinitely many, or more than `most`.
@@ -237,7 +237,7 @@ def combinations(components: Sequence[Component], what: str, most: int = MOST) -
 
 
 def joint(b: Builder, components: Sequence[Component], nodes: Sequence[Node]) -> Node:
-    """The number of a combination of values, the first element of the first component slowest."""
+    """Return the number of a combination of values, the first element of the first component slowest."""
     code: Node = b.scalar(0)
     for c, node in zip(components, nodes, strict=True):
         for element, low, count in zip(elements(b, node), c.low, c.counts, strict=True):
@@ -247,7 +247,7 @@ def joint(b: Builder, components: Sequence[Component], nodes: Sequence[Node]) ->
 
 
 def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row: Node) -> list[Node]:
-    """Values of the components whose number a table (N,) has at a row."""
+    """Return values of the components whose number a table (N,) has at a row."""
     rest, found = math.prod(n for c in components for n in c.counts), []
     for c in components:
         digits = []
@@ -261,13 +261,13 @@ def apart(b: Builder, components: Sequence[Component], table: Sequence[int], row
 
 
 def looked_up(b: Builder, values: Sequence[Any], row: Node, kind: Kind = Kind.INT) -> Node:
-    """The value at a row of a table of constants."""
+    """Return the value at a row of a table of constants."""
     table = b.const(tuple(values), Type(kind, (len(values),)))
     return b.structure("index", [table, b.position(row, len(values))])
 
 
 def elements(b: Builder, node: Node) -> list[Node]:
-    """The elements of a value, row-major."""
+    """Return the elements of a value, row-major."""
     if node.type.is_scalar:
         return [node]
     flat = b.structure("reshape", [node], (node.type.size,))
@@ -275,5 +275,5 @@ def elements(b: Builder, node: Node) -> list[Node]:
 
 
 def shaped(b: Builder, flat: Sequence[Node], type: Type) -> Node:
-    """Elements, row-major, as a value of a type."""
+    """Return elements, row-major, as a value of a type."""
     return flat[0] if type.is_scalar else b.structure("reshape", [b.structure("vector", flat)], type.shape)

@@ -43,7 +43,7 @@ class ModifierArgument:
     sample: Callable[[Task], Any] | None = None
 
     def read(self, value: Any) -> Any:
-        """A value as it is kept: a number, true or false, or a text.
+        """Return a value as it is kept: a number, true or false, or a text.
 
         Raises:
             ValueError: says what is needed.
@@ -139,7 +139,7 @@ class ModifierEntry:
 
     `change` gives the changed task from a task and all arguments, or raises `Inapplicable`; what it leaves as it is need not be
     touched. `says` is a sentence about the task before, with the numbers, in Markdown with mathematics. `keeps` holds where
-    `when` says so, which is told by `condition`. Where `observed` says so, told by `observed_condition`, returns are also kept
+    `when` says so (in words: `condition`). Where `observed` says so (in words: `observed_condition`), returns are also kept
     for those who see observations alone: every policy of what was seen and done so far has one that earns the same, and the
     other way round. With `claims` the claims and examples of the spec are still about the task.
     """
@@ -162,13 +162,13 @@ class ModifierEntry:
     """What becomes of the finite stand-in of a task that has one."""
 
     def kept(self, task: Task, given: Arguments) -> Kept:
-        """What it keeps of a task with these arguments."""
+        """Return what it keeps of a task with these arguments."""
         return self.keeps if self.when(task, given) else "nothing"
 
     def keeps_observers(self, task: Task, given: Arguments) -> bool:
-        """Whether it keeps the returns of a task with these arguments, for those who see observations alone, too."""
+        """Return whether it keeps the returns of a task with these arguments, for those who see observations alone, too."""
         return self.kept(task, given) in KEPT[:2] and self.observed(task, given)
 
     def sample(self, task: Task) -> dict[str, Any]:
-        """Arguments that suit a task, for examples and tests."""
+        """Return arguments that suit a task, for examples and tests."""
         return {a.name: a.default if a.sample is None else a.sample(task) for a in self.arguments}

@@ -25,8 +25,8 @@ def _relabelled(task: Task, given: Arguments) -> Task:
     label = looked_up(b, labels.tolist(), joint(b, seen.components, seen.nodes))
     (name,) = fresh(["label"], names_in(task))
     c = Component(name, INT, (0,), (count - 1,), doc="a number for what is observed")
-    told = b.read(Role.NEXT, name, INT, 0, count - 1)
-    behind = apart(b, seen.components, np.argsort(labels).tolist(), told)
+    shown = b.read(Role.NEXT, name, INT, 0, count - 1)
+    behind = apart(b, seen.components, np.argsort(labels).tolist(), shown)
     meant = {each.name: node for each, node in zip(seen.components, behind, strict=True)}
     return observing(task, [c], [label], "discrete", {}, meant)
 

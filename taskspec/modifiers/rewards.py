@@ -32,15 +32,12 @@ from taskspec.modifiers.entry import STD, Arguments, ModifierArgument, ModifierE
 from taskspec.modifiers.symmetries import floats
 from taskspec.task.task import Component, Task
 
-# ---------- potential
-# The expression of a potential as a function of the state.
-
 SCOPE = "absorbing"
 """The section whose expressions see states, and no actions."""
 
 
 def potential(task: Task, written: str) -> Node:
-    """What an expression of the task language says of a state.
+    """Return what an expression of the task language says of a state.
 
     Raises:
         SpecError: with all that is wrong with it, at its place in the expression.
@@ -75,14 +72,13 @@ def _beside(task: Task) -> list[str]:
     return ["t", *(c.name for c in task.action)]
 
 
-# ---------- later
 # Rewards that are paid later: after some steps, or when the episode ends.
 #
 # What is outstanding is part of the state. Where the rewards of a task are known to be few, it is kept in whole numbers, so that
 # a finite task stays finite.
 
 MOST_SUMS = 1_000_000
-"""Sums of rewards that are told apart, at the most."""
+"""Limit on distinct sums of rewards."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +90,7 @@ class FewRewards:
 
 
 def few_rewards(task: Task) -> FewRewards | None:
-    """The rewards where they are known to be few, else None."""
+    """Return the rewards where they are known to be few, else None."""
     b, found = task.builder, floats(task.builder, task.reward)
     if found is None:
         return None
@@ -107,7 +103,9 @@ def few_rewards(task: Task) -> FewRewards | None:
 
 
 def _between(low: float, high: float) -> float:
-    """A number from the lower one on and below the higher one: half way, where rounding makes no difference, if it is a float."""
+    """Return a number from the lower one on and below the higher one: half way, where rounding makes no difference,
+    if it is a float.
+    """
     half = float((Fraction(low) + Fraction(high)) / 2)
     return half if half < high else low
 
@@ -139,7 +137,7 @@ _QUEUE = "rewards not paid yet, the oldest first"
 
 
 def _moved_up(b: Builder, queue: Node, entry: Node) -> Node:
-    """The queue without its first element, and with another one at its end."""
+    """Return the queue without its first element, and with another one at its end."""
     steps, tail = queue.type.size, b.structure("vector", [entry])
     return tail if steps == 1 else b.structure("concat", [b.structure("slice", [queue], (1, steps - 1, 1)), tail])
 
@@ -161,7 +159,7 @@ def _at_end(task: Task, given: Arguments) -> Task:
 
 
 def _in_units(task: Task, few: FewRewards, name: str) -> tuple[AddedState, Node] | None:
-    """The sum as a multiple of what all rewards are multiples of; None where that may be too many."""
+    """Return the sum as a multiple of what all rewards are multiples of; None where that may be too many."""
     b = task.builder
     exact = [Fraction(repr(v)) for v in few.values]
     unit = reduce(_common, exact) or Fraction(1)
@@ -178,7 +176,7 @@ def _in_units(task: Task, few: FewRewards, name: str) -> tuple[AddedState, Node]
 
 
 def _common(a: Fraction, b: Fraction) -> Fraction:
-    """The largest number that both are multiples of."""
+    """Return the largest number that both are multiples of."""
     return Fraction(math.gcd(a.numerator * b.denominator, b.numerator * a.denominator), a.denominator * b.denominator)
 
 
@@ -207,12 +205,11 @@ def _times(steps: int) -> str:
     return "one step" if steps == 1 else f"${steps}$ steps"
 
 
-# ---------- rewards
 # Modifiers of rewards: scaled, shifted, noisy, shaped.
 
 
 def _changed(task: Task, op: str, given: float) -> Task:
-    """An operation on the reward and on what absorbing states pay."""
+    """Return an operation on the reward and on what absorbing states pay."""
     b = task.builder
     reward, absorbing = (b.apply(op, b.scalar(float(given)), n) for n in (task.reward, task.absorbing_reward))
     return paying(replace(task, absorbing_reward=absorbing), reward)
@@ -232,7 +229,7 @@ def _shaped(task: Task, given: Arguments) -> Task:
 
 
 def _some_state(task: Task) -> str:
-    """A number that depends on the state."""
+    """Return a number that depends on the state."""
     c: Component = task.state[0]
     if not c.type.is_scalar:
         return f"sum({c.name})"
@@ -242,7 +239,7 @@ def _some_state(task: Task) -> str:
 
 
 def lasts(task: Task) -> bool:
-    """Whether all episodes are equally long."""
+    """Return whether all episodes are equally long."""
     return isinstance(task.terminal, Const) and not task.terminal.value and task.horizon is not None
 
 

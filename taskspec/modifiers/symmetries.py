@@ -32,11 +32,8 @@ from taskspec.modifiers.entry import Arguments, Inapplicable, ModifierArgument, 
 from taskspec.task.bijection import MapPart, Moves, bounds, codes, outside, parts
 from taskspec.task.task import FINITE_SPACES, Component, Symmetry, Task
 
-# ---------- values
-# The finitely many values that an expression can have, as far as its form tells; some of them may never occur.
-
 MOST_VALUES = 256
-"""Values that are told apart, at the most."""
+"""Limit on the values of an expression that are listed."""
 TRIED = 4096
 """Combinations of arguments that are worked out for one operation."""
 Values: TypeAlias = frozenset[Const] | None
@@ -44,7 +41,7 @@ Values: TypeAlias = frozenset[Const] | None
 
 
 def values(b: Builder, root: Node) -> Values:
-    """The constants that a number may come to; None where there may be others, or too many."""
+    """Return the constants that a number may come to; None where there may be others, or too many."""
     known: dict[int, Values] = {}
     for node in walk([root]):
         known[id(node)] = _few(_values(b, node, [known[id(c)] for c in children(node)]))
@@ -83,7 +80,7 @@ def _of_kind(b: Builder, value: Const, kind: Kind) -> Const:
 
 
 def _worked_out(b: Builder, op: str, args: list[Values]) -> Values:
-    """What an operator gives for all combinations of arguments."""
+    """Return what an operator gives for all combinations of arguments."""
     if any(a is None for a in args) or math.prod(len(a or ()) for a in args) > TRIED:
         return None
     found = [b.apply(op, *each) for each in product(*(a or () for a in args))]
@@ -91,7 +88,7 @@ def _worked_out(b: Builder, op: str, args: list[Values]) -> Values:
 
 
 def _within_bounds(b: Builder, node: Node) -> Values:
-    """All that an int or a condition may be, by its bounds."""
+    """Return all that an int or a condition may be, by its bounds."""
     if node.type.kind is Kind.REAL:
         return None
     if node.type.kind is Kind.BOOL:
@@ -103,7 +100,7 @@ def _within_bounds(b: Builder, node: Node) -> Values:
 
 
 def floats(b: Builder, root: Node) -> list[float] | None:
-    """The values of a number as floats, in order; None where they are not known to be few and finite."""
+    """Return the values of a number as floats, in order; None where they are not known to be few and finite."""
     found = values(b, root)
     if found is None:
         return None
@@ -111,7 +108,6 @@ def floats(b: Builder, root: Node) -> list[float] | None:
     return numbers if all(map(math.isfinite, numbers)) else None
 
 
-# ---------- symmetries
 # The modifier of symmetries: a twin of a task, which is seen and steered in another way that its spec declares.
 
 
@@ -123,7 +119,7 @@ def _twin(task: Task, given: Arguments) -> Task:
 
 
 def _declared(task: Task, name: str) -> Symmetry:
-    """A symmetry by its name."""
+    """Return a symmetry by its name."""
     known = {each.name: each for each in task.unmodified.symmetries}
     if name not in known:
         reason = f"it declares no symmetry '{name}'" if known else "it declares no symmetries"
@@ -135,7 +131,7 @@ def _declared(task: Task, name: str) -> Symmetry:
 
 
 def _seen(task: Task, symmetry: Symmetry) -> Task:
-    """The task of which something else is seen; what other modifiers let be seen besides stays."""
+    """Return the task of which something else is seen; what other modifiers add to the observation stays."""
     now = {c.name: (c, node) for c, node in zip(task.observation.components, task.observation.nodes, strict=True)}
     for c in symmetry.seen:
         if c.name not in now or now[c.name][0].type != c.type:
@@ -162,7 +158,7 @@ def _seen(task: Task, symmetry: Symmetry) -> Task:
 
 
 def _bounded(components: Sequence[Component], found: Sequence[MapPart]) -> list[Component]:
-    """Components with the bounds that parts of a map give them, as far as these are known."""
+    """Return components with the bounds that parts of a map give them, as far as these are known."""
     made = list(components)
     for part in found:
         ends = list(bounds(part))
@@ -189,7 +185,7 @@ def _check_space(task: Task, components: Sequence[Component]) -> None:
 
 
 def _steered(task: Task, symmetry: Symmetry) -> Task:
-    """The task in which an action does what that one did which it stands for."""
+    """Return the task in which an action does what that one did which it stands for."""
     found = parts(Role.ACTION, task.action, symmetry.action, is_tied=True)
     executed: dict[str, Node] = {}
     for part in found:
@@ -212,7 +208,7 @@ def _steered(task: Task, symmetry: Symmetry) -> Task:
 
 
 def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[Node, ...]:
-    """A map of the action, of an action that is given."""
+    """Return a map of the action, of an action that is given."""
 
     def leaf(node: Node) -> Node | None:
         return actions[node.name] if isinstance(node, Read) and node.role is Role.ACTION else None
@@ -221,7 +217,7 @@ def _put(b: Builder, nodes: Sequence[Node], actions: dict[str, Node]) -> tuple[N
 
 
 def _undone(task: Task, part: MapPart) -> list[Node]:
-    """The action that a part of an action stands for, by component."""
+    """Return the action that a part of an action stands for, by component."""
     b, given = task.builder, [present(task, c, Role.ACTION) for c in part.inputs]
     if part.moves is not None:
         return _moved_back(b, part.inputs, given, part.moves)

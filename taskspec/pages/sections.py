@@ -17,7 +17,7 @@ from taskspec.pages.facts import Facts
 from taskspec.pages.lines import Maker, formula
 from taskspec.pages.prose import CellTable, Cite, CodeSpan, Formula, Inline, Inlines, Mark, Text, inlines, listing
 from taskspec.printers import tree as m
-from taskspec.task.derived import build_abstract
+from taskspec.task.build import build_abstract
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 

@@ -43,7 +43,7 @@ def in_mapping(text: str, node: MappingNode) -> Iterator[TextProblem]:
 
 
 def _value(text: str, node: MappingNode, owner: ScalarNode, value: Node) -> TextProblem | None:
-    """The finding for the value of a key that went on behind its comma, if it did; it takes all keys that came of that."""
+    """Return the finding for the value of a key that went on behind its comma, if it did; it takes all keys that came of that."""
     end = value_end(text, value.start, in_flow=True) if _opens(text, value) else value.end
     is_list = owner.value in _LISTS
     is_word = isinstance(resolve(text[value.start : value.end]), str)
@@ -65,18 +65,18 @@ def _value(text: str, node: MappingNode, owner: ScalarNode, value: Node) -> Text
 
 
 def is_absent(value: Node) -> bool:
-    """Whether nothing stands where a value should."""
+    """Return whether nothing stands where a value should."""
     return isinstance(value, ScalarNode) and value.style == "plain" and not value.value
 
 
 def is_key(text: str, key: ScalarNode) -> bool:
-    """Whether what stands between braces without a value was meant as a key, and not as part of something else."""
+    """Return whether what stands between braces without a value was meant as a key, and not as part of something else."""
     after = re.compile(r"\s*").match(text, key.end)
     return _is_glued(key) or (after is not None and text[after.end() : after.end() + 1] == ":")
 
 
 def cut(text: str, start: int, within: Sequence[Node] = ()) -> TextProblem:
-    """The finding for an expression that YAML cuts in pieces; of a comprehension, all of the list that it is.
+    """Return the finding for an expression that YAML cuts in pieces; of a comprehension, all of the list that it is.
 
     `within` are the collections around it, the innermost last.
     """
@@ -94,7 +94,7 @@ def _pieces(text: str, start: int, end: int, hint: str | None = None) -> TextPro
 
 
 def is_comprehension(written: str) -> bool:
-    """Whether `f(i) for i in range(0, 4)` is written, with its `for` outside all brackets."""
+    """Return whether `f(i) for i in range(0, 4)` is written, with its `for` outside all brackets."""
     while (inner := _BRACKETED.sub("", written)) != written:
         written = inner
     return _FOR.search(written) is not None
@@ -105,17 +105,17 @@ def _is_plain(node: Node) -> bool:
 
 
 def _opens(text: str, node: Node) -> bool:
-    """Whether a piece of text opens more brackets than it closes."""
+    """Return whether a piece of text opens more brackets than it closes."""
     return _is_plain(node) and text.count("(", node.start, node.end) > text.count(")", node.start, node.end)
 
 
 def _is_glued(key: ScalarNode) -> bool:
-    """Whether a key without value was meant as `key: value`, and lacks the space."""
+    """Return whether a key without value was meant as `key: value`, and lacks the space."""
     return key.style == "plain" and re.fullmatch(r"\w+:[^:]+", key.value) is not None
 
 
 def _lone_word(text: str, value: Node, key: ScalarNode) -> TextProblem:
-    """A single word may be the rest of the text before it, or a key that lacks its value."""
+    """Return a single word may be the rest of the text before it, or a key that lacks its value."""
     advice = in_quotes(text[value.start : key.end])
     return _no_value(key, f"if it belongs to the text before the comma, {advice}; or else write `{key.value}: value`")
 

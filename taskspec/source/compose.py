@@ -36,7 +36,7 @@ class RefusedError(Exception):
 
 
 def compose(text: str) -> Composed:
-    """The tree of a YAML text. Never raises for a bad text: what was wrong is in the result."""
+    """Return the tree of a YAML text. Never raises for a bad text: what was wrong is in the result."""
     builder = _Builder(text)
     try:
         for event in _events(text):
@@ -54,7 +54,7 @@ def compose(text: str) -> Composed:
 
 
 def _events(text: str) -> Iterator[Any]:
-    """The parser's events, from libyaml where it is there: it is ten times faster."""
+    """Yield the parser's events, from libyaml where it is there: it is ten times faster."""
     loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)(text)
     try:
         while loader.check_event():
@@ -165,6 +165,6 @@ def _range(event: Any) -> tuple[int, int]:
 
 
 def _last_end(node: MappingNode | SequenceNode) -> int:
-    """Where a block collection ends: with its last value, not with the blank lines below."""
+    """Return where a block collection ends: with its last value, not with the blank lines below."""
     children = node.items if isinstance(node, SequenceNode) else [each for _, each in node.entries]
     return max(node.start + 1, children[-1].end if children else 0)

@@ -13,9 +13,6 @@ from taskspec.base.diagnostics import Diagnostic, Origin, Span, SpecError
 from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from taskspec.source.scalars import places
 
-# ---------- document
-# A spec's text, read: plain data, and the place of every value in it.
-
 Path: TypeAlias = tuple[str | int, ...]
 """Where a value stands in the data: keys of mappings and indices of lists, from the root down."""
 
@@ -47,7 +44,7 @@ class Document:
         return tuple(dict.fromkeys(found))
 
     def span(self, path: Path, start: int | None = None, end: int | None = None) -> Span:
-        """The place of a value, or of the characters `start` to `end` of a text's value.
+        """Return the place of a value, or of the characters `start` to `end` of a text's value.
 
         A path that leads nowhere gives the place of the last value on its way that exists.
         """
@@ -59,12 +56,12 @@ class Document:
         return self._between(node.start, node.end)
 
     def key_span(self, path: Path) -> Span:
-        """The place of the key that a path ends with; of the item, when it ends in a list."""
+        """Return the place of the key that a path ends with; of the item, when it ends in a list."""
         key, node = self._find(path)
         return self._between(key.start, key.end) if key else self._between(node.start, node.end)
 
     def text(self, path: Path) -> str:
-        """The text of a scalar as written (`0.10`, `1e-3`), quotes and line folds undone.
+        """Return the text of a scalar as written (`0.10`, `1e-3`), quotes and line folds undone.
 
         Raises KeyError when there is no scalar at the path.
         """
@@ -110,7 +107,6 @@ def span(origin: Origin, lines: list[int], start: int, end: int) -> Span:
     return Span(origin, line, column, end_line, end_column)
 
 
-# ---------- extended
 # The files that a spec, or a variant of it, extends: read with it, so that a document is whole wherever it goes.
 
 Packed: TypeAlias = tuple[str, str, tuple[tuple[str, Any], ...]]
@@ -121,7 +117,7 @@ KEY = "extends"
 
 
 def others(document: Document, read: Read) -> dict[str, Document]:
-    """The documents that a document extends, by how it names them.
+    """Return the documents that a document extends, by how it names them.
 
     Raises:
         SpecError: for every one that cannot be read, at the place that names it.
@@ -140,7 +136,7 @@ def others(document: Document, read: Read) -> dict[str, Document]:
 
 
 def _named(data: Any) -> Iterator[tuple[Path, str]]:
-    """Every mention of another file, with its path."""
+    """Yield every mention of another file, with its path."""
     if not isinstance(data, dict):
         return
     variants = data.get("variants")
@@ -154,7 +150,7 @@ def _named(data: Any) -> Iterator[tuple[Path, str]]:
 
 
 def _beside(document: Document, name: str) -> str:
-    """The path of another file, from where we are: it is named as seen from the document that names it."""
+    """Return the path of another file, from where we are: it is named as seen from the document that names it."""
     if not name.endswith((".yaml", ".yml")):
         message = f"`{KEY}` names the file of a spec, which ends in .yaml, not {name!r}"
         raise SpecError([Diagnostic("E711", None, message)])
@@ -162,13 +158,13 @@ def _beside(document: Document, name: str) -> str:
 
 
 def circle(chain: tuple[str, ...], name: str) -> SpecError:
-    """The error that a spec extends itself by way of others."""
+    """Return the error that a spec extends itself by way of others."""
     words = " -> ".join(pathlib.Path(each).name for each in (*chain[chain.index(name) :], name))
     return SpecError([Diagnostic("E212", None, f"these specs extend each other: {words}")])
 
 
 def packed(document: Document) -> Packed:
-    """A document as texts, from which `source.unpacked` makes it again."""
+    """Return a document as texts, from which `source.unpacked` makes it again."""
     return (
         document.origin.text,
         document.origin.name,

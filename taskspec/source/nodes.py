@@ -7,9 +7,6 @@ import re
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, TypeAlias
 
-# ---------- nodes
-# The tree of a YAML text: what stands where. Offsets count characters; ends are exclusive.
-
 Style = Literal["plain", "'", '"', "|", ">"]
 
 
@@ -57,7 +54,7 @@ class TextProblem(NamedTuple):
     hint: str | None = None
 
     def covers(self, other: TextProblem) -> bool:
-        """Whether another problem lies within this one."""
+        """Return whether another problem lies within this one."""
         return self.start <= other.start and other.end <= self.end
 
 
@@ -83,7 +80,6 @@ class Composed:
     bad_keys: list[Node] = field(default_factory=list)
 
 
-# ---------- excerpts
 # What an author meant to write at a place: where it ends, and how to write it in quotes.
 
 _PAIRS = {"(": ")", "[": "]", "{": "}"}
@@ -115,7 +111,7 @@ TYPOGRAPHIC = frozenset("“”„‟«»‘’‚‛")
 
 
 def value_end(text: str, start: int, in_flow: bool) -> int:
-    """Where the value that starts here was meant to end: at the end of its line or, between
+    """Return where the value that starts here was meant to end: at the end of its line or, between
     braces or brackets, at the first comma, colon or closing bracket that is not its own.
     """
     closers: list[str] = []
@@ -144,7 +140,7 @@ def _ends_entry(text: str, at: int) -> bool:
 
 
 def is_closed(text: str, start: int) -> bool:
-    """Whether the bracket that stands at `start` is closed somewhere."""
+    """Return whether the bracket that stands at `start` is closed somewhere."""
     if text[start] not in _PAIRS:
         return True  # one pair in a list, `[a: b]`, is a mapping without braces
     closers: list[str] = []
@@ -159,7 +155,7 @@ def is_closed(text: str, start: int) -> bool:
 
 
 def quoted(written: str) -> str:
-    """A text as a YAML string: in double quotes unless it holds some itself; those of typography around it are dropped."""
+    """Return a text as a YAML string: in double quotes unless it holds some itself; those of typography around it are dropped."""
     words = " ".join(written.split())
     if words[:1] in TYPOGRAPHIC and words[-1:] in TYPOGRAPHIC:
         words = words[1:-1].strip()
@@ -169,19 +165,19 @@ def quoted(written: str) -> str:
 
 
 def in_quotes(written: str) -> str:
-    """The advice to put a text in quotes, ready to be pasted unless it is very long."""
+    """Return the advice to put a text in quotes, ready to be pasted unless it is very long."""
     advice = "put this text in quotes"
     return f"{advice}: {quoted(written)}" if len(written) <= _PASTED else advice
 
 
 def shown(written: str) -> str:
-    """A piece of the author's text for a message: on one line, and cut when long."""
+    """Return a piece of the author's text for a message: on one line, and cut when long."""
     words = " ".join(written.split())
     return words if len(words) <= _LONGEST else words[: _LONGEST - 1] + "…"
 
 
 def special_start(text: str, start: int, in_flow: bool) -> TextProblem:
-    """The finding that a value starts with a character of YAML's own."""
+    """Return the finding that a value starts with a character of YAML's own."""
     char = text[start]
     if text.startswith(FENCE, start):
         message = "this line is not part of the spec: it marks code in Markdown"
@@ -197,11 +193,11 @@ def special_start(text: str, start: int, in_flow: bool) -> TextProblem:
 
 
 def line_start(text: str, at: int) -> int:
-    """The offset of the first character of the line that holds an offset."""
+    """Return the offset of the first character of the line that holds an offset."""
     return max(text.rfind("\n", 0, at), text.rfind("\r", 0, at)) + 1
 
 
 def line_end(text: str, at: int) -> int:
-    """The offset of the line break that ends the line that holds an offset."""
+    """Return the offset of the line break that ends the line that holds an offset."""
     found = re.compile(r"[\r\n]").search(text, at)
     return found.start() if found else len(text)

@@ -17,9 +17,6 @@ from taskspec.source.nodes import FENCE, Composed, MappingNode, Node, ScalarNode
 from taskspec.source.scalars import resolve
 from taskspec.source.yaml_errors import explain, find
 
-# ---------- reading
-# Reading specs: from a file or a text to a document, with every problem of the text found.
-
 _MAX_FINDINGS = 50
 _BREAKS = re.compile(r"\r\n|\r|\n")
 # Control characters, the line separators that editors do not show, and what is not a character.
@@ -69,13 +66,13 @@ def read_text(text: str, name: str = "<string>", known: Mapping[str, Document] |
 
 
 def unpacked(pack: Packed) -> Document:
-    """The document that `packed` was given."""
+    """Return the document that `packed` was given."""
     text, name, rest = pack
     return read_text(text, name, {key: unpacked(other) for key, other in rest})
 
 
 def _with_others(document: Document, chain: tuple[str, ...], known: _Known) -> Document:
-    """A document with those that it extends; `chain` are the files that led to it, the outermost first."""
+    """Return a document with those that it extends; `chain` are the files that led to it, the outermost first."""
     here = (*chain, os.path.normpath(document.origin.name))
 
     def read(path: str) -> Document:
@@ -164,7 +161,6 @@ def _data(node: Node) -> Any:
             return {key.value: _data(value) for key, value in node.entries}
 
 
-# ---------- recover
 # Reading on behind what stops the YAML parser, so that one run reports all of it.
 #
 # What was to be in quotes is covered up, character by character so that every place stays where it was, and the
@@ -175,11 +171,11 @@ _IN_QUOTES = frozenset({"E102", "E103", "E104", "E106"})
 _TOO_MUCH = frozenset({"E109"})
 """Findings whose text is better not there."""
 _READ_AGAIN = 2_000_000
-"""How many characters are read again at most, whatever the text."""
+"""Limit on the characters that are read again."""
 
 
 def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
-    """The tree of a text, its bad parts covered up, and what stopped the parser, in the order of the text."""
+    """Return the tree of a text, its bad parts covered up, and what stopped the parser, in the order of the text."""
     from taskspec.source.compose import compose  # imports PyYAML: when the first spec is read, not when the package is
 
     covered = text

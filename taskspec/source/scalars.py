@@ -54,7 +54,7 @@ _ESCAPES = {
 
 
 def resolve(text: str) -> str | int | float | bool | None:
-    """The value of a plain scalar: null, a truth value, a number, or else the text itself."""
+    """Return the value of a plain scalar: null, a truth value, a number, or else the text itself."""
     if text in _NULLS:
         return None
     if text in _BOOLS:
@@ -75,12 +75,12 @@ def resolve(text: str) -> str | int | float | bool | None:
 
 
 def is_overlong_number(text: str) -> bool:
-    """Whether a plain scalar is a number with more digits than anybody needs."""
+    """Return whether a plain scalar is a number with more digits than anybody needs."""
     return len(text) > Limits.digits and bool(_INT.fullmatch(text) or _FLOAT.fullmatch(text) or _HEX.fullmatch(text))
 
 
 def places(text: str, scalar: ScalarNode) -> list[tuple[int, int]]:
-    """For every character of a scalar's value, the range of `text` that it was written as."""
+    """Return for every character of a scalar's value the range of `text` that it was written as."""
     match scalar.style:
         case "plain":
             found = _flow(text, scalar.start, scalar.end, {})
@@ -164,7 +164,7 @@ def _block(text: str, scalar: ScalarNode) -> list[Place]:
 
 
 def _block_lines(text: str, at: int, indent: int) -> list[tuple[list[Place], list[Place]]]:
-    """The characters of each line beyond the indentation, and its line break if it has one."""
+    """Return the characters of each line beyond the indentation, and its line break if it has one."""
     lines: list[tuple[list[Place], list[Place]]] = []
     while at < len(text):
         stop = _BREAK.search(text, at)
@@ -181,7 +181,7 @@ def _block_lines(text: str, at: int, indent: int) -> list[tuple[list[Place], lis
 
 
 def _indentation(text: str, at: int, value: str) -> int:
-    """How far a block scalar is indented: its first text in the file, against that in the value."""
+    """Return how far a block scalar is indented: its first text in the file, against that in the value."""
     first = re.compile(r"[^ \r\n]").search(text, at)
     inner = re.compile(r"[^ \n]").search(value)
     if first is None or inner is None:
@@ -190,5 +190,5 @@ def _indentation(text: str, at: int, value: str) -> int:
 
 
 def _lead(text: str, at: int) -> int:
-    """How many spaces stand directly before a position."""
+    """Return how many spaces stand directly before a position."""
     return at - len(text[:at].rstrip(" "))

@@ -29,7 +29,7 @@ _OTHERS = re.compile(r"^(experiment|exam|findings) *:", re.MULTILINE)
 
 
 def kind(text: str) -> Kind:
-    """What a file's text is; a spec unless it says otherwise."""
+    """Return what a file's text is; a spec unless it says otherwise."""
     found = _OTHERS.search(text)
     return cast(Kind, found[1]) if found else "taskspec"
 
@@ -47,7 +47,7 @@ class _UnclearError(Exception):
 
 
 def scan(text: str) -> Scanned:
-    """The tasks of a spec's text; raises SpecError where that needs a YAML reader, and the text is no YAML."""
+    """Return the tasks of a spec's text; raises SpecError where that needs a YAML reader, and the text is no YAML."""
     try:
         return _scanned(text)
     except _UnclearError:
@@ -89,7 +89,7 @@ def _is_whole(value: str) -> bool:
 
 
 def _word(value: str) -> str:
-    """A name, which may stand in quotes."""
+    """Return a name, which may stand in quotes."""
     name = value[1:-1] if value[:1] in ("'", '"') else value
     if not name.isidentifier():
         raise _UnclearError
@@ -97,7 +97,7 @@ def _word(value: str) -> str:
 
 
 def _collected(name: str, version: int, sections: Iterable[str], variants: Iterable[str]) -> Scanned:
-    """The spec itself, unless it leaves sections to its variants, and every variant."""
+    """Return the spec itself, unless it leaves sections to its variants, and every variant."""
     found = set(sections)
     is_task = found.issuperset(REQUIRED) or EXTENDS in found
     tasks: list[tuple[str, str | None]] = [(name, None)] if is_task else []
@@ -105,12 +105,12 @@ def _collected(name: str, version: int, sections: Iterable[str], variants: Itera
 
 
 def task_name(name: str, variant: str) -> str:
-    """The name of a variant's task: the key itself when it starts with the task's name, else the two run together."""
+    """Return the name of a variant's task: the key itself when it starts with the task's name, else the two run together."""
     return variant if variant.startswith(name) else name + variant[:1].upper() + variant[1:]
 
 
 def _parsed(text: str) -> Scanned:
-    """The same from a full reading; raises SpecError where the text is no spec."""
+    """Return the same from a full reading; raises SpecError where the text is no spec."""
     from taskspec.source import read_text
 
     data = read_text(text).data

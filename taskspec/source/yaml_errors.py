@@ -1,4 +1,8 @@
-"""Why YAML could not be read, in an author's words, and texts that it reads as something else than meant."""
+"""Why YAML could not be read, in an author's words, and texts that it reads as something else than meant.
+
+The parser's own messages describe its state. Each rule below recognises one situation from where
+the parser gave up, what it had read last, and the text around; the first that applies explains it.
+"""
 
 from __future__ import annotations
 
@@ -24,12 +28,6 @@ from taskspec.source.nodes import (
 )
 from taskspec.source.scalars import is_overlong_number
 
-# ---------- syntax
-# Says in an author's words why YAML could not be read.
-#
-# The parser's own messages describe its state. Each rule below recognises one situation from where
-# the parser gave up, what it had read last, and the text around; the first that applies explains it.
-
 _FOREIGN = (
     (r"[^?\n]+\s(\?)\s", "`c ? x : y` is not part of the language", "write `x if c else y`"),
     (r"(lambda)\s", "`lambda` is not part of the language", "write what it returns, or a definition with arguments"),
@@ -41,7 +39,7 @@ _KEY_LINE = re.compile(r"[\r\n][ \t]*(?:- +)?[\w']+:(?=\s)")
 
 
 def explain(text: str, syntax: Syntax) -> TextProblem:
-    """The finding for a text that the YAML parser refused."""
+    """Return the finding for a text that the YAML parser refused."""
     for rule in _RULES:
         if finding := rule(text, syntax):
             return finding
@@ -67,7 +65,7 @@ def _open_quote(text: str, syntax: Syntax) -> TextProblem | None:
 
 
 def _closed_too_late(text: str, syntax: Syntax) -> TextProblem | None:
-    """A quote that is not closed: what closes it is a quote or a prime in a later line, with keys in between."""
+    """Return a quote that is not closed: what closes it is a quote or a prime in a later line, with keys in between."""
     last = syntax.last
     if not isinstance(last, ScalarNode) or last.style not in ("'", '"') or text[last.end : syntax.at].strip():
         return None
@@ -127,7 +125,7 @@ _SPECIAL_PROBLEMS = (
 
 
 def _not_closed(text: str, syntax: Syntax) -> TextProblem | None:
-    """A bracket without its partner: the parser ran into the end, or into the next key."""
+    """Return a bracket without its partner: the parser ran into the end, or into the next key."""
     if not syntax.open or not syntax.open[-1].flow:
         return None
     for node in syntax.open:
@@ -138,7 +136,7 @@ def _not_closed(text: str, syntax: Syntax) -> TextProblem | None:
 
 
 def _split_by_bracket(text: str, syntax: Syntax) -> TextProblem | None:
-    """An index or a call inside a flow collection: `{x: p[0]}`."""
+    """Return an index or a call inside a flow collection: `{x: p[0]}`."""
     last = syntax.last
     if not syntax.open or not syntax.open[-1].flow or _char(text, syntax.at) not in ("[", "{"):
         return None
@@ -157,7 +155,7 @@ def _unmatched(text: str, syntax: Syntax) -> TextProblem | None:
 
 
 def _colon_at_end(text: str, syntax: Syntax) -> TextProblem | None:
-    """A colon glued to the comma or bracket after it: `{type:, low: 0}`."""
+    """Return a colon glued to the comma or bracket after it: `{type:, low: 0}`."""
     if "unexpected ':'" not in syntax.problem:
         return None
     hint = "write a value after the colon, or put text with colons in quotes"
@@ -241,7 +239,7 @@ def _brace(text: str, node: MappingNode) -> TextProblem:
 
 
 def starts_with_brace(text: str, start: int, end: int) -> TextProblem:
-    """The finding for an expression that YAML takes for a mapping."""
+    """Return the finding for an expression that YAML takes for a mapping."""
     message = "an expression cannot start with `{`: YAML reads a mapping"
     return TextProblem("E103", start, end, message, in_quotes(text[start:end]))
 
@@ -287,7 +285,6 @@ _RULES: tuple[Callable[[str, Syntax], TextProblem | None], ...] = (
 )
 
 
-# ---------- traps
 # Texts that YAML reads without complaint, as something else than their author meant.
 
 # An escape that makes a control character, or begins the name of a well-known TeX command.
@@ -295,7 +292,7 @@ _TEX = re.compile(r"\\(?:\\|([abefrv0](?=[A-Za-z])|n(?:u|abla|eq)\b|t(?:heta|au|
 
 
 def find(text: str, root: Node, bad_keys: list[Node]) -> Iterator[TextProblem]:
-    """Every trap in a tree, in no particular order."""
+    """Yield every trap in a tree, in no particular order."""
     for node in bad_keys:
         if not _inside_split(node, text):
             yield _bad_key(text, node)
@@ -312,7 +309,7 @@ def find(text: str, root: Node, bad_keys: list[Node]) -> Iterator[TextProblem]:
 
 
 def walk(node: Node) -> Iterator[Node]:
-    """A node and everything below it, keys included."""
+    """Yield a node and everything below it, keys included."""
     stack = [node]
     while stack:
         node = stack.pop()
@@ -324,7 +321,7 @@ def walk(node: Node) -> Iterator[Node]:
 
 
 def _inside_split(node: Node, text: str) -> bool:
-    """Whether an empty key is only what a comma left over: then the comma is the problem."""
+    """Return whether an empty key is only what a comma left over: then the comma is the problem."""
     return isinstance(node, ScalarNode) and text[node.start : node.start + 1] in (",", "}")
 
 

@@ -23,12 +23,10 @@ from taskspec.task.parts import Component, Observation, Symmetry
 from taskspec.task.reach import too_wide, widest
 from taskspec.task.task import Example, Figure, Followed
 
-# ---------- figure
-# The section `figure`: the keys that its kind needs are checked, and its expressions become nodes; `figures` draws them.
 
 
 def figure(context: Context, scope: Scope) -> Figure | None:
-    """What the section says; None without one.
+    """Return what the section says; None without one.
 
     Reported are keys that the kind of figure lacks (E203), and expressions that mean nothing or have the wrong shape.
     """
@@ -54,7 +52,7 @@ def figure(context: Context, scope: Scope) -> Figure | None:
 
 
 def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int, ...]) -> tuple[Node, ...]:
-    """A column and a row, and maybe a way, or one vector of all; nothing where there is none, or it is broken."""
+    """Return a column and a row, and maybe a way, or one vector of all; nothing where there is none, or it is broken."""
     if at is None:
         return ()
     whole = None if isinstance(at, list) else context.forms.expr(path)
@@ -77,7 +75,7 @@ def _place(context: Context, path: Path, at: Any, scope: Scope, sizes: tuple[int
 
 
 def _node(context: Context, path: Path, scope: Scope) -> Node | None:
-    """An expression as a node, a choice as the number that it stands for; None where it is broken (and reported)."""
+    """Return an expression as a node, a choice as the number that it stands for; None where it is broken (and reported)."""
     return _number_of(context, context.forms.expr(path), scope)
 
 
@@ -89,7 +87,7 @@ def _number_of(context: Context, expr: s.Expr | None, scope: Scope) -> Node | No
 
 
 def _map(context: Context, name: str | None) -> tuple[str, ...]:
-    """The rows of the grid of letters that the figure names; none where it names none."""
+    """Return the rows of the grid of letters that the figure names; none where it names none."""
     constants = context.data.get("constants") or {}
     if name is None:
         return ()
@@ -109,7 +107,7 @@ def _map(context: Context, name: str | None) -> tuple[str, ...]:
 
 
 def _digits(value: Value | None) -> tuple[str, ...] | None:
-    """A matrix as rows of characters, `#` for a condition that holds; None where it has other numbers, or is no matrix."""
+    """Return a matrix as rows of characters, `#` for a condition that holds; None where it has other numbers, or is no matrix."""
     node = None if value is None else value.node
     if not isinstance(node, Const) or len(node.type.shape) != 2 or not node.type.size:
         return None
@@ -123,7 +121,6 @@ def _digits(value: Value | None) -> tuple[str, ...] | None:
     return tuple("".join(letters[i : i + width]) for i in range(0, len(letters), width))
 
 
-# ---------- examples
 # Worked examples as surface syntax: names are checked when a task is built, values when the example is.
 
 SCOPE = "examples"
@@ -135,7 +132,7 @@ _SINGLE = ("reward", "terminal", "truncated")
 
 
 def read_examples(context: Context) -> Iterator[Example]:
-    """The examples of a spec; mistakes go to the collector."""
+    """Yield the examples of a spec; mistakes go to the collector."""
     context.named_scopes[SCOPE] = context.constant_scope()
     for i, entry in enumerate(context.data.get("examples") or ()):
         yield _example(context, entry, ("examples", i))
@@ -167,7 +164,7 @@ def _example(context: Context, entry: Mapping[str, Any], path: Path) -> Example:
 def _named(
     context: Context, entry: Mapping[str, Any], key: str, section: str, path: Path
 ) -> Iterator[tuple[str, s.Expr]]:
-    """The entries of one key of an example, those that are well-formed and name something there is."""
+    """Yield the entries of one key of an example, those that are well-formed and name something there is."""
     known = _names(context, section)
     for name in entry.get(key) or {}:
         here = (*path, key, name)
@@ -187,7 +184,6 @@ def _names(context: Context, section: str) -> Sequence[str]:
     return [c.name for c in (context.action if section == "action" else context.state)]
 
 
-# ---------- symmetries
 # The section `symmetries`: maps of what is seen and of what is done, as nodes.
 
 SEEN, DONE = "observation", "action"
@@ -195,7 +191,7 @@ SEEN, DONE = "observation", "action"
 
 
 def symmetries(context: Context, names: Names, observation: Observation) -> tuple[Symmetry, ...]:
-    """The symmetries that a spec declares; those that are broken are reported, and left out."""
+    """Return the symmetries that a spec declares; those that are broken are reported, and left out."""
     written: Mapping[str, Any] = context.data.get("symmetries") or {}
     if not written:
         return ()
@@ -237,7 +233,9 @@ def _parsed(context: Context, name: str, entry: Mapping[str, Any]) -> dict[str, 
 def _shown(
     context: Context, observation: Observation, seen: Mapping[str, Value], values: Mapping[str, Value]
 ) -> Iterator[tuple[Component, Node]]:
-    """What is seen then: lines in the place of what they are named after, what no line names or uses as it is, and new names."""
+    """Yield what is seen then: lines in the place of what they are named after, what no line names or uses as it is,
+    and new names.
+    """
     if not values:
         return
     used = {name for _, name in reads(v.node for v in values.values())}
@@ -253,7 +251,7 @@ def _shown(
 
 
 def _component(context: Context, c: Component, value: Value) -> tuple[Component, Node]:
-    """A component that is seen, within bounds that follow from its expression."""
+    """Return a component that is seen, within bounds that follow from its expression."""
     low, high = context.builder.bounds(value.node)
     size = value.node.type.size
     made = replace(c, type=value.node.type, low=(low,) * size, high=(high,) * size, domain=value.domain)
@@ -261,7 +259,7 @@ def _component(context: Context, c: Component, value: Value) -> tuple[Component,
 
 
 def _steered(context: Context, name: str, lines: Mapping[str, s.Expr | None]) -> tuple[Node, ...] | None:
-    """The map of the action, whole; empty without one, None for one that is broken (and reported)."""
+    """Return the map of the action, whole; empty without one, None for one that is broken (and reported)."""
     known = [c.name for c in context.action]
     for each in (n for n in lines if n not in known):
         span = context.merged.key_span(("symmetries", name, DONE, each))

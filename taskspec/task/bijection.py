@@ -57,7 +57,7 @@ class MapPart:
         return self.moves is not None or self.listed is not None
 
     def clash(self) -> tuple[Values, Values] | None:
-        """Two values that become one; None where there are none, or it is not known."""
+        """Return two values that become one; None where there are none, or it is not known."""
         if self.moves is not None:
             lost = set(range(sum(c.type.size for c in self.inputs))) - set(self.moves.source.tolist())
             return next((pair for i in sorted(lost) if (pair := _apart(self.inputs, i)) is not None), None)
@@ -74,7 +74,7 @@ class MapPart:
 
 
 def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tied: bool = False) -> tuple[MapPart, ...]:
-    """The parts of a map of components, which nodes read in a role; `is_tied` where node i becomes component i."""
+    """Return the parts of a map of components, which nodes read in a role; `is_tied` where node i becomes component i."""
     found: list[tuple[set[str], list[int]]] = []
     for i, node in enumerate(nodes):
         names, numbers = {name for _, name in reads([node])} | ({inputs[i].name} if is_tied else set()), [i]
@@ -89,7 +89,7 @@ def parts(role: Role, inputs: Sequence[Component], nodes: Sequence[Node], is_tie
 
 
 def bounds(part: MapPart) -> Iterator[tuple[float, float]]:
-    """The bounds of every element that comes out of a part whose form or whose values are known."""
+    """Yield the bounds of every element that comes out of a part whose form or whose values are known."""
     if part.listed is not None:
         low, high = part.listed.min(axis=0).tolist(), part.listed.max(axis=0).tolist()
         yield from zip(map(float, low), map(float, high), strict=True)
@@ -120,7 +120,7 @@ def _part(role: Role, inputs: tuple[Component, ...], numbers: list[int], nodes: 
 
 
 def _all(components: Sequence[Component], rows: Array) -> list[Array]:
-    """Values (*shape, N) of finite components whose combinations have these numbers."""
+    """Return values (*shape, N) of finite components whose combinations have these numbers."""
     rest, found = rows, []
     for c in reversed(components):
         digits = []
@@ -132,7 +132,7 @@ def _all(components: Sequence[Component], rows: Array) -> list[Array]:
 
 
 def _rows(values: Sequence[Array], lanes: int) -> Array:
-    """All elements (lanes, elements) of values (*shape, lanes or 1)."""
+    """Return all elements (lanes, elements) of values (*shape, lanes or 1)."""
     flat = [np.broadcast_to(v.reshape(-1, v.shape[-1]), (math.prod(v.shape[:-1]), lanes)) for v in values]
     return np.concatenate(flat).T if flat else np.zeros((lanes, 0), np.int64)
 
@@ -142,7 +142,7 @@ def _values(components: Sequence[Component], arrays: Sequence[Array], lane: int)
 
 
 def _apart(components: Sequence[Component], element: int) -> tuple[Values, Values] | None:
-    """Two values that differ in one element alone; None where it has a single value."""
+    """Return two values that differ in one element alone; None where it has a single value."""
     one, other, at = {}, {}, 0
     for c in components:
         flat = np.array([min(max(0.0, a), b) for a, b in zip(c.low, c.high, strict=True)])
@@ -161,7 +161,7 @@ def _apart(components: Sequence[Component], element: int) -> tuple[Values, Value
 
 
 def _moves(role: Role, inputs: Sequence[Component], nodes: Sequence[Node]) -> Moves | None:
-    """How elements are moved, where the form of the expressions shows that nothing else is done to them.
+    """Return how elements are moved, where the form of the expressions shows that nothing else is done to them.
 
     Every element that comes out then depends on one that goes in, with a factor of 1 or -1; which one it is, numbers put in their
     places tell.
@@ -190,7 +190,9 @@ def _told_apart(
     inputs: Sequence[Component],
     most: int,
 ) -> Moves | None:
-    """The elements of nodes that only move; None where they may round: a sum with a real, or whole numbers beyond `most`."""
+    """Return the elements of nodes that only move; None where they may round: a sum with a real, or whole numbers
+    beyond `most`.
+    """
     shift, tagged = (_rows(evaluate(nodes, values), 1)[0].astype(np.float64) for values in (zeros, tags))
     if not np.isfinite(shift).all():
         return None
@@ -208,7 +210,7 @@ def _told_apart(
 
 
 def _only_moves(root: Node) -> bool:
-    """Whether an expression has a single element of what it reads in each of its own, with a factor of 1 or -1."""
+    """Return whether an expression has a single element of what it reads in each of its own, with a factor of 1 or -1."""
     fixed: dict[int, bool] = {}
     for node in walk([root]):
         args = [fixed[id(c)] for c in children(node)]
@@ -237,7 +239,7 @@ def _moves_one(node: Apply, fixed: Sequence[bool]) -> bool:
 
 
 def codes(part: MapPart) -> Array:
-    """For each value that goes into a listed part, which of the same values comes out, by number; -1 where none of them does."""
+    """Return the number of the value that each value of a listed part becomes; -1 for one that is none of them."""
     assert part.listed is not None
     found, at = np.zeros(len(part.listed), np.int64), 0
     wrong = np.zeros(len(part.listed), np.bool_)
@@ -250,7 +252,9 @@ def codes(part: MapPart) -> Array:
 
 
 def outside(part: MapPart) -> tuple[Values, Values] | None:
-    """A value of a part that maps components to themselves, and what it becomes, which is no value of them; None for none."""
+    """Return a value of a part that maps components to themselves, and what it becomes, which is no value of them;
+    None for none.
+    """
     if part.listed is not None:
         wrong = np.flatnonzero(codes(part) < 0)
         if not len(wrong):
@@ -268,7 +272,7 @@ def outside(part: MapPart) -> tuple[Values, Values] | None:
 
 
 def _leaving(part: MapPart, moves: Moves) -> tuple[Values, Values]:
-    """A value at an end of the ranges, and what it becomes: one of the two ends leaves them, or does not reach all."""
+    """Return a value at an end of the ranges, and what it becomes: one of the two ends leaves them, or does not reach all."""
     found = []
     for which in ("high", "low"):
         flat = np.array([v for c in part.inputs for v in getattr(c, which)], np.float64)
@@ -282,6 +286,6 @@ def _leaving(part: MapPart, moves: Moves) -> tuple[Values, Values]:
 
 
 def _of_row(components: Sequence[Component], row: Array) -> Values:
-    """A value whose elements are given in order."""
+    """Return a value whose elements are given in order."""
     ends = np.cumsum([0, *(c.type.size for c in components)])
     return {c.name: row[a:b].reshape(c.type.shape) for c, a, b in zip(components, ends, ends[1:], strict=False)}

@@ -14,17 +14,14 @@ from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node, Role
 from taskspec.lang.scope import Binding, Lazy, Scope, Value
 from taskspec.lang.types import Domain, Kind, Refused, Shape, shape
-from taskspec.task.declare import Declarations
-from taskspec.task.forms import Forms
+from taskspec.source import Path
+from taskspec.task.forms import Forms, is_word
 from taskspec.task.merge import Merged
 from taskspec.task.task import Component, Parameter, Surface
 
-# ---------- assign
-# Expressions as values of components: of the right domain, kind and shape.
-
 
 def assign(checker: Checker, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
-    """An expression as a value of a component; None when it is broken (and reported to the checker's collector)."""
+    """Return an expression as a value of a component; None when it is broken (and reported to the checker's collector)."""
     value = checker.check(expr, scope, component.domain)
     if value is None:
         return None
@@ -53,7 +50,7 @@ def _blame(checker: Checker, refused: Refused, expr: s.Expr, scope: Scope, compo
 
 
 def _fit(checker: Checker, value: Value, expr: s.Expr, c: Component) -> Node:
-    """The value as one of a component; Refused when it cannot be."""
+    """Return the value as one of a component; Refused when it cannot be."""
     node = checker.number_of(value) if c.domain is None else numbered(checker, value, expr, c.domain)
     if node.type.kind > c.type.kind:
         message = f"'{c.name}' is {_NAMED[c.type.kind]}, but this is {_NAMED[node.type.kind]}"
@@ -72,7 +69,7 @@ _NAMED = {Kind.BOOL: "a bool", Kind.INT: "an int", Kind.REAL: "a real"}
 
 
 def _whole(expr: s.Expr, c: Component) -> str:
-    """What to do about a real that is to be an int."""
+    """Return what to do about a real that is to be an int."""
     if isinstance(expr, s.Call) and expr.function in ("put", "concat"):
         return f"declare '{c.name}' `type: real` if it is to hold reals"
     if isinstance(expr, s.Binary) and expr.op == "/":
@@ -80,7 +77,6 @@ def _whole(expr: s.Expr, c: Component) -> str:
     return "`floor(x)` and `round(x)` give ints"
 
 
-# ---------- context
 # What every part of a build shares: the merged spec, one builder, one collector, and the names resolved so far.
 
 
@@ -92,7 +88,6 @@ class Context:
         self.builder = Builder()
         self.checker = Checker(self.builder, collector)
         self.forms = Forms(merged, collector)
-        self.declare = Declarations(merged, self.builder, self.checker, self.forms)
         self.parameters: list[Parameter] = []
         self.required: list[tuple[Node, str]] = []
         self.constants: dict[str, Binding] = {}
@@ -103,6 +98,8 @@ class Context:
         self.broken: set[str] = set()
         """Components that are declared wrongly (and reported): what reads them is given up."""
         self.horizon: int | None = None
+        self.raw_initial: dict[str, Node] = {}
+        """Initial values as they are written, in and out of range."""
         self.exprs: dict[str, Any] = {}  # parsed sections
         self.scopes: list[Scope] = []  # every scope made, for what was used
         self.named_scopes: dict[str, Scope] = {}
@@ -110,27 +107,45 @@ class Context:
         self._busy: list[str] = []  # names that are being expanded
 
     def constant_scope(self, why_no_draws: str | None = None) -> Scope:
-        """A scope of parameters and constants alone."""
+        """Return a scope of parameters and constants alone."""
         scope = Scope(self.constants, draws=why_no_draws)
         self.scopes.append(scope)
         return scope
 
+    def collect_labels(self) -> None:
+        """Collect the labels of all components, and which of them are no names."""
+        components = (*self.state, *self.action, *self.memory)
+        self.domains = [c.domain for c in components if c.domain is not None]
+        labels = (label for domain in self.domains for label in domain.labels)
+        self.forms.labels = frozenset(label for label in labels if not is_word(label))
+
     def surface(self) -> Surface:
-        """What the author wrote, and what each part of it came to."""
+        """Return what the author wrote, and what each part of it came to."""
         checker, sections = self.checker, {id(scope): name for name, scope in self.named_scopes.items()}
         meanings = {(sections[at], part): found for (part, at), found in checker.found.items() if at in sections}
         return Surface(self.exprs, self.named_scopes, tuple(checker.moved.values()), meanings, self.shapes)
 
+    def expr(self, path: Path) -> s.Expr:
+        """Return the expression at a path.
+
+        Raises:
+            Poisoned: when it is broken; its mistakes are reported.
+        """
+        expr = self.forms.expr(path)
+        if expr is None:
+            raise Poisoned
+        return expr
+
     def place(self, *path: str) -> s.Place:
-        """A whole section as a place."""
+        """Return a whole section as a place."""
         return self.forms.place(path)
 
     def bound(self, c: Component, role: Role) -> Binding:
-        """What the name of a component means."""
+        """Return what the name of a component means."""
         return Lazy(poison, c.domain) if c.name in self.broken else self.read(c, role)
 
     def read(self, c: Component, role: Role) -> Value:
-        """The present value of a component."""
+        """Return the present value of a component."""
         entry = self.data[role.value].get(c.name, {})  # an abstraction has components of its own
         low, high = entry.get("low"), entry.get("high")
         ends = (low if isinstance(low, int) else -math.inf, high if isinstance(high, int) else math.inf)
@@ -138,7 +153,7 @@ class Context:
         return Value(node, c.domain, late=True, ends=ends)  # late even where it has no elements and is a constant
 
     def shaped(self, name: str, value: Value) -> Value:
-        """A definition's or a noise's value, whose shape the printers ask for."""
+        """Return a definition's or a noise's value, whose shape the printers ask for."""
         self.shapes[name] = shape(value.node.type, value.domain)
         return value
 
@@ -153,7 +168,7 @@ class Context:
         return lambda: self._busy.remove(name)
 
     def lazy(self, name: str, make: Callable[[], Value]) -> Lazy:
-        """A binding worked out once, on first use; a circle is reported."""
+        """Return a binding worked out once, on first use; a circle is reported."""
         known: list[Value | None] = []
 
         def resolve(at: s.Name) -> Value:
@@ -172,11 +187,11 @@ class Context:
         return Lazy(resolve)
 
     def constant(self, name: str) -> Value | None:
-        """What a constant or a parameter is; None for one that is broken."""
+        """Return what a constant or a parameter is; None for one that is broken."""
         return self.resolve(self.constants[name], self.place("constants", name))
 
     def resolve(self, binding: Binding, place: s.Place) -> Value | None:
-        """The value of a binding, worked out now; None for one that is broken (and reported), or has no single value."""
+        """Return the value of a binding, worked out now; None for one that is broken (and reported), or has no single value."""
         try:
             if isinstance(binding, Lazy):
                 return binding.resolve(s.Name("", False, place))
@@ -189,7 +204,7 @@ class Context:
     # -- values of components -------------------------------------------------------------------------------------
 
     def assign(self, expr: s.Expr, scope: Scope, component: Component) -> Node | None:
-        """An expression as a value of a component; None when either is broken (and reported)."""
+        """Return an expression as a value of a component; None when either is broken (and reported)."""
         if component.name in self.broken:
             self.checker.check(expr, scope, component.domain)
             return None

@@ -29,7 +29,7 @@ class Forms:
         """Labels that are no names (`very cross`, `go-left`): alone, such a text is the label and no expression."""
 
     def expr(self, path: Path) -> s.Expr | None:
-        """The expression at a path, or None when it is broken (and reported)."""
+        """Return the expression at a path, or None when it is broken (and reported)."""
         return self.tree(self.value(path), path)
 
     def value(self, path: Path) -> Any:
@@ -42,7 +42,7 @@ class Forms:
         return s.SourceText(value, lambda start, end: self.merged.span(path, start, end))
 
     def place(self, path: Path) -> s.Place:
-        """The whole value at a path, as a place."""
+        """Return the whole value at a path, as a place."""
         return s.Place(s.SourceText("", lambda start, end: self.merged.span(path)), 0, 0)
 
     def tree(self, value: Tree, path: Path) -> s.Expr | None:
@@ -65,7 +65,7 @@ class Forms:
                 return None
 
     def _parsed(self, text: s.SourceText, path: Path) -> s.Expr | None:
-        """The expression of a text; what is read without a mistake is read once for all builds of the spec."""
+        """Return the expression of a text; what is read without a mistake is read once for all builds of the spec."""
         key = (path, text.value, limits().characters)
         found = self.merged.parsed.get(key)
         if found is None:
@@ -84,7 +84,7 @@ class Forms:
         return s.Vector(found, self.place(path)) if len(found) == len(items) else None
 
     def _in_brackets(self, item: str, path: Path) -> s.SourceText:
-        """The only text of a list with the brackets of the list: `[f(i) for i in range(n)]` is a comprehension."""
+        """Return the only text of a list with the brackets of the list: `[f(i) for i in range(n)]` is a comprehension."""
 
         def locate(start: int, end: int) -> Span:
             return self.merged.span(path, max(start - 1, 0), min(end - 1, len(item)))
@@ -149,7 +149,7 @@ class Forms:
         return s.Weights(tuple(pairs), self.place(path)) if len(pairs) == len(value) else None
 
     def key(self, key: str, path: Path) -> s.Expr | None:
-        """A key of a table or of a distribution: an expression on the left of a colon."""
+        """Return a key of a table or of a distribution: an expression on the left of a colon."""
         text = s.SourceText(str(key), lambda start, end: _part(self.merged.key_span(path), str(key), start, end))
         if key in ("true", "false"):
             return literal(key == "true", text)
@@ -210,17 +210,17 @@ class Forms:
 
 
 def is_word(label: str) -> bool:
-    """Whether a label reads as a name in expressions; others (`go-left`, `top left`, `in`) read as something else."""
+    """Return whether a label reads as a name in expressions; others (`go-left`, `top left`, `in`) read as something else."""
     return label.isidentifier() and not iskeyword(label)
 
 
 def _are_words(key: str) -> bool:
-    """Whether a key that is no expression is meant as a label, such as `top left`."""
+    """Return whether a key that is no expression is meant as a label, such as `top left`."""
     return any(c.isspace() for c in key.strip()) and not any(c in key for c in "()[]+*/%<>=,")
 
 
 def _part(span: Span, key: str, start: int, end: int) -> Span:
-    """A range of characters of a key written on one line (a quoted key counts as a whole)."""
+    """Return a range of characters of a key written on one line (a quoted key counts as a whole)."""
     if span.line != span.end_line or span.end_column - span.column != len(key):
         return span
     return Span(span.origin, span.line, span.column + start, span.line, span.column + end)

@@ -71,28 +71,28 @@ OF_TASKS: tuple[TaskRule, ...] = (
 
 
 def roots(task: Task) -> tuple[Node, ...]:
-    """Every expression that a task is made of."""
+    """Return every expression that a task is made of."""
     step = (*task.next, task.reward, task.terminal, task.absorbing_reward)
     return (*task.initial, *step, *task.observation.nodes, *experts(task), *drawn(task))
 
 
 def experts(task: Task) -> tuple[Node, ...]:
-    """The expert's action where the spec writes it out, else nothing."""
+    """Return the expert's action where the spec writes it out, else nothing."""
     return task.expert if isinstance(task.expert, tuple) else ()
 
 
 def kept(task: Task) -> tuple[Component, ...]:
-    """The components of what the expert remembers."""
+    """Return the components of what the expert remembers."""
     return () if task.memory is None else task.memory.components
 
 
 def memories(task: Task) -> tuple[tuple[Node, ...], ...]:
-    """First and next values of what the expert remembers."""
+    """Return first and next values of what the expert remembers."""
     return () if task.memory is None else (task.memory.initial, task.memory.next)
 
 
 def drawn(task: Task) -> tuple[Node, ...]:
-    """What the figure shows."""
+    """Return what the figure shows."""
     if task.figure is None:
         return ()
     single = (task.figure.curve, task.figure.values)
@@ -101,12 +101,12 @@ def drawn(task: Task) -> tuple[Node, ...]:
 
 
 def components(task: Task) -> tuple[Component, ...]:
-    """Every component of a task, the observed ones too."""
+    """Return every component of a task, the observed ones too."""
     return (*task.state, *task.action, *task.observation.components)
 
 
 def broken(task: Task) -> Iterator[str]:
-    """The rules that a task breaks, each with the node or the task that breaks it; nothing for a task as it should be."""
+    """Yield the rules that a task breaks, each with the node or the task that breaks it; nothing for a task as it should be."""
     maps = (n for each in task.symmetries for n in each.nodes)
     for node in walk((*roots(task), *(n for nodes in memories(task) for n in nodes), *maps)):
         yield from (f"{rule}: {node!r}" for rule, holds in OF_NODES if not holds(node))
@@ -114,7 +114,7 @@ def broken(task: Task) -> Iterator[str]:
 
 
 def check_on_request(task: Task) -> Task:
-    """The task, checked where the environment asks for it.
+    """Return the task, checked where the environment asks for it.
 
     Raises:
         AssertionError: naming each rule that is broken.
@@ -154,7 +154,7 @@ def _roles(nodes: Iterable[Node]) -> set[Role]:
 
 
 def remembers_what_is_told(task: Task) -> bool:
-    """Whether an expert's memory, if there is one, reads what is seen, and later itself, action and time."""
+    """Return whether an expert's memory, if there is one, reads what is seen, and later itself, action and time."""
     if task.memory is None:
         return True
     seen = {(Role.NEXT, c.name) for c in task.observation.components}
@@ -175,7 +175,7 @@ def _certain(task: Task, node: Node, low: float, high: float) -> bool:
 
 
 def _indices(task: Task) -> Iterator[tuple[Node, float, float]]:
-    """Every index of a vector, and the range that it must keep to."""
+    """Yield every index of a vector, and the range that it must keep to."""
     for node in walk(roots(task)):
         if isinstance(node, Apply) and node.op in _INDICES:
             yield from ((node.args[i], 0, node.args[0].type.shape[0] - 1) for i in _INDICES[node.op])

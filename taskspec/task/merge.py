@@ -1,4 +1,4 @@
-"""Variants: a spec with the overrides of one variant laid over it, every value still knowing its place in the file."""
+"""Variants: a spec merged with the overrides of one variant, every value still knowing its place in the file."""
 
 from __future__ import annotations
 
@@ -59,16 +59,16 @@ class Merged:
     """Expressions that were read, by their places and texts, so that builds for other values read none of them again."""
 
     def written(self, path: Path) -> Place:
-        """Where what stands at a path of the merged data was written."""
+        """Return where what stands at a path of the merged data was written."""
         return _place(self.moved, self.document, path)
 
     def origin(self, path: Path) -> Place:
-        """The document and the variant (as a path) that wrote what stands at a path."""
+        """Return the document and the variant (as a path) that wrote what stands at a path."""
         document, there = self.written(path)
         return document, there[: len(there) - len(path)]
 
     def is_own(self, path: Path) -> bool:
-        """Whether it was written by this variant, or this spec, and not by what it is based on."""
+        """Return whether it was written by this variant, or this spec, and not by what it is based on."""
         own = () if self.variant is None else ("variants", self.variant)
         return self.origin(path) == (self.document, own)
 
@@ -101,7 +101,7 @@ def variant_names(data: dict[str, Any]) -> dict[str, str | None]:
 
 
 def merge(document: Document, variant: str | None = None) -> Merged:
-    """The spec with a variant's overrides (by key or by task name), laid over all that it is based on.
+    """Return the spec with a variant's overrides (by key or by task name), merged into all that it is based on.
 
     Raises:
         SpecError: when there is no such variant, or variants are based on each other in a circle.
@@ -116,14 +116,14 @@ def merge(document: Document, variant: str | None = None) -> Merged:
 
 
 def before(document: Document, variant: str | None) -> Merged | None:
-    """What a variant, or a spec, is based on; None for a spec that extends no other."""
+    """Return what a variant, or a spec, is based on; None for a spec that extends no other."""
     step = _base((document, variant))
     return None if step is None else merge(*step)
 
 
 @lru_cache(maxsize=512)
 def _overlaid(document: Document, variant: str | None, base: Merged | None) -> Merged:
-    """A spec without its variants, or one variant, laid over what it is based on."""
+    """Return a spec without its variants, or one variant, merged into what it is based on."""
     name = str(document.data.get("name", ""))
     own = {key: value for key, value in document.data.items() if key not in _DROPPED}
     if base is None:
@@ -142,7 +142,7 @@ def _overlaid(document: Document, variant: str | None, base: Merged | None) -> M
 
 
 def abstracted(merged: Merged) -> Merged | None:
-    """The finite stand-in that a spec declares, as a spec of its own; None when it declares none.
+    """Return the finite stand-in that a spec declares, as a spec of its own; None when it declares none.
 
     The sections under `abstraction` (all but `map`) replace those of the same name.
     """
@@ -162,13 +162,13 @@ def abstracted(merged: Merged) -> Merged | None:
 
 
 def stripped(merged: Merged) -> Merged:
-    """What resets and steps a task, and no more."""
+    """Return what resets and steps a task, and no more."""
     data = {key: value for key, value in merged.data.items() if key not in _BESIDE}
     return Merged(merged.document, merged.name, merged.variant, data, merged.moved)
 
 
 def _key(document: Document, variant: str) -> str:
-    """The key of a variant that is given by its key or by the name of its task."""
+    """Return the key of a variant that is given by its key or by the name of its task."""
     name = str(document.data.get("name", ""))
     variants: dict[str, Any] = document.data.get("variants") or {}
     if variant in variants:
@@ -182,7 +182,7 @@ def _key(document: Document, variant: str) -> str:
 
 
 def _base(step: Step) -> Step | None:
-    """What a variant, or a spec, says it is based on; None for a spec that extends no other."""
+    """Return what a variant, or a spec, says it is based on; None for a spec that extends no other."""
     document, variant = step
     over = document.data if variant is None else document.data["variants"][variant] or {}
     extends, base = over.get("extends"), over.get("base")
@@ -193,7 +193,7 @@ def _base(step: Step) -> Step | None:
 
 
 def lineage(step: Step) -> Iterator[Step]:
-    """A variant, or a spec, what it is based on, and so on."""
+    """Yield a variant, or a spec, what it is based on, and so on."""
     seen: set[Step] = set()
     current: Step | None = step
     while current is not None:
@@ -206,7 +206,7 @@ def lineage(step: Step) -> Iterator[Step]:
 
 
 class _Overlay:
-    """A variant, or a spec, written at `here`, being laid over `data`; `moved` records where each part was written.
+    """A variant, or a spec, written at `here`, being merged into `data`; `moved` records where each part was written.
 
     `strays` are the entries that it changes or removes though there is nothing of the name.
     """
@@ -253,7 +253,7 @@ class _Overlay:
         return result
 
     def _claims(self, over: dict[str, Any]) -> None:
-        """The claims there are, without those that are dropped, and those that are added."""
+        """Keep the claims there are, without those that are dropped, and those that are added."""
         document, start = self.here
         kept = [
             (claim, _place(self.moved, document, ("claims", i)))
@@ -277,7 +277,7 @@ class _Overlay:
 
 
 def _place(moved: dict[Path, Place], document: Document, path: Path) -> Place:
-    """Where what stands at a path of merged data was written: in the document itself unless it was moved."""
+    """Return where what stands at a path of merged data was written: in the document itself unless it was moved."""
     for n in range(len(path), 0, -1):
         if path[:n] in moved:
             there, start = moved[path[:n]]
@@ -286,12 +286,12 @@ def _place(moved: dict[Path, Place], document: Document, path: Path) -> Place:
 
 
 def statement(claim: Any) -> str:
-    """What a claim says, however it is laid out."""
+    """Return what a claim says, however it is laid out."""
     return " ".join(str(claim["claim"] if isinstance(claim, dict) else claim).split())
 
 
 def _kept(old: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """What an entry keeps when some of its keys are overridden: of another type, what does not hang on the type."""
+    """Return what an entry keeps when some of its keys are overridden: of another type, what does not hang on the type."""
     if over.get("type", old.get("type")) == old.get("type"):
         return old
     return {key: value for key, value in old.items() if key in _OF_ANY_TYPE}

@@ -1,4 +1,8 @@
-"""The names visible in each section, what they mean there, and names that are taken."""
+"""The names visible in each section, what they mean there, and names that are taken.
+
+Definitions are expanded in the scope of the section that uses them, so that a primed name in a definition means the
+next value where there is one, and is refused where there is none.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +22,6 @@ from taskspec.task.context import Context, poison
 from taskspec.task.merge import Merged
 from taskspec.task.parameters import article
 from taskspec.task.reach import kept
-
-# ---------- names
-# The names visible in each section, and what they mean there.
-#
-# Definitions are expanded in the scope of the section that uses them, so that a primed name in a definition means the
-# next value where there is one, and is refused where there is none.
 
 PRIMED = ("dynamics", "reward", "terminal")
 """Sections that may name next values."""
@@ -64,7 +62,7 @@ class Names:
         """Next values as the dynamics have them, in and out of range."""
 
     def scope(self, section: str) -> Scope:
-        """The names visible in a section; made once."""
+        """Return the names visible in a section; made once."""
         known = self.context.named_scopes.get(section)
         if known is not None:
             return known
@@ -79,7 +77,9 @@ class Names:
         return self._finished(section, bindings)
 
     def memory_scope(self, section: str, seen: Mapping[str, Value]) -> Scope:
-        """The names visible in the expert's memory, `first memory` or `memory`: what is seen, itself, and the action before."""
+        """Return the names visible in the expert's memory, `first memory` or `memory`: what is seen, itself, and the
+        action before.
+        """
         context, later = self.context, section == "memory"
         bindings: dict[str, Binding] = dict(context.constants)
         for c in (*context.state, *context.action):
@@ -110,7 +110,7 @@ class Names:
         return self._finished(section, bindings)
 
     def map_scope(self, section: str, visible: Mapping[str, Binding]) -> Scope:
-        """The names visible in a map of a symmetry: what is mapped, and what is fixed."""
+        """Return the names visible in a map of a symmetry: what is mapped, and what is fixed."""
         bindings: dict[str, Binding] = dict(self.context.constants)
         for c in (*self.context.state, *self.context.action):
             message = f"a symmetry maps observations and actions; '{c.name}' is not part of this"
@@ -123,7 +123,7 @@ class Names:
         return self._finished(section, bindings)
 
     def initial_scope(self) -> Scope:
-        """The names visible in `initial`; components join as their lines are read (`define`)."""
+        """Return the names visible in `initial`; components join as their lines are read (`define`)."""
         context = self.context
         bindings: dict[str, Binding] = dict(context.constants)
         for c in context.state:
@@ -204,7 +204,7 @@ class Names:
             bindings["terminal"] = Unavailable("E302", "'terminal' can only be used in `reward`")
 
     def end(self, at: s.Expr) -> Value:
-        """Whether a step ends the episode, worked out on first use.
+        """Return whether a step ends the episode, worked out on first use.
 
         Raises:
             Poisoned: when the condition is broken; its mistakes are reported once.
@@ -229,7 +229,7 @@ class Names:
                 bindings[name] = Lazy(lambda at, n=name: self._drawn(n))  # type: ignore[misc]
 
     def _drawn(self, name: str) -> Value:
-        """A noise entry: drawn once per step, the same draw wherever it is named."""
+        """Return a noise entry: drawn once per step, the same draw wherever it is named."""
         builder = self.context.builder
         if name not in self._noise:
             expr = self.context.exprs["noise"][name]
@@ -247,7 +247,7 @@ class Names:
         return value
 
     def _noise_of_reset(self, name: str, at: s.Name, section: str) -> Value:
-        """A noise that a reset draws, too: one that depends on no step."""
+        """Return a noise that a reset draws, too: one that depends on no step."""
         value = self._drawn(name)
         if any(role is not Role.PARAMETER for role, _ in reads([value.node])):
             message = f"the noise '{name}' depends on the state or the action before the step"
@@ -279,7 +279,7 @@ class Names:
     # -- next values ----------------------------------------------------------------------------------------------
 
     def next_value(self, name: str, at: s.Name) -> Value:
-        """The next value of a component, worked out on first use; without a line of `dynamics` it stays as it is."""
+        """Return the next value of a component, worked out on first use; without a line of `dynamics` it stays as it is."""
         if name not in self._next:
             self._next[name] = self._changed(name, at)
         return self._next[name]
@@ -310,14 +310,13 @@ class Names:
 
 
 def signature(written: str) -> tuple[str, tuple[str, ...] | None]:
-    """Name and arguments of a definition: `p(x, y)` is ("p", ("x", "y")), `p` is ("p", None)."""
+    """Return name and arguments of a definition: `p(x, y)` is ("p", ("x", "y")), `p` is ("p", None)."""
     name, bracket, rest = written.partition("(")
     if not bracket:
         return name.strip(), None
     return name.strip(), tuple(a.strip() for a in rest.rstrip().rstrip(")").split(",") if a.strip())
 
 
-# ---------- taken
 # One set of names: what a spec declares twice, or what the language has already given a meaning.
 
 _SECTIONS = {

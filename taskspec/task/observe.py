@@ -1,4 +1,8 @@
-"""The observation section, and what an expert remembers beside the state."""
+"""The observation section, and what an expert remembers beside the state.
+
+Bounds are the declared ones (`{value: ..., low: ..., high: ...}`, or those of an observed state component). Where none are
+declared they follow from the expression by interval reasoning, over the states that can be reached within the horizon.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +23,6 @@ from taskspec.task.parts import Component, ExpertMemory, Observation
 from taskspec.task.reach import kept, over
 from taskspec.task.task import Task
 
-# ---------- observe
-# The observation section: components with their expressions and the bounds of their spaces.
-#
-# Bounds are the declared ones (`{value: ..., low: ..., high: ...}`, or those of an observed state component). Where none are
-# declared they follow from the expression by interval reasoning, over the states that can be reached within the horizon.
-
 Edges = list[Interval]
 FAR = 1e9
 
@@ -37,14 +35,14 @@ class Observed:
         self.components = {c.name: c for c in state}
 
     def state(self, c: Component) -> Component:
-        """A state component that is observed as it is."""
+        """Return a state component that is observed as it is."""
         edges = self._tight(list(zip(c.low, c.high, strict=True)), self.reached.get(c.name))
         return _bounded(c, edges)
 
     def expression(
         self, name: str, value: Value, low: Sequence[float] | None, high: Sequence[float] | None
     ) -> Component:
-        """An observed expression; `low` and `high` are declared bounds, one for each element."""
+        """Return an observed expression; `low` and `high` are declared bounds, one for each element."""
         node = value.node
         edges = self.edges(node)
         lows = [a for a, _ in edges] if low is None else list(low)
@@ -60,7 +58,7 @@ class Observed:
         return None
 
     def edges(self, node: Node) -> Edges:
-        """Bounds of every element: of a state component as declared, of a vector part by part."""
+        """Return bounds of every element: of a state component as declared, of a vector part by part."""
         original = self._original(node)
         if original is not None:
             return self._tight(list(zip(original.low, original.high, strict=True)), self.reached.get(original.name))
@@ -88,7 +86,6 @@ def _bounded(c: Component, edges: Edges) -> Component:
     return replace(c, low=tuple(a for a, _ in edges), high=tuple(b for _, b in edges))
 
 
-# ---------- memory
 # What an expert remembers: declared memory that is no part of the task's state.
 #
 # It begins with what is first seen, and changes with each action and what is seen after it; so whoever sees observations alone
@@ -101,7 +98,7 @@ FIRST, LATER = "first memory", "memory"
 
 
 def remembered(context: Context, names: Names, observation: Observation) -> ExpertMemory | None:
-    """The memory that the expert of a spec keeps; None for none, or for one that is broken (and reported)."""
+    """Return the memory that the expert of a spec keeps; None for none, or for one that is broken (and reported)."""
     _check_names(context, observation)
     seen = what_is_seen(context.builder, observation)
     scopes = {"initial": names.memory_scope(FIRST, seen), "next": names.memory_scope(LATER, seen)}
@@ -120,14 +117,14 @@ def remembered(context: Context, names: Names, observation: Observation) -> Expe
 
 
 def what_is_seen(builder: Builder, observation: Observation) -> Mapping[str, Value]:
-    """What is observed, by name, as the memory and symmetries read it."""
+    """Return what is observed, by name, as the memory and symmetries read it."""
     pairs = zip(observation.components, observation.nodes, strict=True)
     reads = {c.name: builder.read(Role.NEXT, c.name, c.type, *builder.certain(node)) for c, node in pairs}
     return {c.name: Value(reads[c.name], c.domain, late=True) for c in observation.components}
 
 
 def _fitting(builder: Builder, components: tuple[Component, ...], nodes: tuple[Node, ...]) -> tuple[Node, ...]:
-    """Values with ints that keep to their ranges, and to 32 bits where these have no end."""
+    """Return values with ints that keep to their ranges, and to 32 bits where these have no end."""
     pairs = [(c, kept(builder, c, node)) for c, node in zip(components, nodes, strict=True)]
     return tuple(builder.within(n, -INT_MAX, INT_MAX) if c.type.kind is Kind.INT else n for c, n in pairs)
 
@@ -145,7 +142,7 @@ def _check_names(context: Context, observation: Observation) -> None:
 def recall(
     task: Task, memory: ExpertMemory, seen: Flats, before: Flats, action: Flats, t: int
 ) -> list[tuple[Any, ...]]:
-    """What is remembered once something is seen, as flat values by component.
+    """Return what is remembered once something is seen, as flat values by component.
 
     Args:
         seen: what is now observed, by component.

@@ -15,9 +15,6 @@ import numpy as np
 
 from taskspec.lang.types import INT_WIDEST
 
-# ---------- given
-# Values of parameters as callers give them.
-
 
 @dataclass(frozen=True)
 class Varying:
@@ -27,7 +24,7 @@ class Varying:
 
 
 def convert(value: Any, kind: str) -> Any:
-    """A value as the kind of a parameter, or None where it is of another kind, no number, or too large."""
+    """Return a value as the kind of a parameter, or None where it is of another kind, no number, or too large."""
     if isinstance(value, np.generic):
         value = value.item()
     if kind == "bool":
@@ -49,26 +46,25 @@ def article(kind: str) -> str:
 
 
 def brief(value: Any) -> str:
-    """A value from Python in a few words; ints may be longer than Python is willing to print."""
+    """Return a value from Python in a few words; ints may be longer than Python is willing to print."""
     if isinstance(value, int) and abs(value) > INT_WIDEST:
         return f"one of {value.bit_length()} bits"
     return reprlib.repr(value)
 
 
-# ---------- grids
 # Parameter values that a claim or an example is about: a list of choices, or a grid of values, `{L: [1, 2], K: [3, 4]}`.
 
 Grid: TypeAlias = Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
 
 
 def cases(grid: Grid) -> Iterator[dict[str, Any]]:
-    """Every choice of values, the first parameter changing slowest; none without a grid."""
+    """Yield every choice of values, the first parameter changing slowest; none without a grid."""
     for entry in _entries(grid):
         yield from (dict(zip(entry, values, strict=True)) for values in product(*map(_values, entry.values())))
 
 
 def size(grid: Grid) -> int:
-    """How many choices there are, without listing them."""
+    """Return how many choices there are, without listing them."""
     return sum(prod(len(_values(value)) for value in entry.values()) for entry in _entries(grid))
 
 
@@ -80,7 +76,6 @@ def _values(value: Any) -> list[Any]:
     return value if isinstance(value, list) else [value]
 
 
-# ---------- options
 # Options of environments that a task's own methods take as well.
 
 Ending: TypeAlias = Literal["terminate", "absorb"]

@@ -134,7 +134,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Followed:
-    """What an example says of one thing that follows: of which section, of which of its entries, and what."""
+    """One consequence that an example states: its section, the entry there, and the expected value."""
 
     section: str
     name: str | None
@@ -234,6 +234,6 @@ class Surface:
     shapes: Mapping[str, Shape] = field(default_factory=dict, repr=False)  # of definitions and of noise
 
     def meaning(self, section: str, part: s.Expr) -> Value | None:
-        """What a part of a section came to when the task was built; None for one in a comprehension or a definition."""
+        """Return what a part of a section came to when the task was built; None for one in a comprehension or a definition."""
         found = self.meanings.get((section, id(part)))
         return None if found is None else found[1]

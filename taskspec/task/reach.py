@@ -1,4 +1,7 @@
-"""How far each state component can get within the horizon, and ints that fit their range."""
+"""How far each state component can get within the horizon, and ints that fit their range.
+
+A space such as Z^2 is endless, but thirty steps from a bounded start do not leave a box; observation spaces use that box.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,6 @@ from taskspec.lang.operators import OPERATORS
 from taskspec.lang.types import INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range
 from taskspec.task.task import Component
 
-# ---------- reach
-# How far each state component can get within the horizon, by interval reasoning step after step.
-#
-# A space such as Z^2 is endless, but thirty steps from a bounded start do not leave a box; observation spaces use that box.
-
 MAX_STEPS = 256
 
 
@@ -28,7 +26,7 @@ def reach(
     following: Sequence[Node],
     horizon: int | None,
 ) -> dict[str, Interval]:
-    """An interval for every component that holds all its elements at every time of an episode.
+    """Return an interval for every component that holds all its elements at every time of an episode.
 
     Components that are declared with bounds keep them. Without a horizon, or with one of more than MAX_STEPS steps, what
     has not settled by then may be anything.
@@ -45,7 +43,7 @@ def reached(
     following: Sequence[Node],
     horizon: int | None,
 ) -> dict[str, Interval]:
-    """As `reach`, with what is known of components that are declared with bounds too: never wider than declared."""
+    """Return the same as `reach`, for components that are declared with bounds as well: never wider than declared."""
     declared = {c.name: (c.least, c.most) for c in state}
     first: dict[int, Range] = {}
     found = {c.name: _within(bounds(n, first), declared[c.name]) for c, n in zip(state, initial, strict=True)}
@@ -86,7 +84,7 @@ class _Widening:
                 self.known[id(node)] = _range(node, self.known)
 
     def from_(self, reached: Mapping[str, Interval]) -> Mapping[int, Range]:
-        """What is known of the nodes, by id, where components are within these intervals."""
+        """Return what is known of the nodes, by id, where components are within these intervals."""
         known, changed = self.known, set[int]()
         for node, args in self.moving:
             if isinstance(node, Read):
@@ -106,7 +104,7 @@ def _range(node: Node, known: dict[int, Range]) -> Range:
 
 
 def over(roots: Sequence[Node], reached: dict[str, Interval]) -> dict[int, Range]:
-    """What is known of the state reads below some nodes, for `interval.bounds`."""
+    """Return what is known of the state reads below some nodes, for `interval.bounds`."""
     reads = (n for n in walk(roots) if isinstance(n, Read) and n.role is Role.STATE)
     return {id(n): Range(*reached[n.name]) for n in reads if n.name in reached}
 
@@ -123,7 +121,6 @@ def finite(edge: Interval) -> bool:
     return edge[0] > -INF and edge[1] < INF
 
 
-# ---------- widths
 # Ints that fit: a state int keeps to its range, and an expression that may leave 64 bits is refused.
 #
 # Python's ints are endless and those of array backends are not; without this, the same task would mean different things. And
@@ -133,7 +130,7 @@ Rule = Callable[[Node, Args], Range]
 
 
 def kept(builder: Builder, c: Component, node: Node) -> Node:
-    """A value of a state component, moved to the nearest end of its range if it might leave it. Of ints only."""
+    """Return a value of a state component, moved to the nearest end of its range if it might leave it. Of ints only."""
     if c.type.kind is not Kind.INT or not c.type.size or (isinstance(node, Read) and (node.role, node.name) == c.read):
         return node
     if len(set(c.low)) == len(set(c.high)) == 1:
@@ -155,7 +152,7 @@ def saturated(
     following: Sequence[Node],
     horizon: int | None,
 ) -> list[Node]:
-    """Next states in which ints without bounds stop at +-(2**31 - 1), where they could get further within the horizon."""
+    """Return next states in which ints without bounds stop at +-(2**31 - 1), where they could get further within the horizon."""
     reached = reach(state, initial, following, horizon)
     return [
         builder.within(node, -INT_MAX, INT_MAX) if _may_grow(c, reached[c.name]) else node
@@ -171,7 +168,7 @@ def _may_grow(c: Component, edge: Interval) -> bool:
 def widest(
     roots: Iterable[Node], limit: int = INT_WIDEST, reads: Mapping[int, Range] | None = None, step: Rule = interval.step
 ) -> float:
-    """The largest magnitude that some int below the roots may have, where it is beyond a limit; else 0.
+    """Return the largest magnitude that some int below the roots may have, where it is beyond a limit; else 0.
 
     `reads` says more of some reads, by id, than their declarations do; `step` is the arithmetic, such as that of single floats.
     """
@@ -183,7 +180,7 @@ def widest(
                 isinstance(node, Apply) and node.op in OPERATORS and OPERATORS[node.op].rounds
             ):
                 low = max(low, -INT_MAX) if low == -INF else low
-                is_time = isinstance(node, Read) and node.role is Role.TIME  # of which one more is observed
+                is_time = isinstance(node, Read) and node.role is Role.TIME  # one more step is observed
                 high = INT_MAX - is_time if high == INF else high
             most = max(-low, high)
             if limit < most < INF:

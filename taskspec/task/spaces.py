@@ -56,13 +56,13 @@ class Segment:
     values: range | None = None
 
     def numbers(self, flat: tuple[Any, ...]) -> tuple[Any, ...]:
-        """The numbers, from the elements of the component."""
+        """Return the numbers, from the elements of the component."""
         if self.values is not None:
             return tuple(float(flat[self.element] == value) for value in self.values)
         return tuple(item - start for item, start in zip(flat, self.starts, strict=True)) if self.starts else flat
 
     def columns(self, rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-        """The numbers (N, size) of many values at once, from the elements (N, elements) of the component."""
+        """Return the numbers (N, size) of many values at once, from the elements (N, elements) of the component."""
         if self.values is not None:
             found: np.ndarray[Any, Any] = rows[:, self.element, None] == np.array(self.values)
             return found
@@ -231,13 +231,13 @@ def _box_space(low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int
 
 
 def single(value: float) -> float:
-    """A bound as float32 holds it: values are compared in the precision they arrive in."""
+    """Return a bound as float32 holds it: values are compared in the precision they arrive in."""
     with np.errstate(over="ignore"):
         return float(np.float32(value))
 
 
 def singles(values: Any, shape: tuple[int, ...]) -> Any:
-    """Numbers as a float32 array; those that are too large become infinite, without a warning."""
+    """Return numbers as a float32 array; those that are too large become infinite, without a warning."""
     with np.errstate(over="ignore"):
         return np.array(values, np.float32).reshape(shape)
 
@@ -273,7 +273,7 @@ def _held(part: Part, items: Sequence[Any]) -> Any:
 
 
 def unpack(layout: SpaceLayout, value: Any) -> list[tuple[Any, ...]]:
-    """A valid action (or observation, but for one-hot rows) of a layout as flat component values."""
+    """Return a valid action (or observation, but for one-hot rows) of a layout as flat component values."""
     held = [value[part.name] for part in layout.parts] if layout.is_dict else [value]
     parts = [np.asarray(each).ravel().tolist() for each in held]
     flats = []

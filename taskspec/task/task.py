@@ -175,7 +175,7 @@ class Task:
 
     @cached_property
     def written(self) -> dict[str, Any]:
-        """The spec, its variant laid over it, as plain data; what it does not say is left out."""
+        """The merged spec as a dict, without unset keys."""
         return self.spec.model_dump(by_alias=True, exclude_unset=True)
 
     @cached_property
@@ -213,7 +213,7 @@ class Task:
         return f"<Task {self.id}{arguments}{''.join(f' + {m}' for m in self.modifiers)}>"
 
     def _repr_html_(self) -> str:
-        """What it is called, and what it has, for notebooks."""
+        """Return what it is called, and what it has, for notebooks."""
         rows: list[tuple[object, ...]] = [("parameter", p.name, p.value, p.doc or "") for p in self.parameters]
         rows += [("state", c.name, c.type, c.doc or "") for c in self.state]
         rows += [("action", c.name, c.type, c.doc or "") for c in self.action]
@@ -228,7 +228,9 @@ class Task:
         return self
 
     def remembering(self) -> Task:
-        """The same task with the expert's memory in its state, of which the expert is a function; itself without a memory."""
+        """Return the same task with the expert's memory in its state, so that the expert is a function of it; itself
+        without a memory.
+        """
         memory = self.memory
         if memory is None:
             return self
@@ -245,7 +247,7 @@ class Task:
         )
 
     def _seeing(self, nodes: Iterable[Node], observed: Iterable[Node]) -> tuple[Node, ...]:
-        """Nodes of a memory with an observation in the place of what it reads of it."""
+        """Return nodes of a memory with an observation in the place of what it reads of it."""
         seen = dict(zip((c.name for c in self.observation.components), observed, strict=True))
 
         def leaf(node: Node) -> Node | None:

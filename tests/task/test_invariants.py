@@ -13,8 +13,7 @@ from taskspec.base.diagnostics import SpecError
 from taskspec.lang.ir import Apply, Const, Draw, Read, Role
 from taskspec.lang.types import BOOL, INT, REAL, Kind, Type
 from taskspec.source import read_text
-from taskspec.task.build import build
-from taskspec.task.derived import build_abstract
+from taskspec.task.build import build, build_abstract
 from taskspec.task.invariants import OF_NODES, OF_TASKS, ON_REQUEST, broken
 from taskspec.task.task import Figure, Symmetry, Task
 

@@ -20,7 +20,7 @@ from taskspec.backends.jax.program import JaxProgram, State, StepResult, acted, 
 from taskspec.base.arrays import AnyArray
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.registry import load
-from taskspec.task.derived import build_varying
+from taskspec.task.build import build_varying
 from taskspec.task.task import Task, TaskLike
 
 

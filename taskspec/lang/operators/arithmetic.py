@@ -28,9 +28,6 @@ from taskspec.lang.operators.entry import (
 from taskspec.lang.operators.signatures import arithmetic, as_they_are, real, to_integer, truth
 from taskspec.lang.types import INT_MAX
 
-# ---------- arithmetic
-# Arithmetic of numbers, and the smaller and larger of two.
-
 Number = Any  # bool, int, float or Fraction
 
 
@@ -189,7 +186,6 @@ TABLE = (
 )  # fmt: skip
 
 
-# ---------- rounding
 # Rounding, and conversion of conditions and ints.
 
 

@@ -25,17 +25,17 @@ def fixed(low: float, high: float) -> Bounds:
 
 
 def same(args: Args, node: Apply) -> Interval:
-    """Of what chooses elements of its first argument."""
+    """Bound an operator that chooses elements of its first argument."""
     return args[0][:2]
 
 
 def union(args: Args, node: Apply) -> Interval:
-    """Of what is one of its arguments."""
+    """Bound an operator whose value is one of its arguments."""
     return min(a.low for a in args), max(a.high for a in args)
 
 
 def place(args: Args, node: Apply) -> Interval:
-    """A place among the elements of the first argument."""
+    """Return a place among the elements of the first argument."""
     return 0, max(0, node.args[0].type.size - 1)
 
 
@@ -88,7 +88,7 @@ def remainder(args: Args, node: Apply) -> Interval:
 
 
 def extreme(pick: Callable[[float, float], float]) -> Bounds:
-    """Of two ints, or of two reals one of which may be nan and then gives way to the other.
+    """Bound an extreme of two ints, or of two reals one of which may be nan and then gives way to the other.
 
     It counts as such unless it is a constant, also where it is known to be a number: how many words a draw of Poisson takes
     follows from the bound of its rate, and `docs/seeding.md` states this rule.
@@ -110,7 +110,7 @@ def magnitude(args: Args, node: Apply) -> Interval:
 
 
 def increasing(function: Callable[[float], float], ulps: int = 0) -> Bounds:
-    """Of a function of reals that grows, and that libraries get right to so many units in the last place."""
+    """Bound an increasing function of reals, which libraries compute to within `ulps`."""
 
     def rule(args: Args, node: Apply) -> Interval:
         low, high = (function(x) for x in args[0][:2])
@@ -122,7 +122,7 @@ def increasing(function: Callable[[float], float], ulps: int = 0) -> Bounds:
 
 
 def to_int(function: Callable[[float], int]) -> Bounds:
-    """Of a monotone function to ints, 0 for nan: saturating where the bounds are finite."""
+    """Bound a monotone function to ints, 0 for nan: saturating where the bounds are finite."""
 
     def rule(args: Args, node: Apply) -> Interval:
         low, high = (function(x) if math.isfinite(x) else x for x in args[0][:2])
@@ -132,7 +132,7 @@ def to_int(function: Callable[[float], int]) -> Bounds:
 
 
 def _sum_of(value: float, n: int) -> float:
-    """A number added n times, from left to right."""
+    """Return a number added n times, from left to right."""
     if isinstance(value, int) or n == 0:
         return _mul(value, n)
     with np.errstate(over="ignore"):
@@ -150,7 +150,7 @@ def running(args: Args, node: Apply) -> Interval:
 
 
 def power(args: Args, node: Apply) -> Interval:
-    """Of all elements multiplied, one after the other."""
+    """Bound the product of all elements, multiplied, one after the other."""
     n = node.args[0].type.size
     if n == 0:
         return (1, 1)
@@ -180,5 +180,5 @@ def divided(args: Args, found: Interval) -> bool:
 
 
 def nowhere(args: Args, found: Interval) -> bool:
-    """Where nothing is known."""
+    """Return where nothing is known."""
     return False

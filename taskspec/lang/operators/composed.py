@@ -26,7 +26,7 @@ def _clip(b: NodeMaker, args: list[Node]) -> Node:
 
 
 def _product(b: NodeMaker, args: list[Node]) -> Node:
-    """Of vectors a number, of a matrix and a vector a vector, of matrices a matrix."""
+    """Multiply: two vectors give a number, a matrix and a vector a vector, two matrices a matrix."""
     x, y = args
     if not all(1 <= len(a.type.shape) <= 2 for a in args):
         wrong = next(a for a in args if not 1 <= len(a.type.shape) <= 2)
@@ -68,7 +68,7 @@ def _need_index(name: str, node: Node) -> Node:
 
 
 def at(b: NodeMaker, name: str, x: Node, index: Node) -> Node:
-    """An index into the first axis of x, brought into range."""
+    """Return an index into the first axis of x, brought into range."""
     return b.position(b.cast(_need_index(name, index), Kind.INT), _need_vector(name, x))
 
 
@@ -98,7 +98,7 @@ def _put(b: NodeMaker, args: list[Node]) -> Node:
 
 
 def _put_element(b: NodeMaker, x: Node, index: Node, value: Node) -> Node:
-    """One element of a matrix replaced, at an index for each axis."""
+    """Return one element of a matrix replaced, at an index for each axis."""
     number: Node = b.scalar(0)
     for k, length in enumerate(x.type.shape):
         i = b.position(b.cast(_need_index("put", b.structure("element", [index], (k,))), Kind.INT), length)

@@ -26,7 +26,7 @@ _PLACES = ((0.5,), (-2.0,))
 
 
 def _total(function: Callable[[float], float]) -> Callable[[float], float]:
-    """The function with nan where it is not defined."""
+    """Return the function with nan where it is not defined."""
 
     def total(x: Any) -> float:
         try:

@@ -12,9 +12,6 @@ from taskspec.lang.ir import Apply, Const, Node
 from taskspec.lang.operators.signatures import Promote, TypeRule, to_result
 from taskspec.lang.types import EVERYTHING, Args, Interval, Kind, Shape, Type
 
-# ---------- nodes
-# What entries of the table of operators ask of whoever makes nodes (`lang.builder`).
-
 
 class NodeMaker(Protocol):
     """Makes nodes; each method is that of `lang.builder.Builder`."""
@@ -36,7 +33,6 @@ class NodeMaker(Protocol):
     def check_size(self, shape: Shape) -> None: ...
 
 
-# ---------- levels
 # How tightly notation binds, which decides where brackets stand.
 
 
@@ -77,7 +73,6 @@ ENCLOSED = Brackets(Level.ATOM, (Level.SCOPE,))
 """Whatever stands between delimiters of its own, as the arguments of most functions do."""
 
 
-# ---------- entry
 # What an entry of the operator table says.
 
 Build = Callable[[NodeMaker, list[Node]], Node]
@@ -88,7 +83,7 @@ Axes = Callable[[Sequence[int]], int]
 
 
 def widest(axes: Sequence[int]) -> int:
-    """Of what is worked out element by element, single values stretching."""
+    """Return the axes of an elementwise function, whose scalars stretch."""
     return max(axes, default=0)
 
 
@@ -158,7 +153,7 @@ class Scalar:
 
     `real` is used instead where an argument is real, `divides` where the second argument is never 0, `whole` where no argument
     is real. A reduction of a few elements is written out as a `chain`: what stands between them, and the value of none.
-    `names` are the functions that the templates call, besides Python's own.
+    `names` are the functions that the templates call, in addition to Python's own.
     """
 
     template: str
@@ -264,7 +259,6 @@ class Operator:
     infix: Infix | None = None
 
 
-# ---------- samples
 # Inputs on which every form of an operator is compared with its reference.
 
 PAIRS = ((1, 2), (-7, 2), (7, -2), (0, 5), (-3, -3), (1.5, -0.25), (0.0, 3.0), (-2.5, 0.75), (2, 0.5))

@@ -39,7 +39,7 @@ def sum_(x: Vector) -> Number:
 
 
 def _best(better: Callable[[Number, Number], bool], x: Vector) -> int:
-    """Index of the best element, the first of equals; nan never beats anything and loses to everything."""
+    """Return index of the best element, the first of equals; nan never beats anything and loses to everything."""
     best = 0
     for i, value in enumerate(x):
         if better(value, x[best]) or (x[best] != x[best] and value == value):
@@ -64,7 +64,7 @@ def max_(x: Vector) -> Number:
 
 
 def _extreme(two: str, many: str) -> Build:
-    """Of the arguments one after the other, or of the elements of a single one."""
+    """Reduce the arguments one after the other, or the elements of a single one."""
 
     def build(b: NodeMaker, args: list[Node]) -> Node:
         if len(args) == 1:
@@ -78,7 +78,7 @@ def _extreme(two: str, many: str) -> Build:
 
 
 def _of_several(axes: Sequence[int]) -> int:
-    """Of one vector the best element, of several arguments the better ones element by element."""
+    """Return no axis for one vector, and the most axes of several arguments, which are compared elementwise."""
     return 0 if len(axes) == 1 else max(axes)
 
 

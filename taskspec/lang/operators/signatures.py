@@ -6,9 +6,6 @@ from collections.abc import Callable, Sequence
 
 from taskspec.lang.types import Kind, Type, join
 
-# ---------- signatures
-# Type rules of operators, and what their arguments are promoted to.
-
 TypeRule = Callable[[tuple[Type, ...]], Type | str]
 """Result type from argument types, or a sentence that says what is wrong."""
 Promote = Callable[[Sequence[Kind], Kind], Sequence[Kind]]
@@ -16,7 +13,7 @@ Promote = Callable[[Sequence[Kind], Kind], Sequence[Kind]]
 
 
 def broadcast(types: tuple[Type, ...]) -> tuple[int, ...] | None:
-    """The common shape of elementwise arguments: all equal, scalars stretching; None when they disagree."""
+    """Return the common shape of elementwise arguments: all equal, scalars stretching; None when they disagree."""
     shapes = {t.shape for t in types if t.shape != ()}
     if len(shapes) > 1:
         return None
@@ -69,7 +66,7 @@ choose = elementwise(_choose)
 
 
 def reduction(kind: Callable[[Kind], Kind | str], empty: bool = True) -> TypeRule:
-    """Of all elements to one; `empty` says whether there is a value for no elements."""
+    """Reduce all elements to one; `empty` says whether there is a value for no elements."""
 
     def rule(types: tuple[Type, ...]) -> Type | str:
         (t,) = types
@@ -84,7 +81,7 @@ def reduction(kind: Callable[[Kind], Kind | str], empty: bool = True) -> TypeRul
 
 
 def vector(kind: Callable[[Kind], Kind]) -> TypeRule:
-    """Of a vector to another of the same length."""
+    """Map a vector to another of the same length."""
 
     def rule(types: tuple[Type, ...]) -> Type | str:
         (t,) = types
@@ -96,12 +93,12 @@ def vector(kind: Callable[[Kind], Kind]) -> TypeRule:
 
 
 def conditions(result: Kind) -> Callable[[Kind], Kind | str]:
-    """Of a vector of conditions."""
+    """Take a vector of conditions."""
     return lambda kind: result if kind is Kind.BOOL else f"a vector of conditions is needed, not of {kind}s"
 
 
 def number(kind: Kind) -> Kind:
-    """A condition counts as 0 or 1."""
+    """Return a condition counts as 0 or 1."""
     return join(Kind.INT, kind)
 
 
@@ -128,7 +125,6 @@ def but_the_first(kinds: Sequence[Kind], result: Kind) -> Sequence[Kind]:
     return [kinds[0], *([result] * (len(kinds) - 1))]
 
 
-# ---------- linearity
 # Where a value is linear in what its arguments are linear in.
 
 

@@ -1,4 +1,9 @@
-"""Operators that move elements: building, slicing and indexing vectors, and vectors to vectors."""
+"""Operators that move elements: building, slicing and indexing vectors, and vectors to vectors.
+
+Their result type follows from static arguments as well, so they have a reference on tuples here, and each backend
+arranges elements in its own way. `index`, `put` and `swap` take indices that are in range (`Builder.position`).
+Vectors are nested by rows; flat tuples are row-major.
+"""
 
 from __future__ import annotations
 
@@ -29,18 +34,11 @@ from taskspec.lang.operators.entry import (
 from taskspec.lang.operators.signatures import as_they_are, number, vector
 from taskspec.lang.types import Args, Interval, Kind, Type, join
 
-# ---------- structure
-# Operators that only move elements about: building, slicing and indexing vectors. Part of the operator table.
-#
-# Their result type follows from static arguments as well, so they have a reference on tuples here, and each backend
-# arranges elements in its own way. `index`, `put` and `swap` take indices that are in range (`Builder.position`).
-# Vectors are nested by rows; flat tuples are row-major.
-
 Flat = tuple[Any, ...]
 
 
 def strided(shape: tuple[int, ...]) -> int:
-    """Elements a step along the first axis."""
+    """Return elements a step along the first axis."""
     size = 1
     for n in shape[1:]:
         size *= n
@@ -63,11 +61,15 @@ class Structure:
     linear: Linear = signatures.every
     indices: tuple[int, ...] = ()
     commutative: bool = False
-    finite: ClassVar[Callable[[Args, Interval], bool]] = staticmethod(stays_finite)
     elements: ClassVar[Elements] = Elements.MOVED
     whole: ClassVar[bool] = True
     wraps: ClassVar[bool] = False
     rounds: ClassVar[bool] = False
+    from_count: ClassVar[None] = None
+
+    def finite(self, args: Args, found: Interval) -> bool:
+        """Return whether every element is a finite number."""
+        return stays_finite(args, found)
 
 
 def _row(flat: Flat, shape: tuple[int, ...], i: int) -> Flat:
@@ -175,14 +177,13 @@ STRUCTURES: dict[str, Structure] = {
 }  # fmt: skip
 
 
-# ---------- vectors
 # Vectors to vectors of the same length.
 
 Vector = Sequence[Any]
 
 
 def sort(x: Vector) -> list[Any]:
-    """Of reals, with nan last and zeros without a sign."""
+    """Sort reals, with nan last and zeros without a sign."""
     return [x[i] or abs(x[i]) for i in argsort(x)]
 
 

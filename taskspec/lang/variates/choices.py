@@ -33,7 +33,7 @@ COMPARED = 16
 
 
 def row_table(p: Node) -> tuple[Const, Node] | None:
-    """For probabilities looked up in a constant table: the table (rows, k) and the row's number; else None."""
+    """Return, for probabilities looked up in a constant table, the table (rows, k) and the row's number; else None."""
     match p:
         case Apply(op="index", args=(Const() as table, row)) if row.type.is_scalar:
             return table, row
@@ -42,7 +42,7 @@ def row_table(p: Node) -> tuple[Const, Node] | None:
 
 
 def _table_rows(table: Const) -> list[tuple[Any, ...]]:
-    """The rows of a table of probabilities, in the exact numbers they were written with."""
+    """Return the rows of a table of probabilities, in the exact numbers they were written with."""
     k = table.type.shape[-1]
     return [table.flat[i : i + k] for i in range(0, len(table.flat), k)]
 
@@ -51,7 +51,7 @@ def _table_rows(table: Const) -> list[tuple[Any, ...]]:
 
 
 def bernoulli_threshold(p: Fraction | float) -> int:
-    """A condition of constant probability (limited to [0, 1], NaN to 0) holds for the words below this."""
+    """Return a condition of constant probability (limited to [0, 1], NaN to 0) holds for the words below this."""
     return round(Fraction(min(p, 1)) * draws.NEVER) if p > 0 else 0
 
 
@@ -93,7 +93,7 @@ def _condition_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityAr
 def _outcome(draw: Draw, args: list[Flat], words: Words) -> Flat:
     mine, p = words[: draw.type.size], draw.args[0]
     if isinstance(p, Const) or row_table(p) is not None:
-        # the row as it stands in the table: exact, whatever was rounded on the way
+        # the row as it stands in the table: exact, without rounding on the way
         table = draws.thresholds(p.flat if isinstance(p, Const) else args[0])
         return tuple(draws.categorical(w, table) for w in mine)
     return tuple(draws.weighted_categorical(w, [float(x) for x in args[0]]) for w in mine)
@@ -120,13 +120,13 @@ def _limits(p: Const) -> AnyArray:
 
 @lru_cache(maxsize=1024)
 def _row_limits(table: Const, row: tuple[float, ...]) -> tuple[AnyArray, AnyArray]:
-    """The `threshold_table` of a row of a table of probabilities, by the floats that were looked up."""
+    """Return the `threshold_table` of a row of a table of probabilities, by the floats that were looked up."""
     return draws.threshold_table([_exact_rows(table)[row]])
 
 
 @lru_cache(maxsize=16)
 def _exact_rows(table: Const) -> dict[tuple[float, ...], tuple[Any, ...]]:
-    """The rows of a table of probabilities in the exact numbers they were written with, by their floats."""
+    """Return the rows of a table of probabilities in the exact numbers they were written with, by their floats."""
     return {tuple(float(plain(v)) for v in row): row for row in reversed(_table_rows(table))}
 
 
@@ -140,7 +140,7 @@ def _reached_limits(b: NodeMaker, draw: Draw, words: Sequence[Node], bias: int) 
 
 
 def _reached(b: NodeMaker, limits: Sequence[Node], word: Node) -> Node:
-    """How many of the limits are at most the word."""
+    """Return how many of the limits are at most the word."""
     total: Node = b.scalar(0)
     for limit in limits:
         total = b.apply("add", total, b.cast(b.apply("le", limit, word), Kind.INT))

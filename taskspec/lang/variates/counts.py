@@ -51,7 +51,9 @@ def _index_outcomes(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithm
 
 
 def poisson_bound(draw: Draw) -> float | None:
-    """The largest rate of a Poisson draw, fixed when the task is built; None where the spec gives the rate as a constant."""
+    """Return the largest rate of a Poisson draw, fixed when the task is built; None where the spec gives the rate as
+    a constant.
+    """
     if len(draw.args) == 1:
         return None
     bound = draw.args[1]
@@ -65,7 +67,7 @@ def _poisson_words(draw: Draw) -> int:
 
 
 def _poisson_passes(draw: Draw) -> int:
-    """A word is searched for count by count where the rate is known only at run time."""
+    """Return a word is searched for count by count where the rate is known only at run time."""
     bound = poisson_bound(draw)
     return 1 if bound is None else draws.poisson_terms(bound)
 
@@ -105,7 +107,7 @@ def _poisson_kernel(k: KernelWriter, draw: Draw, words: Sequence[str]) -> list[s
 
 
 def poisson_terms(highest: Node) -> int:
-    """How many counts of a Poisson draw are gone through, whose constant rates, or the bound of these, are given.
+    """Return how many counts of a Poisson draw are gone through, whose constant rates, or the bound of these, are given.
 
     The tail that is left out weighs less than 1e-20.
     """

@@ -54,19 +54,19 @@ class LaneWriter(Protocol):
     """What writes a draw into the scalar program (`taskspec.backends.emit.lane`)."""
 
     def atoms(self, node: Node) -> list[str]:
-        """One expression for each element."""
+        """Return one expression for each element."""
 
     def packed(self, node: Node) -> str:
-        """The name of a flat sequence of the elements."""
+        """Return the name of a flat sequence of the elements."""
 
     def scalar_of(self, node: Node) -> str:
-        """The name of a number that is no direct argument."""
+        """Return the name of a number that is no direct argument."""
 
     def constant(self, value: Any) -> str:
-        """The name of a value that is kept outside of the function."""
+        """Return the name of a value that is kept outside of the function."""
 
     def argument(self, draw: Draw) -> list[str]:
-        """The first argument of a draw, an expression for each of its elements."""
+        """Return the first argument of a draw, an expression for each of its elements."""
 
 
 class KernelWriter(Protocol):
@@ -78,38 +78,38 @@ class KernelWriter(Protocol):
     lines: list[str]
 
     def name(self) -> str:
-        """A name that is not taken."""
+        """Return a name that is not taken."""
 
     def assign(self, text: str) -> str:
-        """A name for an expression."""
+        """Return a name for an expression."""
 
     def atoms(self, node: Node) -> list[str]:
-        """The name of each element."""
+        """Return the name of each element."""
 
     def argument(self, draw: Draw) -> list[str]:
-        """The first argument of a draw, a name for each of its elements."""
+        """Return the first argument of a draw, a name for each of its elements."""
 
     def array(self, array: np.ndarray[Any, Any]) -> str:
-        """The name of a constant array."""
+        """Return the name of a constant array."""
 
     def order(self, atoms: Sequence[str], real: bool) -> list[str]:
-        """The places that sort some numbers."""
+        """Return the places that sort some numbers."""
 
 
 class ProbabilityArithmetic(Protocol):
     """The arithmetic in which probabilities are worked out: floats, or rationals."""
 
     def argument(self, draw: Draw, arg: AnyArray) -> AnyArray:
-        """The first argument of a draw, rates and probabilities, (*shape, N)."""
+        """Return the first argument of a draw, rates and probabilities, (*shape, N)."""
 
     def otherwise(self, draw: Draw, p: AnyArray) -> AnyArray:
-        """One minus the probabilities of conditions (*shape, N) that are the first argument of a draw, within 0 and 1."""
+        """Return one minus the probabilities of conditions (*shape, N) that are the first argument of a draw, within 0 and 1."""
 
     def ratio(self, part: AnyArray, whole: AnyArray) -> AnyArray:
         """Ints divided by ints."""
 
     def times(self, a: AnyArray, b: AnyArray) -> AnyArray:
-        """The product of two probabilities of which neither is 0."""
+        """Return the product of two probabilities other than 0."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ class Enumeration:
 
 
 def one_each(draw: Draw) -> int:
-    """A word for every element."""
+    """Return a word for every element."""
     return draw.type.size
 
 
@@ -174,17 +174,17 @@ class Variate:
 
 
 def stretched(flat: Flat, size: int) -> Flat:
-    """An argument with one number for each element of a draw."""
+    """Return an argument with one number for each element of a draw."""
     return flat * size if len(flat) == 1 and size != 1 else flat
 
 
 def rows(x: Draws, draw: Draw, arg: AnyArray) -> AnyArray:
-    """An argument with one row for each element of a draw: (size, N or 1)."""
+    """Return an argument with one row for each element of a draw: (size, N or 1)."""
     flat = arg.reshape(-1, arg.shape[-1])
     return x.xp.broadcast_to(flat, (draw.type.size, flat.shape[1]))
 
 
 def groups(draw: Draw, words: Sequence[str]) -> list[str]:
-    """The words of each element, as the source of a tuple."""
+    """Return the words of each element, as the source of a tuple."""
     step = len(words) // draw.type.size
     return [f"({', '.join(words[k : k + step])},)" for k in range(0, len(words), step)]

@@ -16,13 +16,13 @@ from taskspec.lang.variates.entry import Bounds, Enumeration, ProbabilityArithme
 
 
 def _total(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
-    """How many of some conditions hold: of each, its draw's chance, and whether it holds with it, and without it."""
+    """Return how many conditions hold, from the probability of each draw and whether its condition holds with and without it."""
     p, *ends = outcomes.within(numbers.argument(draw, args[0])), *args[1:]
     q = numbers.otherwise(draw, p)
     row = np.ones((1, 1), p.dtype) if p.dtype != object else numbers.ratio(np.ones((1, 1), int), np.ones((1, 1), int))
-    for chance, rest, on, off in zip(p, q, *ends, strict=True):
-        holds = np.where(on, np.where(off, 1, chance), np.where(off, rest, 0))
-        fails = np.where(on, np.where(off, 0, rest), np.where(off, chance, 1))
+    for p_on, p_off, on, off in zip(p, q, *ends, strict=True):
+        holds = np.where(on, np.where(off, 1, p_on), np.where(off, p_off, 0))
+        fails = np.where(on, np.where(off, 0, p_off), np.where(off, p_on, 1))
         shape = (1, max(row.shape[-1], holds.shape[-1]))
         none = np.zeros(shape, row.dtype)
         row = np.concatenate([outcomes.both(row, fails), none]) + np.concatenate([none, outcomes.both(row, holds)])
@@ -30,7 +30,7 @@ def _total(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> 
 
 
 def _arrangement(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
-    """What may stand in some places of a permutation, as far as its values are told apart; elsewhere, any of them."""
+    """Return the outcomes of the observed positions of a permutation, merged by equivalence."""
     alike, places = (a[:, 0] for a in args)
     kinds, counts = np.unique(alike, return_counts=True)
     left, ways = counts[None, :], np.ones(1, dtype=object)
@@ -46,7 +46,7 @@ def _arrangement(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmeti
 
 
 def _arrangements(draw: Draw, bounds: Bounds) -> float:
-    """How many there are: in each number of places, of ever more kinds of values."""
+    """Return how many there are: in each number of places, of ever more kinds of values."""
     alike, places = draw.args
     assert isinstance(alike, Const) and isinstance(places, Const)
     ways = [1] + [0] * places.type.size
@@ -56,14 +56,14 @@ def _arrangements(draw: Draw, bounds: Bounds) -> float:
 
 
 def _most(draw: Draw) -> int:
-    """The count from which on those of a capped draw are one outcome."""
+    """Return the count from which on those of a capped draw are one outcome."""
     most = draw.args[-1]
     assert isinstance(most, Const)
     return int(most.value)
 
 
 def _capped(draw: Draw, args: list[AnyArray], numbers: ProbabilityArithmetic) -> tuple[AnyArray, AnyArray]:
-    """Counts up to one that has the chances of all from there on."""
+    """Counts up to a last one, which has the probability of all from there on."""
     most, terms, found = _most(draw), poisson_terms(draw.args[-2]), []
     for rate in outcomes.each(numbers.argument(draw, args[0]), draw.type.size):
         row = poisson_row(rate, terms)
@@ -87,7 +87,7 @@ TABLE = (
             chances=lambda draw: draw.args[0].type.size,
         ),
     ),
-    Variate(  # a permutation, as far as its values are told apart in the places that are looked at
+    Variate(  # a permutation, reduced to classes of values in the places that are read
         name="arrangement", kind=Kind.INT, many=None, bounds=lambda draw, args: (args[0].low, args[0].high),
         outcomes=Enumeration(_arrangements, _arrangement, steps=lambda draw: 1, weighted=False),  # a quotient of whole numbers
     ),

@@ -39,7 +39,7 @@ def both(a: Array, b: Array) -> Array:
 
 
 def once(op: Callable[[Any, Any], Any], a: Array, b: Array) -> Array:
-    """An operation on two arrays of one shape; of objects, such as fractions, each pair is looked at once."""
+    """Return an operation on two arrays of one shape; of objects, such as fractions, each pair is looked at once."""
     if a.dtype != object or a.shape != b.shape:
         return np.asarray(op(a, b))
     names = [np.unique(np.fromiter(map(id, x.flat), np.int64, x.size), return_inverse=True)[1] for x in (a, b)]
@@ -48,7 +48,7 @@ def once(op: Callable[[Any, Any], Any], a: Array, b: Array) -> Array:
 
 
 def each(arg: Array, size: int) -> list[Array]:
-    """An argument with one row for each element."""
+    """Return an argument with one row for each element."""
     flat = arg.reshape(-1, arg.shape[-1])
     return list(flat) * size if len(flat) == 1 else list(flat)
 
@@ -59,7 +59,7 @@ def within(p: Array) -> Array:
 
 
 def clean(p: Array) -> Array:
-    """Rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total.
+    """Return rows of probabilities (K, N) as the sampler reads them: no negative ones, relative to the total.
 
     Where the total is 0, or infinite, it is the last one.
     """

@@ -1,4 +1,9 @@
-"""The random words that each draw takes, and the value of a draw from its words."""
+"""The random words that each draw takes, and the value of a draw from its words.
+
+A step and a reset are phases of their own. Each has a `WordLayout` (`Task.step_words`, `Task.reset_words`) over all the draws
+that its sections write, those included whose values turn out not to matter: what a word is for depends on the text of the spec
+alone, and on no simplification.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +21,9 @@ from taskspec.lang.ir import draws as draws_below
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.entry import Flat, Words
 
-# ---------- layout
-# Which random words a draw takes: the words of a phase, dealt out to its draws in the order they were written.
-#
-# A step and a reset are phases of their own. Each has a `WordLayout` (`Task.step_words`, `Task.reset_words`) over all the draws
-# that its sections write, those included whose values turn out not to matter: what a word is for depends on the text of the spec
-# alone, and on no simplification.
-
 
 def words_of(draw: Draw) -> int:
-    """How many words a draw takes."""
+    """Return how many words a draw takes."""
     return VARIATES[draw.base].words(draw)
 
 
@@ -39,7 +37,7 @@ class WordLayout:
 
     @classmethod
     def of(cls, roots: Iterable[Node]) -> WordLayout:
-        """The layout of the draws that some expressions are made of."""
+        """Return the layout of the draws that some expressions are made of."""
         return cls.dealt(draws_below(roots))
 
     @classmethod
@@ -52,12 +50,11 @@ class WordLayout:
         return cls(found, first, count)
 
 
-# ---------- sample
 # The value of a draw from its words: one draw at a time on Python numbers, or many by NumPy, to the bit the same.
 
 
 def sampler(layout: WordLayout, words: Words) -> Callable[[Draw, list[Flat]], Flat]:
-    """A sampler for `lang.evaluate`: gives every draw of a phase the value of its words."""
+    """Return a sampler for `lang.evaluate`: gives every draw of a phase the value of its words."""
 
     def sample(draw: Draw, args: list[Flat]) -> Flat:
         return one(draw)(args, words[layout.first[draw.site] :])
@@ -66,7 +63,7 @@ def sampler(layout: WordLayout, words: Words) -> Callable[[Draw, list[Flat]], Fl
 
 
 def batch_sampler(layout: WordLayout, words: Array) -> Callable[[Draw, list[Array]], Array]:
-    """A sampler for `lang.batch`: every draw over a block of words, uint32 (count, N), (*shape, N) each."""
+    """Return a sampler for `lang.batch`: every draw over a block of words, uint32 (count, N), (*shape, N) each."""
 
     def sample(draw: Draw, args: list[Array]) -> Array:
         first = layout.first[draw.site]
@@ -76,12 +73,12 @@ def batch_sampler(layout: WordLayout, words: Array) -> Callable[[Draw, list[Arra
 
 
 def one(draw: Draw) -> Callable[[Sequence[Flat], Words], Flat]:
-    """The function of a draw's arguments and words on Python numbers."""
+    """Return the function of a draw's arguments and words on Python numbers."""
     return partial(VARIATES[draw.base].one or _alone, draw)
 
 
 def many(draw: Draw) -> Callable[[Sequence[Array], Array], Array]:
-    """The function of a draw's arguments (*shape, N or 1) and words (count, N) that gives its values (*shape, N)."""
+    """Return the function of a draw's arguments (*shape, N or 1) and words (count, N) that gives its values (*shape, N)."""
     return partial(_many, draw)
 
 
@@ -93,7 +90,7 @@ def _many(draw: Draw, args: Sequence[Array], words: Array) -> Array:
 
 
 def _alone(draw: Draw, args: Sequence[Flat], words: Words) -> Flat:
-    """A batch of one."""
+    """Return a batch of one."""
     given = [
         np.array(flat, DTYPES[a.type.kind]).reshape(*a.type.shape, 1) for a, flat in zip(draw.args, args, strict=True)
     ]

@@ -63,7 +63,9 @@ def check_shape(document: Document) -> tuple[Diagnostic, ...]:
 
 
 def remainder(document: Document) -> Document | None:
-    """The document without the parts in which `check_shape` finds problems; None where the rest means nothing without them."""
+    """Return the document without the parts in which `check_shape` finds problems; None where the rest means nothing
+    without them.
+    """
     return _shaped(document)[1]
 
 
@@ -96,7 +98,7 @@ def _shaped(document: Document) -> tuple[tuple[Diagnostic, ...], Document | None
 
 
 def _without(data: Any, found: Iterable[Problem]) -> Any:
-    """A spec's data without the parts that are wrong; None where the rest means nothing."""
+    """Return a spec's data without the parts that are wrong; None where the rest means nothing."""
     for problem in found:
         if data is None or problem.code in ("E207", "E314"):
             return None
@@ -105,7 +107,7 @@ def _without(data: Any, found: Iterable[Problem]) -> Any:
 
 
 def _other_format(document: Document) -> str | None:
-    """The key by which a document says that it is something else than a spec."""
+    """Return the key by which a document says that it is something else than a spec."""
     if not isinstance(document.data, dict) or "taskspec" in document.data:
         return None
     return next((key for key in OTHER_FORMATS if key in document.data), None)
@@ -113,7 +115,7 @@ def _other_format(document: Document) -> str | None:
 
 @lru_cache(maxsize=256)
 def validated(merged: Merged) -> Spec:
-    """A spec or variant, well-formed by itself, as the task that it is meant to be.
+    """Return a spec or variant, well-formed by itself, as the task that it is meant to be.
 
     Raises:
         SpecError: for a section that is missing, an entry that a variant changes though there is none, and keys that do not go
@@ -176,7 +178,7 @@ def add_problem(collector: Collector, located: Located, problem: Problem) -> Non
 
 
 def problems_of(error: dict[str, Any], model: type[BaseModel]) -> Iterator[Problem]:
-    """One of pydantic's errors as problems, with paths from the root of the data."""
+    """Yield one of pydantic's errors as problems, with paths from the root of the data."""
     loc: Path = tuple(step for step in error["loc"] if step not in (LIST, CHANGES))
     if loc and loc[-1] == "[key]":
         loc = loc[:-1]
@@ -233,7 +235,7 @@ def _wrong_kind(error_type: str, error: dict[str, Any]) -> Problem:
 
 
 def _entry_meant(loc: Path, value: Any) -> str | None:
-    """How a parameter or component is declared that is given by its type, its default or its labels alone."""
+    """Return how a parameter or component is declared that is given by its type, its default or its labels alone."""
     types = {bool: "bool", int: "int", float: "real"}
     match value:
         case "bool" | "int" | "real":
@@ -247,7 +249,7 @@ def _entry_meant(loc: Path, value: Any) -> str | None:
 
 
 def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
-    """The keys that an entry at a path can have, in the order of the models."""
+    """Return the keys that an entry at a path can have, in the order of the models."""
     annotations: list[Any] = [model]
     for step in path:
         annotations = [part for each in annotations for part in _step(each, step)]
@@ -260,7 +262,7 @@ def _keys_at(model: type[BaseModel], path: Path) -> list[str]:
 
 
 def _step(annotation: Any, step: str | int) -> Iterator[Any]:
-    """The types that one step of a path leads to."""
+    """Yield the types that one step of a path leads to."""
     arguments = get_args(annotation)
     if get_origin(annotation) in (dict, list):
         yield arguments[-1]
@@ -274,7 +276,7 @@ def _step(annotation: Any, step: str | int) -> Iterator[Any]:
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The models that a value of this type may be."""
+    """Yield the models that a value of this type may be."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     elif get_origin(annotation) in (Union, UnionType, Annotated):

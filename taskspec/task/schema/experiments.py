@@ -16,9 +16,6 @@ from taskspec.task.schema.models import Source
 from taskspec.task.schema.problems import Problem, wrong_kind
 from taskspec.task.schema.typed import PROBLEMS, Name, Strict, checked, fail
 
-# ---------- experiments
-# The shape of an experiment: tasks, values of their parameters, modifiers, and what is to be measured.
-
 FORMAT = 1
 """The version of the format that is read here."""
 SPANS = {
@@ -32,7 +29,7 @@ LENGTHS = {"range": (2, 3), "logrange": (3, 3), "uniform": (2, 2), "loguniform":
 
 
 def _values(value: Any) -> Iterator[Problem]:
-    """A value, a list of values, or numbers with a rule."""
+    """Yield a value, a list of values, or numbers with a rule."""
     match value:
         case dict():
             yield from _span(value)
@@ -72,7 +69,7 @@ def _list(value: Any) -> Iterator[Problem]:
 
 
 def _modifier(value: Any) -> Iterator[Problem]:
-    """A name, or a name with its arguments."""
+    """Yield a name, or a name with its arguments."""
     if isinstance(value, str) or (isinstance(value, dict) and len(value) == 1):
         return
     yield wrong_kind("one modifier, such as `sticky: 0.25`", value)
@@ -132,14 +129,16 @@ class TaskEntry(Strict):
 
 
 def _together(entry: TaskEntry) -> Iterator[Problem]:
-    """What values may not be beside each other."""
+    """Yield what values may not be beside each other."""
     lengths = {name: len(each) for name, each in entry.zip.items()}
     for name, length in lengths.items():
         if name in entry.parameters:
             yield Problem("E205", ("zip", name), f"`{name}` has values under `parameters`, too", None, of_key=True)
         if length != next(iter(lengths.values())):
-            told = ", ".join(f"{key} has {n}" for key, n in lengths.items())
-            yield Problem("E214", ("zip", name), f"the lists are not of one length: {told}", None, of_key=True)
+            lengths_in_words = ", ".join(f"{key} has {n}" for key, n in lengths.items())
+            yield Problem(
+                "E214", ("zip", name), f"the lists are not of one length: {lengths_in_words}", None, of_key=True
+            )
     for name, each in entry.parameters.items():
         if entry.sample is None and isinstance(each, dict) and {"uniform", "loguniform"} & set(each):
             hint = "for example `sample: 20`"
@@ -158,7 +157,7 @@ class Plot(Strict):
 
 
 class Experiment(Strict):
-    """Which instances of which tasks are measured, or what learners are examined on, and how."""
+    """An experiment: instances of tasks that are measured, or that learners are examined on, and settings."""
 
     experiment: int = Field(description="The version of the format: 1.")
     name: Annotated[
@@ -255,12 +254,11 @@ def _entry_at(data: dict[str, Any], place: tuple[str | int, ...]) -> tuple[dict[
 
 
 def experiment_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of an experiment."""
+    """Return the JSON Schema (2020-12) of an experiment."""
     found = TypeAdapter(Experiment).json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found, "title": "taskspec experiment"}
 
 
-# ---------- exams
 # The shape of what comes with a suite beside its specs: the diagnoses of its exam, and findings about several learners.
 
 EXAM_FORMAT = 1
@@ -337,12 +335,12 @@ class FindingsDocument(Strict):
 
 
 def check_exam(document: Document) -> tuple[ExamDocument | None, tuple[Diagnostic, ...]]:
-    """The exam that a document describes (None where it is not well-formed), and all that is wrong with its shape."""
+    """Return the exam that a document describes (None where it is not well-formed), and all that is wrong with its shape."""
     return _checked(document, ExamDocument, "exam", "an exam")
 
 
 def check_findings(document: Document) -> tuple[FindingsDocument | None, tuple[Diagnostic, ...]]:
-    """The findings that a document lists (None where it is not well-formed), and all that is wrong with its shape."""
+    """Return the findings that a document lists (None where it is not well-formed), and all that is wrong with its shape."""
     return _checked(document, FindingsDocument, "findings", "a list of findings")
 
 
@@ -364,12 +362,12 @@ def _checked(
 
 
 def exam_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of an exam."""
+    """Return the JSON Schema (2020-12) of an exam."""
     return _schema(ExamDocument, "taskspec exam")
 
 
 def findings_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of a list of findings."""
+    """Return the JSON Schema (2020-12) of a list of findings."""
     return _schema(FindingsDocument, "taskspec findings")
 
 

@@ -205,7 +205,7 @@ _FORMS: dict[str, Any] = {
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of a spec. Every key has a description, for editors to show."""
+    """Return the JSON Schema (2020-12) of a spec. Every key has a description, for editors to show."""
     models: dict[str, Any] = _linked(TypeAdapter(Spec | Extension).json_schema(by_alias=True)["$defs"])
     definitions = {**_FORMS, **{title: {"title": title, **form} for title, form in NAMES.items()}, **models}
     for key in ("Parameters", "PartialParameters"):
@@ -225,7 +225,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _linked(node: Any) -> Any:
-    """The same schema with every mark of a form, and every pattern of keys, replaced by a reference to it.
+    """Return the same schema with every mark of a form, and every pattern of keys, replaced by a reference to it.
 
     A definition is called what authors call it: `Claim`, not `ClaimEntry`.
     """

@@ -1,4 +1,7 @@
-"""The sections of a spec and the keys of their entries, for whole specs and for variants."""
+"""The sections of a spec and the keys of their entries, for whole specs and for variants.
+
+Expressions stay plain data: what they say is the business of the expression language.
+"""
 
 from __future__ import annotations
 
@@ -33,11 +36,6 @@ from taskspec.task.schema.typed import (
     Warned,
     fail,
 )
-
-# ---------- models
-# The sections of a spec and the keys of their entries. Descriptions show up in editors.
-#
-# Expressions stay plain data: what they say is the business of the expression language.
 
 FORMAT = 1
 """The version of the format that is read here."""
@@ -294,14 +292,13 @@ class Sections(Strict):
     figure: FigureEntry | None = Field(None, description="How to draw the task.")
 
 
-# ---------- variants
 # The whole spec, with its variants: the same sections and keys, with nothing required.
 #
 # The models of variants are made from the models of the sections, so that a key exists once.
 
 
 def _partial_type(annotation: Any) -> Any:
-    """The same type with nothing required inside, and `null` allowed to remove entries."""
+    """Return the same type with nothing required inside, and `null` allowed to remove entries."""
     if isinstance(annotation, type) and issubclass(annotation, Parameters):
         return PartialParameters
     if annotation is ComponentEntry:
@@ -315,7 +312,7 @@ def _partial_type(annotation: Any) -> Any:
 
 
 def _partial(model: type[Strict], name: str, **more: Any) -> type[Strict]:
-    """A model with the keys of another, none of them required."""
+    """Return a model with the keys of another, none of them required."""
     fields: dict[str, Any] = {}
     for key, field in model.model_fields.items():
         annotation = _partial_type(field.annotation)

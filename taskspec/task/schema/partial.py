@@ -24,7 +24,7 @@ _SINGLE = ("reward", "terminal", "discount", "absorbing_reward", "horizon", "exp
 
 
 def without(data: Data, problem: Problem, first: Data) -> Data | None:
-    """A spec's data without the part that is wrong; None where nothing can be said of the rest.
+    """Return a spec's data without the part that is wrong; None where nothing can be said of the rest.
 
     Args:
         first: what stands in place of keys that the file does not have, though none can do without them.
@@ -58,7 +58,7 @@ def without(data: Data, problem: Problem, first: Data) -> Data | None:
 
 
 def _decides(problem: Problem) -> bool:
-    """Whether an unknown key of a typed entry seems to be meant as one that decides what values there are."""
+    """Return whether an unknown key of a typed entry seems to be meant as one that decides what values there are."""
     keys = (
         ("type", "values", "default") if problem.path[0] == "parameters" else ("type", "values", "shape", "low", "high")
     )
@@ -67,7 +67,7 @@ def _decides(problem: Problem) -> bool:
 
 
 def _completed(data: Data) -> Data | None:
-    """A spec's data with something in place of required sections: an unknown key may have been meant as one."""
+    """Return a spec's data with something in place of required sections: an unknown key may have been meant as one."""
     given = set(data)
     for variant in _mapping(data.get("variants")).values():
         given |= set(_mapping(variant))
@@ -86,13 +86,13 @@ def _completed(data: Data) -> Data | None:
 
 
 def _without_entry(data: Data, problem: Problem) -> Data | None:
-    """The same for a problem in a section of named entries."""
+    """Return the same for a problem in a section of named entries."""
     path = problem.path
     if len(path) < 2:
         return None  # a section that is no mapping: nobody knows what it names
     entry = path[:2]
     if problem.code == "E205" and len(path) == 2:
-        return None  # whatever names it would be wrong, too
+        return None  # what names it would be wrong, too
     if problem.code == "E215" or entry in (("parameters", "require"), ("observation", "space")):
         return _dropped(data, entry)
     if path[0] in _EXPRESSIONS:
@@ -104,7 +104,7 @@ def _without_entry(data: Data, problem: Problem) -> Data | None:
 
 
 def _unknown(section: str, entry: Data) -> Data:
-    """An entry with a type in place of a wrong one: its labels are known, and nothing else."""
+    """Return an entry with a type in place of a wrong one: its labels are known, and nothing else."""
     values = entry.get("values")
     written = values if isinstance(values, list | dict) else ()
     labels = [label for label in written if isinstance(label, str) and label.lower() not in ("", "true", "false")]
@@ -119,7 +119,7 @@ def _unknown(section: str, entry: Data) -> Data:
 
 
 def _default(entry: Data) -> Any:
-    """A default that a parameter can have, in place of one that it cannot."""
+    """Return a default that a parameter can have, in place of one that it cannot."""
     match entry.get("type"):
         case "choice":
             return next(iter(entry["values"] or ()), None)

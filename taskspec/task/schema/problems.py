@@ -10,9 +10,6 @@ from typing import NamedTuple
 
 from taskspec.base.diagnostics import suggest
 
-# ---------- elsewhere
-# What Gymnasium, RDDL and others call the keys and types of a spec, and how the same is written here.
-
 _NAMES: Mapping[str, str] = {
     "terminal": "done terminated termination terminate terminals is_terminal goal end until",
     "horizon": "max_steps max_episode_steps episode_length steps time_limit truncation truncated truncate",
@@ -48,13 +45,12 @@ _FORMS: Mapping[str, list[str]] = {
 
 
 def advice(word: str, known: Collection[str]) -> str | None:
-    """What to write for a word of others, given the keys that are known here; None where nothing is known of it."""
+    """Return what to write for a word of others, given the keys that are known here; None where nothing is known of it."""
     forms = _FORMS.get(word.lower().replace("-", "_"), [])
     return next((f"write `{form}`" for form in forms if re.split(r"\W", form)[0] in known), None)
 
 
-# ---------- problems
-# What may be wrong with a value of a spec, whatever its form; and what a name is.
+# Problems of values of any form, and the rules for names.
 
 OWN_WORDS = ("and", "or", "not", "in", "if", "else", "for", "true", "false", "True", "False")
 """Words that expressions use."""
@@ -72,12 +68,12 @@ class Problem(NamedTuple):
     of_key: bool = False
 
     def below(self, *steps: str | int) -> Problem:
-        """The same problem, as seen from further up."""
+        """Return the same problem, as seen from further up."""
         return self._replace(path=(*steps, *self.path))
 
 
 def kind(value: object) -> str:
-    """A value as a person would call it: `the number 3`, `the text 'x'`, `a list`."""
+    """Return a value as a person would call it: `the number 3`, `the text 'x'`, `a list`."""
     match value:
         case None:
             return "nothing"
@@ -94,7 +90,7 @@ def kind(value: object) -> str:
 
 
 def wrong_kind(expected: str, value: object, hint: str | None = None) -> Problem:
-    """The problem of a value that is not what belongs here."""
+    """Return the problem of a value that is not what belongs here."""
     if value is None:
         return Problem("E218", (), f"there is no value here; expected {expected}", hint)
     return Problem("E204", (), f"expected {expected}, found {kind(value)}", hint)
@@ -116,7 +112,7 @@ def name_problem(name: str) -> str | None:
 
 
 def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
-    """A name that expressions can use."""
+    """Yield a name that expressions can use."""
     if trouble := name_problem(text):
         better = re.sub(r"\W+", "_", text.strip()).strip("_")
         if better in WORDS:
@@ -127,6 +123,6 @@ def name(text: str, path: tuple[str | int, ...] = ()) -> Iterator[Problem]:
 
 
 def unknown_key(key: str, known: tuple[str, ...]) -> Problem:
-    """The problem of a key that is not known here, with what to write instead."""
+    """Return the problem of a key that is not known here, with what to write instead."""
     hint = advice(key, known) or suggest(key, known) or ("it can be one of: " + ", ".join(known))
     return Problem("E202", (), f"unknown key `{key}`", hint, of_key=True)

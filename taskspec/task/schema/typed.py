@@ -23,9 +23,6 @@ from taskspec.task.schema import problems, values
 from taskspec.task.schema.problems import Problem
 from taskspec.task.schema.values import Kind
 
-# ---------- fields
-# Annotations for the models: what a field holds, how it is checked, and how an editor sees it.
-
 PROBLEMS = "taskspec_problems"
 FORM = "x-form"  # pydantic follows every `$ref` it meets, so forms are linked afterwards
 
@@ -37,7 +34,7 @@ def fail(problems: list[Problem]) -> None:
 
 
 def _checked(check: Callable[[Any], Iterator[Problem]]) -> Callable[[Any], Any]:
-    """A validator that leaves a value as it is, or reports what a check finds."""
+    """Return a validator that leaves a value as it is, or reports what a check finds."""
 
     def validate(value: Any) -> Any:
         fail(list(check(value)))
@@ -68,7 +65,7 @@ class Shorthand:
 
 
 def checked(check: Callable[[Any], Iterator[Problem]]) -> BeforeValidator:
-    """An annotation that checks a value by hand."""
+    """Return an annotation that checks a value by hand."""
     return BeforeValidator(_checked(check))
 
 
@@ -125,7 +122,6 @@ Defined: TypeAlias = Annotated[
 ]
 
 
-# ---------- typed
 # Parameters and components: entries with a type, and the keys that each type has.
 
 
@@ -161,7 +157,7 @@ DEFAULTS = {"int": ["integer", "string"], "real": ["number", "string"], "bool": 
 
 
 def _rules(then: Callable[[str], dict[str, Any]]) -> dict[str, Any]:
-    """What follows from an entry's type, for the JSON Schema."""
+    """Return what follows from an entry's type, for the JSON Schema."""
     return {
         "allOf": [
             {"if": {"required": ["type"], "properties": {"type": {"const": kind}}}, "then": then(kind)}

@@ -23,7 +23,7 @@ SPACES = ("box", "dict", "one_hot", "multi_discrete", "discrete")
 
 
 def primed(text: str) -> Iterator[Problem]:
-    """A key of `dynamics`: the name of a state component with a prime."""
+    """Yield a key of `dynamics`: the name of a state component with a prime."""
     if text.endswith("'"):
         yield from name(text[:-1])
     else:
@@ -31,20 +31,20 @@ def primed(text: str) -> Iterator[Problem]:
 
 
 def warning(text: str) -> Iterator[Problem]:
-    """A key of `accept`: the code of a warning."""
+    """Yield a key of `accept`: the code of a warning."""
     if text not in WARNINGS:
         message = f"`{text}` is not the code of a warning"
         yield Problem("E206", (), message, suggest(text, WARNINGS) or "for example `W501`", of_key=True)
 
 
 def reason(text: str) -> Iterator[Problem]:
-    """A text that says something."""
+    """Yield a text that says something."""
     if not text.strip():
         yield wrong_kind("a reason", None)
 
 
 def definition(text: str) -> Iterator[Problem]:
-    """A key of `definitions`: a name, or a function with the names of its arguments."""
+    """Yield a key of `definitions`: a name, or a function with the names of its arguments."""
     function = _FUNCTION.fullmatch(text)
     arguments = [part.strip() for part in function[2].split(",")] if function else []
     names = [function[1] if function else text, *arguments]
@@ -159,7 +159,7 @@ def _unknown_keys(value: dict[str, Any], known: tuple[str, ...]) -> Iterator[Pro
 
 
 def constant(value: Any) -> Iterator[Problem]:
-    """An expression, or a grid of letters with what each of them stands for."""
+    """Yield an expression, or a grid of letters with what each of them stands for."""
     if not (isinstance(value, dict) and value.keys() & {"grid", "legend"}):
         yield from expression(value)
         return
@@ -191,7 +191,7 @@ def _legend(legend: Any) -> Iterator[Problem]:
 
 
 def bound(value: Any) -> Iterator[Problem]:
-    """A number, an expression, or a list of them for a vector."""
+    """Yield a number, an expression, or a list of them for a vector."""
     if isinstance(value, bool | dict):
         yield wrong_kind("a number or an expression", value)
     else:
@@ -199,7 +199,7 @@ def bound(value: Any) -> Iterator[Problem]:
 
 
 def shape(value: Any) -> Iterator[Problem]:
-    """A list of lengths; `[]` is a single number."""
+    """Yield a list of lengths; `[]` is a single number."""
     for i, item in enumerate(value if isinstance(value, list) else [value]):
         steps = (i,) if isinstance(value, list) else ()
         if isinstance(item, bool) or not isinstance(item, int | str) or item == "":
@@ -209,7 +209,7 @@ def shape(value: Any) -> Iterator[Problem]:
 
 
 def labels(value: Any) -> Iterator[Problem]:
-    """The labels of a choice: a list of words, or a mapping from each to its value."""
+    """Yield the labels of a choice: a list of words, or a mapping from each to its value."""
     if isinstance(value, dict) and value:
         for label, meaning in value.items():
             yield from _truth_label(label, (label,))
@@ -230,14 +230,14 @@ def labels(value: Any) -> Iterator[Problem]:
 
 
 def _truth_label(label: str, path: tuple[str | int, ...]) -> Iterator[Problem]:
-    """The problem of a label that is a truth value in every expression."""
+    """Yield the problem of a label that is a truth value in every expression."""
     if label in ("true", "false", "True", "False"):
         hint = "what is either true or false has `type: bool`"
         yield Problem("E205", path, f"`{label}` is a word of the language", hint, of_key=True)
 
 
 def horizon(value: Any) -> Iterator[Problem]:
-    """A number of steps, an expression for it, or `none`."""
+    """Yield a number of steps, an expression for it, or `none`."""
     if isinstance(value, float) and value.is_integer():
         yield wrong_kind("a number of steps, or `none`", value, f"write {int(value)}")
     elif isinstance(value, bool | float | list | dict):
@@ -251,7 +251,7 @@ def horizon(value: Any) -> Iterator[Problem]:
 
 
 def expert(value: Any) -> Iterator[Problem]:
-    """An expression for each action component; or `optimal`, `soft(beta)`."""
+    """Yield an expression for each action component; or `optimal`, `soft(beta)`."""
     if isinstance(value, dict) and not value.keys() & set(_TABLE_KEYS):
         for key, action in value.items():
             yield from (problem.below(key) for problem in expression(action))
@@ -260,7 +260,7 @@ def expert(value: Any) -> Iterator[Problem]:
 
 
 def setting(value: Any) -> Iterator[Problem]:
-    """A value of a parameter: a number, a truth value, or a text (a label, or `1/3`)."""
+    """Yield a value of a parameter: a number, a truth value, or a text (a label, or `1/3`)."""
     if value is None or isinstance(value, list | dict):
         yield wrong_kind("a number, `true`, `false` or a label", value)
 
@@ -286,7 +286,7 @@ def observation(value: Any) -> Iterator[Problem]:
 
 
 def partial_observation(value: Any) -> Iterator[Problem]:
-    """The same in a variant, where nothing after a name removes it."""
+    """Yield the same in a variant, where nothing after a name removes it."""
     yield from _observation(value, nullable=True)
 
 
@@ -311,7 +311,7 @@ _BESIDE = "`space` is one for all: it stands under `observation`, beside the nam
 
 
 def _observed(part: Any) -> Iterator[Problem]:
-    """An expression, or `{value: expression, low: ..., high: ...}` to declare the bounds of its space."""
+    """Yield an expression, or `{value: expression, low: ..., high: ...}` to declare the bounds of its space."""
     if not isinstance(part, dict) or not ("value" in part or part.get("type") in get_args(Kind)):
         yield from expression(part)
         return
