@@ -24,7 +24,6 @@ from taskspec.task.reach import too_wide, widest
 from taskspec.task.task import Example, Figure, Followed
 
 
-
 def figure(context: Context, scope: Scope) -> Figure | None:
     """Return what the section says; None without one.
 
