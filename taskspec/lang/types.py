@@ -5,8 +5,9 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from taskspec.base.records import dataclass
 
 # ---------- ranges
 # What is known of values without running anything: bounds, and whether they are always finite numbers.

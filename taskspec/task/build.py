@@ -27,8 +27,6 @@ from taskspec.task.invariants import check_on_request
 from taskspec.task.merge import Merged, merge, variant_names
 from taskspec.task.names import Names, check_names, signature
 from taskspec.task.observe import remembered
-from taskspec.task.schema.check import check_shape, remainder, validated
-from taskspec.task.schema.models import Spec
 from taskspec.task.sections import SectionBuilder
 from taskspec.task.task import Component, Modifier, Parameter, Task
 
@@ -50,13 +48,40 @@ def build(
     variant: str | None = None,
     parameters: Mapping[str, Any] | None = None,
     suite: str = "",
+    *,
+    well_formed: bool = False,
 ) -> Task:
     """Return the task that a document describes, for given parameter values; it is built once, for tasks are immutable.
+
+    Args:
+        well_formed: the document is known to have the shape of a spec, as shipped ones do (a test checks them all). The
+            shape is then checked only where the build fails, and pydantic is not imported.
 
     Raises:
         SpecError: with every mistake found.
     """
-    given = tuple((name, value, _kind(value)) for name, value in (parameters or {}).items())
+    values = parameters or {}
+    if not well_formed:
+        _check_form(document, variant, values)
+    try:
+        return _built_once(document, variant, values, suite)
+    except Exception:
+        if well_formed:
+            _check_form(document, variant, values)
+        raise
+
+
+def _check_form(document: Document, variant: str | None, parameters: Mapping[str, Any]) -> None:
+    """Raise SpecError where a document, or a variant of it, has not the shape of a spec."""
+    from taskspec.task.schema.check import check_shape, validated
+
+    if has_errors(check_shape(document)):
+        raise SpecError(mistakes(document, [variant], parameters))
+    validated(merge(document, variant))
+
+
+def _built_once(document: Document, variant: str | None, parameters: Mapping[str, Any], suite: str) -> Task:
+    given = tuple((name, value, _kind(value)) for name, value in parameters.items())
     try:
         hash(given)
     except TypeError:  # a list, say: no parameter takes one, and the build says so
@@ -72,15 +97,15 @@ def _kind(value: Any) -> tuple[str, float]:
 @lru_cache(maxsize=256)
 def _built(document: Document, variant: str | None, given: tuple[Any, ...], suite: str, _within: Limits) -> Task:
     values = {name: value for name, value, _ in given}
-    if has_errors(check_shape(document)):
-        raise SpecError(mistakes(document, [variant], values))
-    return rebuilt(merge(document, variant), values, suite)
+    return _Build(merge(document, variant), Collector()).checked(values, suite)
 
 
 def mistakes(
     document: Document, variants: Iterable[str | None] | None = None, parameters: Mapping[str, Any] | None = None
 ) -> list[Diagnostic]:
     """What is wrong with the shape of a document, and with its tasks (all of them unless variants are given) in other parts."""
+    from taskspec.task.schema.check import check_shape, remainder
+
     found = list(check_shape(document))
     rest = remainder(document)
     if rest is None:
@@ -114,9 +139,12 @@ def bind(
     Raises:
         SpecError: for a value that a parameter cannot have, or values that may not go together.
     """
+    from taskspec.task.schema.check import check_shape, validated
+
     raise_if_errors(check_shape(document))
     merged = merge(document, variant)
-    return _Build(validated(merged), merged, Collector()).bound(dict(parameters or {}))
+    validated(merged)
+    return _Build(merged, Collector()).bound(dict(parameters or {}))
 
 
 def _reduced(task: Task) -> tuple[Any, ...]:
@@ -147,14 +175,16 @@ def rebuilt(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:
     Raises:
         SpecError: with every mistake found.
     """
-    return _Build(validated(merged), merged, Collector()).checked(dict(parameters), suite)
+    from taskspec.task.schema.check import validated
+
+    validated(merged)
+    return _Build(merged, Collector()).checked(dict(parameters), suite)
 
 
 class _Build:
     """One build, section after section, into one context."""
 
-    def __init__(self, spec: Spec, merged: Merged, collector: Collector) -> None:
-        self.spec = spec
+    def __init__(self, merged: Merged, collector: Collector) -> None:
         self.context = Context(merged, collector)
         self.names = Names(self.context)
         self.sections = SectionBuilder(self.context, self.names)
@@ -234,13 +264,14 @@ class _Build:
         self.collector.raise_if_errors()
         context.builder.settle(context.checker.checked)
         return Task(
-            name=self.merged.name, suite=suite, version=self.spec.version, variant=self.merged.variant,
+            name=self.merged.name, suite=suite, version=self.data.get("version", 0), variant=self.merged.variant,
             parameters=tuple(context.parameters), state=context.state, action=context.action, observation=observation,
             horizon=context.horizon, discount=discount, initial=tuple(initial), next=tuple(following), reward=reward,
             raw_initial=raw_initial, raw_next=raw_next, terminal=terminal, absorbing_reward=absorbing, expert=expert,
             claims=claims, examples=examples, figure=drawn, builder=context.builder, reset_draws=tuple((first | seen).values()),
-            step_draws=tuple((later | seen).values()), spec=self.spec, document=self.merged.document, content_hash=self._hash(),
-            surface=context.surface(), fixed=self._fixed(), memory=memory, symmetries=mirrors, required=tuple(context.required),
+            step_draws=tuple((later | seen).values()), merged=self.merged, document=self.merged.document,
+            content_hash=self._hash(), surface=context.surface(),
+            fixed=self._fixed(), memory=memory, symmetries=mirrors, required=tuple(context.required),
         )  # fmt: skip
 
     def _bind_parameters(self, given: dict[str, Any]) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
+from taskspec.base.records import dataclass
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.task.task import Component, SpaceKind, Task
 
@@ -163,7 +164,7 @@ def action_layout(task: Task) -> SpaceLayout:
 
 def _says_number(task: Task) -> bool:
     """Whether the spec says that the action has no axis: `shape: []`."""
-    return all(entry.shape is not None for entry in task.spec.action.values())
+    return all(entry.get("shape") is not None for entry in task.merged.data["action"].values())
 
 
 def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) -> SpaceLayout:

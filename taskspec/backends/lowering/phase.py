@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from taskspec import draws
 from taskspec.backends.lowering.hoist import WIDE
+from taskspec.base.records import dataclass
 from taskspec.draws.variates import stream
 from taskspec.lang import batch
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, rewrite, walk
