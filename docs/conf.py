@@ -35,7 +35,7 @@ copybutton_prompt_text = "$ "
 copybutton_only_copy_prompt_lines = True
 copybutton_exclude = ".linenos, .gp, .go"
 myst_heading_anchors = 4
-exclude_patterns = ["build", "_build"]
+exclude_patterns = ["build", "_build", "tools"]
 suppress_warnings = ["misc.highlighting_failure"]  # some snippets show mistakes
 
 html_theme = "furo"

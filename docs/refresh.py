@@ -14,7 +14,7 @@ from functools import lru_cache
 from pathlib import Path
 
 BLOCK = re.compile(
-    r"(?<=^<!-- skip: numbers of one machine -->\n```console\n\$ )taskspec (.*)\n[^`]*(?=```)", re.MULTILINE
+    r"(?<=^<!-- skip: numbers of one machine -->\n```console\n\$ )python (.*)\n[^`]*(?=```)", re.MULTILINE
 )
 
 
@@ -24,17 +24,19 @@ def main(pages: list[str]) -> None:
 
 
 def measured(page: Path) -> str:
-    """The text of a page with new outputs."""
+    """Return the text of a page with new outputs."""
     text = page.read_text(encoding="utf-8")
-    return BLOCK.sub(lambda m: f"taskspec {m[1]}\n{printed(m[1], page.parent)}\n", text)
+    return BLOCK.sub(lambda m: f"python {m[1]}\n{printed(m[1])}\n", text)
 
 
 @lru_cache
-def printed(arguments: str, folder: Path) -> str:
-    """What `taskspec` prints, in the folder of the page."""
+def printed(arguments: str) -> str:
+    """Return what Python prints, in the root of the checkout."""
     environment = {**os.environ, "NO_COLOR": "1", "COLUMNS": "90", "PYTHONIOENCODING": "utf-8"}
-    command = [sys.executable, "-m", "taskspec", *shlex.split(arguments)]
-    done = subprocess.run(command, cwd=folder, env=environment, stdout=subprocess.PIPE, encoding="utf-8", check=True)
+    command = [sys.executable, *shlex.split(arguments)]
+    done = subprocess.run(
+        command, cwd=Path(__file__).parents[1], env=environment, stdout=subprocess.PIPE, encoding="utf-8", check=True
+    )
     return "\n".join(line.rstrip() for line in done.stdout.strip("\n").split("\n"))
 
 

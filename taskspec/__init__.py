@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from taskspec import data as data
     from taskspec import envs as envs
     from taskspec import exact as exact
+    from taskspec.base import __version__ as __version__
     from taskspec.base.diagnostics import Diagnostic as Diagnostic
     from taskspec.base.diagnostics import SpecError as SpecError
     from taskspec.base.diagnostics import TaskspecError as TaskspecError
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from taskspec.task.task import Task as Task
 
 _PUBLIC = {
+    "__version__": "taskspec.base",
     "Diagnostic": "taskspec.base.diagnostics",
     "Environment": "taskspec.envs",
     "SpecError": "taskspec.base.diagnostics",
@@ -53,7 +55,6 @@ __all__ = [
 ]
 _ROOMS = ("data", "envs", "exact")
 """Packages whose names are public, too: `taskspec.data.episodes`."""
-__version__ = "0.1.0"
 
 
 def __getattr__(name: str) -> object:

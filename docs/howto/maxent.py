@@ -6,7 +6,7 @@ import taskspec
 from taskspec.data import demonstrations
 from taskspec.exact import score
 
-found = taskspec.load("RiskyPath").tabular()
+found = taskspec.data.tabular(taskspec.load("RiskyPath"))
 shown = demonstrations("RiskyPath", "soft(1)", episodes=500)
 seen = found.index(np.concatenate([t.obs for t in shown.trajectories]))
 visits = np.bincount(seen, minlength=found.n_states) / 500

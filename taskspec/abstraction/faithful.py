@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,11 +15,10 @@ from taskspec.abstraction.factor import Unfactored, factored
 from taskspec.abstraction.homomorphism import Uncompared, difference
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Node, Read, Role, draws
 from taskspec.lang.types import Refused
-from taskspec.model.space import shown
-from taskspec.model.transitions import branches, is_finite
+from taskspec.model.space import Reads, shown
+from taskspec.model.transitions import is_finite, joint_outcomes
 from taskspec.rollout.rollout import Choose, Moved, Rollout, at_random, by_expert, is_bounded, reads_of, sampled_actions
 from taskspec.task.task import Component, Task
 
@@ -180,13 +180,9 @@ class _Outcomes:
 
 
 def _outcomes(
-    nodes: Sequence[Node], reads: Any, lanes: int, agrees: Callable[[Sequence[Array], Array], Array]
+    nodes: Sequence[Node], reads: Reads, lanes: int, agrees: Callable[[Sequence[Array], Array], Array]
 ) -> _Outcomes:
-    parts = []
-    for branch in branches(draws(nodes), reads, lanes):
-        values = evaluate(nodes, branch.place(reads), branch.sample)
-        at = np.arange(lanes) if branch.origin is None else branch.origin
-        parts.append((at, np.broadcast_to(branch.weight, (len(at),)), agrees(values, at)))
+    parts = [(at, weight, agrees(values, at)) for values, at, weight in joint_outcomes(nodes, reads, lanes)]
     at, weight, same = (np.concatenate(part) for part in zip(*parts, strict=True))
     return _Outcomes(at, weight, same)
 
@@ -202,15 +198,11 @@ def _all_equal(
 
 
 def _start_distribution(task: Task) -> dict[tuple[Any, ...], float]:
-    total: dict[tuple[Any, ...], float] = {}
-    for branch in branches(draws(task.initial), {}, 1):
-        values = evaluate(task.initial, {}, branch.sample)
-        n = 1 if branch.origin is None else len(branch.origin)
-        names = (c.name for c in task.state)
-        state = {k: np.broadcast_to(v, (*v.shape[:-1], n)) for k, v in zip(names, values, strict=True)}
-        for row, weight in zip(_rows(state), np.broadcast_to(branch.weight, (n,)), strict=True):
-            key = tuple(row.tolist())
-            total[key] = total.get(key, 0.0) + float(weight)
+    names = [c.name for c in task.state]
+    total: dict[tuple[Any, ...], float] = defaultdict(float)
+    for values, _, weight in joint_outcomes(task.initial, {}, 1):
+        for row, p in zip(_rows(dict(zip(names, values, strict=True))).tolist(), weight.tolist(), strict=True):
+            total[tuple(row)] += p
     return total
 
 

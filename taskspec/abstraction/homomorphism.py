@@ -16,7 +16,7 @@ from taskspec.lang.ir import Node, draws, reads
 from taskspec.lang.variates.outcomes import once
 from taskspec.model.extract import extract
 from taskspec.model.model import Model
-from taskspec.model.transitions import TIME, Steps, acted, branches, count
+from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes
 from taskspec.solve.enclosure import Inexact, Reader
 from taskspec.solve.rational import Chances
 from taskspec.task.task import Task
@@ -178,22 +178,16 @@ class _Laws:
         nodes, given, parts = _expert(model), model.reads(t), []
         if count(draws(nodes), {}) > MOST:
             raise Uncompared("the expert draws from too many outcomes")
-        for branch in branches(draws(nodes), given, model.n_states, chances):
-            action, at = acted(model.actions, nodes, given, branch, model.n_states)
-            parts.append(tuple(np.broadcast_to(v, (len(at),)) for v in (at, action, False, 0.0, branch.weight)))
+        for values, at, weight in joint_outcomes(nodes, given, model.n_states, chances):
+            action, _ = model.actions.encode(values, len(at))
+            parts.append(tuple(np.broadcast_to(v, (len(at),)) for v in (at, action, False, 0.0, weight)))
         return cls._ordered(parts, model.n_states)
 
     @classmethod
     def _ordered(cls, parts: Sequence[tuple[Array, ...]], rows: int) -> _Laws:
         row, to, ends, reward, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
-        order = np.lexsort((reward, ends, to, row))
-        row, to, ends, reward, weight = (x[order] for x in (row, to, ends, reward, weight))
-        fresh = np.ones(len(row), np.bool_)
-        fresh[1:] = (np.diff(row) != 0) | (np.diff(to) != 0) | (ends[1:] != ends[:-1]) | (reward[1:] != reward[:-1])
-        start = np.flatnonzero(fresh)
-        first = np.searchsorted(row[start], np.arange(rows + 1))
-        total = weight if len(start) == len(row) else np.add.reduceat(weight, start)
-        return cls(first, to[start], ends[start], reward[start], total)
+        (row, *columns), total = merge_outcomes((row, to, ends, reward), weight)
+        return cls(np.searchsorted(row, np.arange(rows + 1)), *columns, total)
 
     def differs(self, others: _Laws, rows: Array, theirs: Array) -> int | None:
         """The first of some rows whose law is not that of a row of others."""

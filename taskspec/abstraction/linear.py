@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, walk
+from taskspec.lang.operators import Elements, entry_of
 from taskspec.lang.types import Kind
 
 # ---------- linear
@@ -17,8 +18,6 @@ from taskspec.lang.types import Kind
 
 Terms = dict[int, tuple[Node, int]]
 """Terms of a sum by identity, with how often each is added."""
-_MOVING = frozenset({"element", "slice", "index", "reshape"})
-"""Operators that only choose elements of their first argument, and so act on each term of a sum."""
 
 
 class Normal:
@@ -78,7 +77,9 @@ class Normal:
                 return self._apart([condition], then, otherwise, node)
             case Apply(op="min2" | "max2", args=(left, right)) if node.type.kind is Kind.INT:
                 return self._apart([], left, right, node)
-            case Apply(op=op, args=(inner, *rest), static=static) if op in _MOVING and inner.type.kind is Kind.INT:
+            case Apply(op=op, args=(inner, *rest), static=static) if (
+                _rearranges(op, node) and inner.type.kind is Kind.INT
+            ):
                 return self._moved(op, inner, rest, static, node)
             case _:
                 return node
@@ -146,6 +147,12 @@ def _added(terms: Terms, others: Terms, factor: int) -> Terms:
     return found
 
 
+def _rearranges(op: str, node: Apply) -> bool:
+    """Return whether an operator only chooses elements of its first argument, and so acts on each term of a sum."""
+    entry = entry_of(op)
+    return entry.elements is Elements.MOVED and entry.indices == tuple(range(1, len(node.args)))
+
+
 def _is_zero(node: Node) -> bool:
     return isinstance(node, Const) and not any(node.flat)
 
@@ -165,13 +172,6 @@ class How(enum.IntEnum):
     INVARIANT = 0
     SELECTION = 1
     REARRANGEMENT = 2
-
-
-_CHOOSING = frozenset({"sort", "swap", "put", "index", "element", "slice", "concat", "vector", "reshape", "fill",
-                       "min", "max", "min2", "max2", "where"})  # fmt: skip
-_RANKING = frozenset({"argsort", "argmin", "argmax", "eq", "ne", "lt", "le"})
-_INDICES = {"swap": (1, 2), "put": (1,), "index": (1,), "where": (0,)}
-"""Arguments that choose, and are no elements themselves."""
 
 
 def dependence(roots: Sequence[Node], name: str) -> list[How | None]:
@@ -196,13 +196,14 @@ def _of(node: Node, args: list[How | None], name: str) -> How | None:
 
 def _chosen(node: Apply, op: str, args: list[How]) -> How | None:
     """Of an operator with some argument that is a selection."""
-    indices = _INDICES.get(op, ())
+    entry = entry_of(op)
+    indices = entry.indices
     elements = [a for i, a in enumerate(args) if i not in indices]
     if any(args[i] is not How.INVARIANT for i in indices) or How.INVARIANT in elements:
         return None  # an element compared with, or mixed with, something that is none
-    if op in _RANKING:
+    if entry.elements is Elements.RANKED:
         return How.INVARIANT
-    if op not in _CHOOSING or node.type.kind is not Kind.REAL:
+    if entry.elements is Elements.COMPUTED or node.type.kind is not Kind.REAL:
         return None
     whole = min(elements) is How.REARRANGEMENT
     return How.REARRANGEMENT if whole and _keeps_all(node) else How.SELECTION

@@ -1,1 +1,3 @@
 """What everything else rests on: diagnostics, limits, files, ids, optional packages."""
+
+__version__ = "0.1.0"

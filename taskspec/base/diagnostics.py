@@ -15,11 +15,11 @@ from functools import lru_cache
 from itertools import accumulate
 from typing import Literal, Protocol
 
+from taskspec.base.codes import CODES as CODES
+from taskspec.base.codes import Code as Code
+from taskspec.base.codes import Severity as Severity
 from taskspec.base.display import visible, visible_json
 from taskspec.base.records import dataclass
-from taskspec.codes import CODES as CODES
-from taskspec.codes import Code as Code
-from taskspec.codes import Severity as Severity
 
 __all__ = [
     "CODES",

@@ -54,7 +54,7 @@ def install_package(requirement: str) -> str:
 
 def _checkout() -> str | None:
     """The folder of the checkout that this module is part of, "." where it is the working folder; None in a wheel."""
-    project = Path(__file__).resolve().parents[1] / "pyproject.toml"
+    project = Path(__file__).resolve().parents[2] / "pyproject.toml"
     if not project.is_file() or f'name = "{DISTRIBUTION}"' not in project.read_text(encoding="utf-8"):
         return None
     here = Path(project.name)

@@ -1,4 +1,4 @@
-"""Warnings about actions without effect, actions with two names, and experts that are none."""
+"""Warnings about rewards, actions and experts."""
 
 from __future__ import annotations
 
@@ -7,84 +7,88 @@ from typing import Any
 
 import numpy as np
 
-from taskspec.base.diagnostics import Collector
-from taskspec.check.case import SAME, Linted
+from taskspec.check.context import SAME, LintContext, Problem
 from taskspec.lang import syntax as s
 from taskspec.lang.ir import Node, Read, Role, reads, rewrite, walk
 from taskspec.model.model import Model
 from taskspec.model.reach import differs, groups
-from taskspec.model.space import shown
+from taskspec.model.space import shown, words
 from taskspec.rollout.rollout import at_random, is_bounded
 from taskspec.scores.pomdp_bounds import yardsticks
 from taskspec.scores.returns import Return
 from taskspec.task.task import Component, Soft, Task
 
-# ---------- actions
-# Actions without effect, and experts that are none.
+# -- rewards --------------------------------------------------------------------------------------
+
+LONGER = 1000
+"""Steps beyond the horizon that are searched for other rewards."""
 
 
-def inert(case: Linted, collector: Collector) -> None:
-    """W505: a component of the action that changes nothing."""
-    read = reads((*case.task.next, case.task.reward, case.task.terminal))
-    for c in case.task.action:
+def later_rewards(context: LintContext) -> Iterator[Problem]:
+    """The horizon ends episodes before rewards differ."""
+    if not context.is_constant or context.paid is None:
+        return
+    value = words(context.paid[0])
+    later = _later_reward(context, context.paid[0])
+    if later is not None:
+        message = f"within {context.task.horizon} steps every reward is {value}; longer episodes have others"
+        hint = f"the first of them is paid in step {later}"
+        yield Problem(context.merged.span(("horizon",)), message, hint)
+
+
+def same_reward(context: LintContext) -> Iterator[Problem]:
+    """All rewards are the same, however long the episode."""
+    if context.is_constant and context.paid is not None and _later_reward(context, context.paid[0]) is None:
+        message = f"every possible step has reward {words(context.paid[0])}"
+        yield Problem(context.merged.span(("reward",)), message)
+
+
+def _later_reward(context: LintContext, before: float) -> int | None:
+    """Return the first step in which a longer episode could have another reward."""
+    model = context.results.model
+    if model is None or model.horizon is None or model.is_timed:
+        return None
+    level = model.start > 0
+    seen = np.zeros(model.n_states, np.bool_)
+    rewards = model.step(0).reward.reshape(model.n_actions, -1)
+    for t in range(model.horizon + LONGER):
+        if not (level & ~seen).any():
+            return None
+        if np.ptp(np.append(rewards[:, level].reshape(-1), before)) > SAME:
+            return t + 1
+        seen |= level
+        level = model.successors(model.step(0).going, level)
+    return None
+
+
+def indifferent(context: LintContext) -> Iterator[Problem]:
+    """The best return is that of random actions."""
+    if context.is_constant:
+        return
+    optimal = context.results.optimal
+    random = None if optimal is None else context.results.random  # simulated only if the best return is known
+    if optimal is None or random is None:
+        return
+    if abs(optimal.value - random.value) <= SAME * max(1.0, abs(optimal.value)):
+        message = f"random actions are as good as the best: both return {words(optimal.value)}"
+        yield Problem(context.merged.span(("reward",)), message)
+
+
+# -- actions --------------------------------------------------------------------------------------
+
+
+def inert(context: LintContext) -> Iterator[Problem]:
+    """A component of the action that changes nothing."""
+    read = reads((*context.task.next, context.task.reward, context.task.terminal))
+    for c in context.task.action:
         if c.is_finite and c.counts == (1,) * c.type.size:
             continue
         if (Role.ACTION, c.name) not in read:
-            collector.add("W505", case.key("action", c.name), f"the action '{c.name}' is read nowhere")
-        elif case.model is not None and case.model.acting.any() and differs(case.model, c.name)[0] is False:
+            yield Problem(context.key("action", c.name), f"the action '{c.name}' is read nowhere")
+        elif context.model is not None and context.model.acting.any() and differs(context.model, c.name)[0] is False:
             message = f"the action '{c.name}' changes neither the next state nor the reward, in any state"
-            collector.add("W505", case.key("action", c.name), message)
+            yield Problem(context.key("action", c.name), message)
 
-
-def expert(case: Linted, collector: Collector) -> None:
-    """W507: an expert below the optimum, or no better than random actions where that is all there is to compare with."""
-    found, optimal = case.results.expert, case.results.optimal
-    if found is None or isinstance(case.task.expert, Soft) or _says_so(case.task):
-        return
-    if optimal is None:
-        _no_better(case, found, collector)
-        return
-    best, whose = optimal.value, ""
-    if case.task.memory is not None and (seen := yardsticks(case.results)) is not None:
-        if seen.remembering is None:
-            whose = ", which knows the state"
-        else:
-            best, whose = seen.remembering.value, " of those who remember what they see"
-    gap = best - found.value
-    if gap > SAME * max(1.0, abs(best)):
-        message = f"the expert returns {_shown(found)}, which is {gap:.6g} below the optimum of {best:.10g}{whose}"
-        collector.add("W507", case.key("expert"), message)
-
-
-def _no_better(case: Linted, found: Return, collector: Collector) -> None:
-    """By simulation: an expert that is one returns more, on average, than random actions do."""
-    results = case.results
-    random = results.random if is_bounded(case.task) else results.estimated(at_random(case.task), 200)
-    if random is not None and random.value >= found.value:
-        message = f"the expert returns {_shown(found)} on average, and random actions {_shown(random)}"
-        notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]
-        collector.add("W507", case.key("expert"), message, None, notes)
-
-
-def _shown(value: Return) -> str:
-    return f"{value.value:.10g}"
-
-
-def _says_so(task: Task) -> bool:
-    return any(_compares_expert(claim.expr) for claim in task.claims)
-
-
-def _compares_expert(expr: s.Expr) -> bool:
-    if isinstance(expr, s.Logical):
-        return any(_compares_expert(part) for part in expr.operands)
-    if not isinstance(expr, s.Compare):
-        return False
-    names = {n.id for n in s.names(expr) if isinstance(n, s.Name)}
-    return {"expert_return", "optimal_return"} <= names and any(op in ("<", ">", "!=") for op, _ in expr.rest)
-
-
-# ---------- twins
-# Actions with two names.
 
 FEW = 32
 """Values of an action up to which all pairs are compared."""
@@ -93,21 +97,21 @@ MOST = 200_000
 ROUNDING = 1e-12
 
 
-def twins(case: Linted, collector: Collector) -> None:
-    """W520: two values of an action that do the same in every state."""
-    for c in case.task.action:
+def twins(context: LintContext) -> Iterator[Problem]:
+    """Two values of an action that do the same in every state."""
+    for c in context.task.action:
         count = c.counts[0] if c.is_finite and c.type.is_scalar else 0
         if not 2 < count <= FEW:
             continue  # of two values that are the same, W505 speaks
-        if case.model is None and len(list(walk(_step(case.task)))) * count > MOST:
+        if context.model is None and len(list(walk(_step(context.task)))) * count > MOST:
             continue
-        same = _by_model(case.model, c) if case.model is not None else _by_form(case.task, c)
+        same = _by_model(context.model, c) if context.model is not None else _by_form(context.task, c)
         found = _classes(count, same)
         for alike in found if len(found) > 1 else ():  # if all do the same, so W505 says
             names = [shown(c, np.asarray(int(c.low[0]) + number)) for number in alike]
             if len(names) > 1:
                 message = f"{c.name} = {', '.join(names[:-1])} and {names[-1]} do the same in every state"
-                collector.add("W520", case.key("action", c.name), message)
+                yield Problem(context.key("action", c.name), message)
 
 
 def _classes(count: int, same: Callable[[int, int], bool]) -> list[list[int]]:
@@ -168,3 +172,53 @@ def _gaps(step: Any, a: Any, b: Any) -> Iterator[Any]:
 
 def _is_zero(found: Any) -> bool:
     return not len(found) or bool(np.abs(found).max() <= ROUNDING)
+
+
+# -- experts --------------------------------------------------------------------------------------
+
+
+def expert(context: LintContext) -> Iterator[Problem]:
+    """An expert below the optimum, or no better than random actions where that is all there is to compare with."""
+    found, optimal = context.results.expert, context.results.optimal
+    if found is None or isinstance(context.task.expert, Soft) or _says_so(context.task):
+        return
+    if optimal is None:
+        yield from _no_better(context, found)
+        return
+    best, whose = optimal.value, ""
+    if context.task.memory is not None and (seen := yardsticks(context.results)) is not None:
+        if seen.remembering is None:
+            whose = ", which knows the state"
+        else:
+            best, whose = seen.remembering.value, " of those who remember what they see"
+    gap = best - found.value
+    if gap > SAME * max(1.0, abs(best)):
+        message = f"the expert returns {_shown(found)}, which is {gap:.6g} below the optimum of {best:.10g}{whose}"
+        yield Problem(context.key("expert"), message)
+
+
+def _no_better(context: LintContext, found: Return) -> Iterator[Problem]:
+    """By simulation: an expert that is one returns more, on average, than random actions do."""
+    results = context.results
+    random = results.random if is_bounded(context.task) else results.estimated(at_random(context.task), 200)
+    if random is not None and random.value >= found.value:
+        message = f"the expert returns {_shown(found)} on average, and random actions {_shown(random)}"
+        notes = [f"from {found.episodes:,} and {random.episodes:,} episodes"]
+        yield Problem(context.key("expert"), message, None, notes)
+
+
+def _shown(value: Return) -> str:
+    return f"{value.value:.10g}"
+
+
+def _says_so(task: Task) -> bool:
+    return any(_compares_expert(claim.expr) for claim in task.claims)
+
+
+def _compares_expert(expr: s.Expr) -> bool:
+    if isinstance(expr, s.Logical):
+        return any(_compares_expert(part) for part in expr.operands)
+    if not isinstance(expr, s.Compare):
+        return False
+    names = {n.id for n in s.names(expr) if isinstance(n, s.Name)}
+    return {"expert_return", "optimal_return"} <= names and any(op in ("<", ">", "!=") for op, _ in expr.rest)

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec.base.diagnostics import Collector, Diagnostic, Span
-from taskspec.check.case import Linted
+from taskspec.base.diagnostics import Diagnostic, Span
+from taskspec.check.context import LintContext, Problem
 from taskspec.printers import plain
 from taskspec.printers.names import of_task
 from taskspec.task.merge import before, merge
@@ -28,11 +28,11 @@ INSTANCE_SEED = "instance_seed"
 _WORD = re.compile(r"[^\W\d]\w*")
 
 
-def unused_names(case: Linted, collector: Collector) -> None:
-    """W506: parameters, constants, definitions and noise that nothing depends on."""
-    for section, name in unused(case.task):
+def unused_names(context: LintContext) -> Iterator[Problem]:
+    """Parameters, constants, definitions and noise that nothing depends on."""
+    for section, name in unused(context.task):
         what = {"parameters": "parameter", "constants": "constant", "definitions": "definition"}.get(section, "noise")
-        collector.add("W506", case.key(section, name), f"nothing uses the {what} '{name}'")
+        yield Problem(context.key(section, name), f"nothing uses the {what} '{name}'")
 
 
 def unused(task: Task) -> list[tuple[str, str]]:
@@ -105,20 +105,23 @@ _KINDS = {
 }  # fmt: skip
 
 
-def printed_alike(case: Linted, collector: Collector) -> None:
-    """W524: two names with one symbol, or a name and a label; labels of different components may share theirs."""
-    notation = of_task(case.task)
+def printed_alike(context: LintContext) -> Iterator[Problem]:
+    """Two names with one symbol, or a name and a label; labels of different components may share theirs."""
+    notation = of_task(context.task)
     seen: dict[str, str] = {}
-    for section, written, name in _names(case):
-        symbol, what = plain(notation.symbol(name)), f"the {_KINDS[section]} '{name}'"
+    for section, written, name in _names(context):
+        symbol = plain(notation.symbol(name))
+        what = f"the {_KINDS[section]} '{name}'"
         if symbol in seen:
-            _add(case, collector, (section, written), symbol, seen[symbol], what)
+            yield _same_symbol(context.key(section, written), symbol, seen[symbol], what)
         seen.setdefault(symbol, what)
-    for section, components in (("state", case.task.state), ("action", case.task.action)):
+    for section, components in (("state", context.task.state), ("action", context.task.action)):
         for c in components:
             for label, tree in notation.labels.get(c.name, {}).items():
-                if (symbol := plain(tree)) in seen:
-                    _add(case, collector, (section, c.name), symbol, seen[symbol], f"the label '{label}' of '{c.name}'")
+                symbol = plain(tree)
+                if symbol in seen:
+                    what = f"the label '{label}' of '{c.name}'"
+                    yield _same_symbol(context.key(section, c.name), symbol, seen[symbol], what)
 
 
 ALIKE = str.maketrans(
@@ -130,10 +133,10 @@ ALIKE = str.maketrans(
 """Letters of other alphabets that are drawn like Latin ones, which they stand for here."""
 
 
-def foreign_letters(case: Linted, collector: Collector) -> None:
-    """W527: a name that nobody can tell from one in Latin letters."""
-    names = [((section, written), name) for section, written, name in _names(case)]
-    for section, components in (("state", case.task.state), ("action", case.task.action)):
+def foreign_letters(context: LintContext) -> Iterator[Problem]:
+    """A name that nobody can tell from one in Latin letters."""
+    names = [((section, written), name) for section, written, name in _names(context)]
+    for section, components in (("state", context.task.state), ("action", context.task.action)):
         labels = [((section, c.name), str(label)) for c in components if c.domain for label in c.domain.labels]
         names += labels
     for place, name in names:
@@ -141,30 +144,30 @@ def foreign_letters(case: Linted, collector: Collector) -> None:
         if latin != name and latin.isascii():
             letter = next(a for a, b in zip(name, latin, strict=True) if a != b)
             message = f"'{name}' is not '{latin}': its '{letter}' is {unicodedata.name(letter)}, U+{ord(letter):04X}"
-            collector.add("W527", case.key(*place), message, "write it in Latin letters, here and where it is used")
+            yield Problem(context.key(*place), message, "write it in Latin letters, here and where it is used")
 
 
-def _names(case: Linted) -> Iterator[tuple[str, str, str]]:
+def _names(context: LintContext) -> Iterator[tuple[str, str, str]]:
     """Every name with the section that declares it, and how it is written there."""
-    spec = case.task.spec
+    spec = context.task.spec
     parts = (spec.parameters.entries, spec.constants, spec.definitions, spec.noise, spec.state, spec.action)
     for section, declared in zip(_KINDS, parts, strict=True):
         for written in declared:
             yield section, written, written.partition("(")[0].strip()
 
 
-def _add(case: Linted, collector: Collector, place: tuple[str, str], symbol: str, first: str, second: str) -> None:
+def _same_symbol(place: Span, symbol: str, first: str, second: str) -> Problem:
     message = f"pages print `{symbol}` for {first} and for {second}"
-    collector.add("W524", case.key(*place), message, "give one of them another `symbol`, or labels other `symbols`")
+    return Problem(place, message, "give one of them another `symbol`, or labels other `symbols`")
 
 
 # ---------- errata
 # Errata that nothing in the spec bears out.
 
 
-def idle_errata(case: Linted, collector: Collector) -> None:
-    """W521: an erratum of a variant about a section that is as it is without the variant."""
-    task, merged = case.task, case.merged
+def idle_errata(context: LintContext) -> Iterator[Problem]:
+    """An erratum of a variant about a section that is as it is without the variant."""
+    task, merged = context.task, context.merged
     based = before(task.document, task.variant)
     if based is None or not merged.data.get("errata") or not merged.is_own(("errata",)):
         return
@@ -172,7 +175,7 @@ def idle_errata(case: Linted, collector: Collector) -> None:
         for j, section in enumerate(entry.get("about") or ()):
             if merged.data.get(section) == based.data.get(section):
                 message = f"this erratum is about `{section}`, which this variant does not change"
-                collector.add("W521", merged.span(("errata", i, "about", j)), message)
+                yield Problem(merged.span(("errata", i, "about", j)), message)
 
 
 # ---------- accept
@@ -201,7 +204,7 @@ def set_aside(task: Task, found: Sequence[Diagnostic]) -> tuple[list[Diagnostic]
 
 
 def idle(task: Task, accepted: Sequence[Accepted], unknown: Sequence[str] = ()) -> list[Diagnostic]:
-    """W511: reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
+    """Reasons for warnings that a whole check did not give; `unknown` are codes that it did not look for."""
     reasons, merged = task.spec.accept, merge(task.document, task.variant)
     unneeded = [code for code in reasons if code not in {*unknown, *(each.warning.code for each in accepted)}]
     return [

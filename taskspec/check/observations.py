@@ -1,24 +1,32 @@
-"""Observations that show too much or too little."""
+"""Warnings about observations that show too much or too little, and about symmetries and abstractions without use."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Collector, Span
-from taskspec.check.case import Linted
+from taskspec.base.diagnostics import SpecError
+from taskspec.check.context import LintContext, Problem
 from taskspec.check.names import mentioned
 from taskspec.lang.batch import evaluate
-from taskspec.lang.ir import Apply, Const, Node, Role, draws, reads
+from taskspec.lang.ir import Apply, Const, Node, Read, Role, draws, reads
+from taskspec.lang.types import Kind
+from taskspec.lang.variates.sample import WordLayout, batch_sampler
 from taskspec.model.model import Model
 from taskspec.model.space import plain, words
+from taskspec.modifiers import modify
+from taskspec.rollout.rollout import Choose, State, by_expert, reads_of
+from taskspec.rollout.simulate import simulate
+from taskspec.scores.returns import normalised
 from taskspec.solve import solve
-from taskspec.task.task import Component
+from taskspec.task.task import Component, Task
 
 
-def leak(case: Linted, collector: Collector) -> None:
-    """W508: the reward is written into the next observation."""
-    task = case.task
+def leak(context: LintContext) -> Iterator[Problem]:
+    """The reward is written into the next observation."""
+    task = context.task
     if task.observation.is_state:
         return
     reward = _bare(task.reward)
@@ -27,7 +35,7 @@ def leak(case: Linted, collector: Collector) -> None:
     for c, node in zip(task.observation.components, task.next_observation, strict=True):
         if _bare(node) is reward and reads([node]):
             place = task.surface.sections["observation"].get(c.name)
-            collector.add("W508", place and place.place, f"'{c.name}' is the reward of the step before")
+            yield Problem(place and place.place, f"'{c.name}' is the reward of the step before")
 
 
 def _bare(node: Node) -> Node:
@@ -36,16 +44,16 @@ def _bare(node: Node) -> Node:
     return node
 
 
-def hidden_goal(case: Linted, collector: Collector) -> None:
-    """W509: first states that look the same and have no best action in common."""
-    model, task = case.model, case.task
+def hidden_goal(context: LintContext) -> Iterator[Problem]:
+    """First states that look the same and have no best action in common."""
+    model, task = context.model, context.task
     if model is None or task.observation.is_state:
         return
     first = np.flatnonzero(model.start > 0)
     seen = _first_looks(model, first)
     if seen is None or len(np.unique(seen, axis=0)) == len(first):
         return
-    if case.results.optimal is None:
+    if context.results.optimal is None:
         return
     good = solve.first_choices(model)[:, first]
     _, group = np.unique(seen, axis=0, return_inverse=True)
@@ -55,7 +63,7 @@ def hidden_goal(case: Linted, collector: Collector) -> None:
         if not good[:, members].all(axis=1).any():
             one, other = (model.state_name(int(first[m])) for m in _conflict(good, members))
             message = f"episodes begin in {one} and in {other}; both look the same to the agent, and no action is best in both"
-            collector.add("W509", case.merged.span(("observation",)), message)
+            yield Problem(context.merged.span(("observation",)), message)
             return
 
 
@@ -85,51 +93,53 @@ def _first_looks(model: Model, first: Array) -> Array | None:
 # -- what is seen of the state --------------------------------------------------------------------
 
 
-def constant(case: Linted, collector: Collector) -> None:
-    """W516: a part of the observation that is always the same."""
-    for c, node in _shown(case):
-        value = _only_value(node, case.model)
+def constant(context: LintContext) -> Iterator[Problem]:
+    """A part of the observation that is always the same."""
+    for c, node in _shown(context):
+        value = _only_value(node, context.model)
         if value is not None:
-            collector.add("W516", _place(case, c.name), f"'{c.name}' is {words(plain(c, value))} in every observation")
+            yield Problem(
+                context.key("observation", c.name), f"'{c.name}' is {words(plain(c, value))} in every observation"
+            )
 
 
-def duplicate(case: Linted, collector: Collector) -> None:
-    """W517: two parts of the observation that show the same."""
+def duplicate(context: LintContext) -> Iterator[Problem]:
+    """Two parts of the observation that show the same."""
     known: dict[object, str] = {}
-    for c, node in _shown(case):
-        values = _values(node, case.model)
+    for c, node in _shown(context):
+        values = _values(node, context.model)
         if isinstance(_bare(node), Const) or (values is not None and _is_constant(values)):
             continue
         key = id(_bare(node)) if values is None else (values.shape, values.astype(np.float64).tobytes())
         first = known.setdefault(key, c.name)
         if first != c.name:
-            collector.add("W517", _place(case, c.name), f"'{c.name}' is the same as '{first}'")
+            yield Problem(context.key("observation", c.name), f"'{c.name}' is the same as '{first}'")
 
 
-def hidden(case: Linted, collector: Collector) -> None:
-    """W518: a component of the state that the reward depends on and the observation says nothing about."""
-    task = case.task
-    if task.observation.is_state or any(d.code == "W509" for d in collector.diagnostics):
+def hidden(context: LintContext) -> Iterator[Problem]:
+    """A component of the state that the reward depends on and the observation says nothing about."""
+    task = context.task
+    if task.observation.is_state or "W509" in context.codes:
         return
     told, paid = mentioned(task, "observation"), mentioned(task, "reward")
     for c in task.state:
-        if c.name in paid and c.name not in told and c.low != c.high and _varies(case, c):
+        if c.name in paid and c.name not in told and c.low != c.high and _varies(context, c):
             message = f"the reward depends on '{c.name}', which the observation does not show"
-            collector.add("W518", case.key("observation"), message)
+            yield Problem(context.key("observation"), message)
 
 
-def _varies(case: Linted, c: Component) -> bool:
+def _varies(context: LintContext, c: Component) -> bool:
     """Whether a component of the state has several values where episodes act, as far as is known."""
-    model = case.model
-    if model is None or model.task is not case.task or not model.acting.any():
+    model = context.model
+    if model is None or model.task is not context.task or not model.acting.any():
         return True
     values = model.states.decode(model.codes[model.acting])[Role.STATE, c.name]
     return bool((values != values[..., :1]).any())
 
 
-def _shown(case: Linted) -> list[tuple[Component, Node]]:
+def _shown(context: LintContext) -> list[tuple[Component, Node]]:
     """What the spec itself says is observed, but for what has no elements."""
-    seen = case.task.observation
+    seen = context.task.observation
     return [] if seen.is_state else [(c, n) for c, n in zip(seen.components, seen.nodes, strict=True) if c.type.size]
 
 
@@ -154,5 +164,83 @@ def _is_constant(values: Array) -> bool:
     return bool((values == values[..., :1]).all())
 
 
-def _place(case: Linted, name: str) -> Span:
-    return case.key("observation", name)
+# -- symmetries -----------------------------------------------------------------------------------
+
+ALIKE = 0.9
+"""The score from which on a task counts as solved."""
+EPISODES = 200
+
+
+def idle_symmetry(context: LintContext) -> Iterator[Problem]:
+    """The expert of the task as printed does in a twin about as well as in the task."""
+    task = context.task
+    places = dict(_places(task))
+    if not task.symmetries or not isinstance(task.expert, tuple) or task.memory is not None or task.modifiers:
+        return
+    if {name for role, name in reads(task.expert) if role is Role.STATE} - places.keys():
+        return  # the expert knows more than it sees
+    expert, random = (context.results.sample(which, EPISODES) for which in ("expert", "random"))
+    for symmetry in task.symmetries if expert is not None and random is not None else ():
+        try:
+            twin = modify(task, {"symmetry": symmetry.name})
+            found = float(simulate(twin, _as_printed(task, twin, places), EPISODES).mean())
+        except SpecError:
+            continue  # it is no symmetry, and reported as that
+        assert expert is not None and random is not None
+        score = normalised(found, random.value, expert.value, None)
+        if score >= ALIKE:
+            message = f"in the twin by '{symmetry.name}' the expert of the task as it is printed scores {score:.2f}"
+            hint = (
+                "leave out the map of the action, or the other one"
+                if symmetry.observation and symmetry.action
+                else None
+            )
+            yield Problem(context.key("symmetries", symmetry.name), message, hint)
+
+
+def _places(task: Task) -> Iterator[tuple[str, tuple[int, Component]]]:
+    """Where components of the state stand in the observation as one vector."""
+    state, at = {c.name: c for c in task.state}, 0
+    for c, node in zip(task.observation.components, task.observation.nodes, strict=True):
+        shown = _bare(node)
+        if isinstance(shown, Read) and shown.role is Role.STATE:
+            yield shown.name, (at, state[shown.name])
+        at += c.type.size
+
+
+def _as_printed(task: Task, twin: Task, places: Mapping[str, tuple[int, Component]]) -> Choose:
+    """The expert of a task that takes what a twin shows for what the task shows."""
+    nodes, expert = twin.observation.nodes, by_expert(task)
+    layout = WordLayout.of(nodes)
+
+    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        lanes = next(iter(state.values())).shape[-1]
+        words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
+        values = evaluate(nodes, reads_of(state, {}, t), batch_sampler(layout, words))
+        rows = np.concatenate([np.broadcast_to(v, (*v.shape[:-1], lanes)).reshape(-1, lanes) for v in values])
+        needed = max(at + c.type.size for at, c in places.values())
+        rows = np.concatenate([rows, np.zeros((max(0, needed - len(rows)), lanes))])  # where a twin shows less
+        return expert({n: _value(c, rows[at : at + c.type.size]) for n, (at, c) in places.items()}, t, rng)
+
+    return choose
+
+
+def _value(c: Component, rows: Array) -> Array:
+    """Elements (size, lanes) as a value of a component, the nearest one where they are none."""
+    lanes = rows.shape[-1]
+    if c.type.kind is not Kind.REAL:
+        low, high = (np.array(ends).reshape(-1, 1) for ends in (c.low, c.high))
+        rows = np.rint(np.clip(rows, low, high)).astype(np.bool_ if c.type.kind is Kind.BOOL else np.int64)
+    return rows.reshape(*c.type.shape, lanes)
+
+
+# -- abstractions ---------------------------------------------------------------------------------
+
+
+def infinite_abstraction(context: LintContext) -> Iterator[Problem]:
+    """A component of the stand-in that has infinitely many values, so that there is no exact model of it."""
+    found = context.results.abstraction
+    for c in () if found is None else found.stand_in.state:
+        if not c.is_finite:
+            message = f"'{c.name}' has infinitely many values, so the abstraction gives no exact results"
+            yield Problem(context.key("abstraction", "state", c.name), message, "declare an int with `low` and `high`")

@@ -20,14 +20,15 @@ from taskspec.base.extras import install, is_installed
 from taskspec.base.files import write_text
 from taskspec.base.progress import tell
 from taskspec.check.names import Accepted, idle, set_aside
-from taskspec.check.table import sense
+from taskspec.check.warnings import warnings
 from taskspec.model.model import misused
 from taskspec.model.points import Method
 from taskspec.modifiers import is_as_written
 from taskspec.registry import load
+from taskspec.rollout.simulate import EPISODES
 from taskspec.rules.claims import Verdict, verdicts
 from taskspec.rules.examples import wrong_examples
-from taskspec.scores.returns import EPISODES, Results, Return, normalised
+from taskspec.scores.returns import Results, Return, normalised
 from taskspec.scores.saved import read
 from taskspec.soundness.soundness import check_ranges, examine
 from taskspec.task.task import Task, TaskLike
@@ -80,15 +81,15 @@ class Report:
         return html_table(caption, ("", "where", "what", ""), [*found, *said])
 
 
-_SENSELESS = {"E404", "E406"}
-"""Without a first state, or with rewards that are no numbers, nothing that is said of episodes and returns means anything."""
+_MEANINGLESS = {"E404", "E406"}
+"""No warnings are given without a first state, or for rewards that are not numbers."""
 
 
 def check(
     task: TaskLike,
     *,
     ranges: bool = True,
-    with_sense: bool = True,
+    with_warnings: bool = True,
     claims: bool = True,
     beside: Callable[[Task], Sequence[Diagnostic]] | None = None,
 ) -> Report:
@@ -112,19 +113,19 @@ def check(
     found += [diagnostic for _, diagnostic in followed]
     report = Report(task, (), sound.method, cases, wrong_examples=frozenset(dict(followed)), symmetries=mirrored)
     if not is_installed("scipy"):
-        skipped = f"sanity checks and claims need scipy: {install('exact')}" if with_sense or claims else None
+        skipped = f"sanity checks and claims need scipy: {install('exact')}" if with_warnings or claims else None
         return replace(report, diagnostics=in_order(found), skipped=skipped)
     results = Results(task) if task.claims else Results(task, limit=MODERATE)
     said: tuple[Verdict, ...] = ()
-    if with_sense and is_as_written(task) and not _SENSELESS & {d.code for d in sound.diagnostics}:
-        found += _sense(task, results)
+    if with_warnings and is_as_written(task) and not _MEANINGLESS & {d.code for d in sound.diagnostics}:
+        found += _warnings(task, results)
     if claims and not any(d.severity == "error" for d in sound.diagnostics):
         said = tuple(verdicts(task, results))
         found += [v.diagnostic for v in said if v.diagnostic is not None]
     is_sound = not any(d.severity == "error" for d in sound.diagnostics)
     looked = beside(task) if beside is not None and is_sound else ()
     left, accepted = set_aside(task, [*found, *looked])
-    if with_sense and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
+    if with_warnings and claims and at_defaults(task) and not any(d.severity == "error" for d in found):
         left += idle(task, accepted, () if beside is not None else ELSEWHERE)
     return replace(report, diagnostics=in_order(left), verdicts=said, results=results, accepted=tuple(accepted))
 
@@ -134,13 +135,13 @@ def at_defaults(task: Task) -> bool:
     return all(p.value == p.default for p in task.parameters)
 
 
-def _sense(task: Task, results: Results) -> list[Diagnostic]:
+def _warnings(task: Task, results: Results) -> list[Diagnostic]:
     try:
         stand_in = results.abstraction
     except SpecError as error:
         return list(error.diagnostics)
     problem = None if stand_in is None else unfaithful(stand_in, results.faith)
-    return [*sense(task, results), *([] if problem is None else [problem])]
+    return [*warnings(task, results), *([] if problem is None else [problem])]
 
 
 ELSEWHERE = ("W523",)

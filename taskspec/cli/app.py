@@ -12,7 +12,6 @@ from typer.core import TyperGroup
 
 from taskspec.base.limits import limits
 from taskspec.cli import failures, listing
-from taskspec.cli.bench import bench
 from taskspec.cli.build import build
 from taskspec.cli.check import check
 from taskspec.cli.data import demos, preferences
@@ -23,7 +22,6 @@ from taskspec.cli.mutate import mutate
 from taskspec.cli.new import new
 from taskspec.cli.options import flowed
 from taskspec.cli.play import play
-from taskspec.cli.reference import reference
 from taskspec.cli.report import report
 from taskspec.cli.run import run as run_command
 from taskspec.cli.schema import schema
@@ -52,7 +50,6 @@ COMMANDS = (
     ("preferences", preferences, USE),
     ("docs", docs, PRINT),
     ("figure", figure, PRINT),
-    ("reference", reference, PRINT),
 )
 
 
@@ -77,12 +74,11 @@ app = typer.Typer(
 
 for _name, _function, _panel in COMMANDS:
     app.command(_name, rich_help_panel=_panel, help=flowed(_function.__doc__ or ""))(_function)
-app.add_typer(bench, name="bench", rich_help_panel=USE)
 
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from taskspec import __version__
+        from taskspec.base import __version__
 
         typer.echo(f"taskspec {__version__}")
         raise typer.Exit

@@ -160,7 +160,7 @@ def _schema(folder: Path) -> tuple[Path, str]:
 
 def _index(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
     """Every task with its spaces, parameters and content hash."""
-    from taskspec import __version__
+    from taskspec.base import __version__
     from taskspec.cli.records import record
 
     data = {"taskspec": __version__, "tasks": [record(task) for task in tasks]}

@@ -97,7 +97,7 @@ def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
     from taskspec.figures import undrawn
 
     wanted = sense and defaults
-    return exact.check(task, ranges=wanted, with_sense=sense, claims=wanted, beside=undrawn if sense else None)
+    return exact.check(task, ranges=wanted, with_warnings=sense, claims=wanted, beside=undrawn if sense else None)
 
 
 def finding(report: Report, examples: int) -> Finding:
@@ -256,14 +256,14 @@ def _experiment(path: Path) -> tuple[Sequence[Diagnostic], int]:
 
 
 def _exam(path: Path) -> tuple[Sequence[Diagnostic], int]:
-    from taskspec.exam.rules import read_exam
+    from taskspec.rules.books import read_exam
 
     found = read_exam(path)
     return found.diagnostics, len(found.rules)
 
 
 def _findings(path: Path) -> tuple[Sequence[Diagnostic], int]:
-    from taskspec.exam.rules import read_findings
+    from taskspec.rules.books import read_findings
 
     found = read_findings(path)
     return found.diagnostics, len(found.rules)

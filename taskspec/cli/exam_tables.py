@@ -13,6 +13,7 @@ from rich.table import Table
 from taskspec.cli.console import Console, VisibleText, columns, console, line
 from taskspec.exam.report import rows as told
 from taskspec.exam.report.rows import SeedCell, TaskRow
+from taskspec.figures import chart
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -79,7 +80,7 @@ def shaded(cell: SeedCell) -> VisibleText:
     if cell.mean is None:
         return VisibleText(cell.words or "·", style="quiet")
     background = told.colour(cell.mean)
-    return VisibleText(f" {cell.words} ", style=f"{told.ink(background)} on {told.hexadecimal(background)}")
+    return VisibleText(f" {cell.words} ", style=f"{chart.ink(background)} on {chart.hexadecimal(background)}")
 
 
 def _diagnosis(each: Mapping[str, Any]) -> Iterable[RenderableType]:
@@ -100,7 +101,6 @@ def _diagnosis(each: Mapping[str, Any]) -> Iterable[RenderableType]:
 
 def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -> None:
     """Show the exams of an experiment, and write the report of each, and pictures of them all."""
-    from taskspec.base.extras import is_installed
     from taskspec.base.files import safe_name
     from taskspec.cli.console import console, line, say
     from taskspec.cli.targets import near
@@ -114,12 +114,11 @@ def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -
         for flag in exam["flags"]:
             out.print(line((flag["kind"], "bad"), " ", (name, "name"), f" on {named(flag['task'])}: {flag['message']}"))
     written = [path for name, exam in found.exams.items() for path in write(exam, found.folders[name])]
-    if is_installed("matplotlib"):
-        written += write_several(found.exams, folder, ["svg"])
-        if any(instance.varied for instance in found.instances):
-            path = folder / f"{safe_name(experiment.name)}.svg"
-            draw(experiment, found.rows(), path, tuple(found.exams))
-            written.append(path)
+    written += write_several(found.exams, folder, ["svg"])
+    if any(instance.varied for instance in found.instances):
+        path = folder / f"{safe_name(experiment.name)}.svg"
+        draw(experiment, found.rows(), path, tuple(found.exams))
+        written.append(path)
     for path in written:
         say(f"wrote {near(path)}")
 

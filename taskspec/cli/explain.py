@@ -7,20 +7,11 @@ from typing import Annotated
 
 import typer
 
-from taskspec.base.diagnostics import CODES, Code, suggest
+from taskspec.base.codes import CLASSES, CODES, Code
+from taskspec.base.diagnostics import suggest
 from taskspec.cli.console import say
 from taskspec.cli.failures import refuse
 from taskspec.cli.options import Json
-
-CLASSES = {
-    "E1": "reading YAML",
-    "E2": "the shape of a spec",
-    "E3": "expressions",
-    "E4": "soundness",
-    "W5": "sanity checks",
-    "E6": "claims and examples",
-    "E7": "using tasks",
-}
 
 
 def complete_codes(incomplete: str) -> list[tuple[str, str]]:

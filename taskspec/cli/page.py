@@ -22,7 +22,6 @@ from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.modifiers import sentences
 from taskspec.printers import text as written
 from taskspec.task.schema.models import Erratum, Source
-from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Component, Followed, Parameter, Soft, Task
 
 if TYPE_CHECKING:
@@ -100,8 +99,8 @@ def _page(task: Task, width: int) -> Iterable[RenderableType]:
         yield _indented(Markdown(_words(spec.description)), top=1)
     yield from _section("Parameters", _parameters(task.parameters))
     yield from _section("State", _components(task.state))
-    yield from _section("Action", _components(task.action), space_words(action_layout(task)))
-    yield from _section("Observation", _observation(task.unmodified), space_words(observation_layout(task)))
+    yield from _section("Action", _components(task.action), space_words(task.action_layout))
+    yield from _section("Observation", _observation(task.unmodified), space_words(task.observation_layout))
     yield from _section("Modifiers", _modifiers(task), "in this order; the equations are those of the task as written")
     yield from _section("Equations", _equations(task.unmodified))
     yield from _section("Symmetries", _symmetries(task.unmodified))

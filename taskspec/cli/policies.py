@@ -15,7 +15,7 @@ from taskspec.data.actors import function_of, is_function
 from taskspec.lang.batch import DTYPES
 from taskspec.lang.types import Kind
 from taskspec.task.observe import recall
-from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, unpack
+from taskspec.task.spaces import SpaceLayout, pack, unpack
 from taskspec.task.task import Component, Task
 
 if TYPE_CHECKING:
@@ -55,14 +55,14 @@ def _knowing(env: Environment, seed: int, name: str) -> Policy:
 
     if name.partition("(")[0] not in {known.partition("(")[0] for known in NAMES}:
         unknown(name, ("a .json or .csv file of actions", "FILE.py:FUNCTION"))
-    task, layout, policy = env.task, action_layout(env.task), named(env.task, name)
+    task, layout, policy = env.task, env.task.action_layout, named(env.task, name)
     memory = task.memory if policy.task.remembers else None
     rng, kept, done = np.random.default_rng(seed), list[Flat](), list[Flat]()
 
     def act(observation: Any) -> Any:
         state = {c.name: _state_array(c, env.state[c.name]) for c in task.state}
         if memory is not None:
-            kept[:] = recall(task, memory, unpack(observation_layout(task), observation), kept, done, env.time)
+            kept[:] = recall(task, memory, unpack(task.observation_layout, observation), kept, done, env.time)
             state |= {c.name: _array(c, flat) for c, flat in zip(memory.components, kept, strict=True)}
         words = rng.integers(0, 2**32, (policy.words, 1)).astype(np.uint32)
         chosen = policy.act(state, env.time, words)
@@ -154,7 +154,7 @@ def _number(cell: str) -> Any:
 
 def _action(task: Task, item: Any, path: Path) -> Any:
     """An item of a script as an action of the environment."""
-    layout = action_layout(task)
+    layout = task.action_layout
     try:
         parts = [item[c.name] for c in task.action] if isinstance(item, dict) else _parts(task, item)
         flats = [_flat(c, part) for c, part in zip(task.action, parts, strict=True)]

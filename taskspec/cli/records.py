@@ -8,7 +8,7 @@ from typing import Any
 
 from taskspec.cli.console import number
 from taskspec.lang.types import Domain, Kind
-from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Parameter, Soft, Task
 
 _SETS = {Kind.BOOL: "𝔹", Kind.INT: "ℤ", Kind.REAL: "ℝ"}
@@ -34,8 +34,8 @@ def record(task: Task) -> dict[str, Any]:
         "actions": count(task.action),
         "state": [component(c) for c in task.state],
         "action": [component(c) for c in task.action],
-        "observation_space": space(observation_layout(task)),
-        "action_space": space(action_layout(task)),
+        "observation_space": space(task.observation_layout),
+        "action_space": space(task.action_layout),
         "horizon": task.horizon,
         "discount": task.discount,
         "expert": expert_kind(task),

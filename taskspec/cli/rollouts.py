@@ -13,7 +13,7 @@ import numpy as np
 
 from taskspec.cli.policies import Policy, ScriptEnd
 from taskspec.lang.types import BOOLEAN_LABELS, Kind
-from taskspec.task.spaces import action_layout, unpack
+from taskspec.task.spaces import unpack
 
 if TYPE_CHECKING:
     from taskspec.envs import Environment
@@ -69,7 +69,7 @@ def rollout(env: Environment, policy: Policy, seed: int | None, max_steps: int, 
 def shown(env: Environment, action: Any) -> str:
     """An action for people: labels where it has them, and names for the other components of several."""
     components = env.task.action
-    words = [_words(c, flat) for c, flat in zip(components, unpack(action_layout(env.task), action), strict=True)]
+    words = [_words(c, flat) for c, flat in zip(components, unpack(env.task.action_layout, action), strict=True)]
     if len(words) == 1:
         return words[0]
     return ", ".join(x if _has_labels(c) else f"{c.name} = {x}" for c, x in zip(components, words, strict=True))

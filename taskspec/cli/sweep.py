@@ -38,7 +38,7 @@ Format = Annotated[
     list[str] | None,
     typer.Option(
         "--format", "-f", metavar="|".join(FORMATS), help="What else to write; may be repeated, or given with "
-        "commas. JSON, CSV and, with matplotlib, SVG by default.", autocompletion=lambda: FORMATS, show_default=False,
+        "commas. JSON, CSV and SVG by default.", autocompletion=lambda: FORMATS, show_default=False,
     ),
 ]  # fmt: skip
 Jobs = Annotated[
@@ -98,11 +98,9 @@ def sweep(
 
 
 def _formats(asked: Sequence[str] | None) -> list[str]:
-    """The formats to write; a picture only where it can be drawn, unless it was asked for."""
-    from taskspec.base.extras import is_installed
-
+    """Return the formats to write: JSON, CSV and an SVG picture unless others are asked for."""
     if asked is None:
-        return ["json", "csv", *(["svg"] if is_installed("matplotlib") else [])]
+        return ["json", "csv", "svg"]
     wanted = [name.strip() for text in asked for name in text.split(",")]
     for name in wanted:
         if name not in FORMATS:

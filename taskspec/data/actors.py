@@ -20,7 +20,7 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.policies.named import Named, named, unknown
 from taskspec.rollout.rollout import State
 from taskspec.scores.returns import Return
-from taskspec.task.spaces import SpaceLayout, action_layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 # ---------- functions
@@ -135,7 +135,7 @@ class _Knowing:
     """A named policy, which knows the state."""
 
     def __init__(self, policy: Named) -> None:
-        self.task, self.policy, self.name, self.layout = policy.task, policy, policy.name, action_layout(policy.task)
+        self.task, self.policy, self.name, self.layout = policy.task, policy, policy.name, policy.task.action_layout
 
     def act(self, now: Now) -> Any:
         words = draws.lanes_block(now.seeds, draws.POLICY, now.t, self.policy.words)

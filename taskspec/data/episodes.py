@@ -15,11 +15,11 @@ from typing import Any, Literal, NoReturn
 
 import numpy as np
 
-import taskspec
 from taskspec import draws
 from taskspec.backends.actions import BadActionError
 from taskspec.backends.numpy.engine import NumpyEngine
 from taskspec.backends.vector import Options
+from taskspec.base import __version__
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.progress import tell
@@ -28,7 +28,6 @@ from taskspec.data.transitions import Transitions, columns, concatenated, mapped
 from taskspec.envs.options import positive, seed_of
 from taskspec.model.model import misused
 from taskspec.registry import load
-from taskspec.task.spaces import observation_layout
 from taskspec.task.task import Task, TaskLike
 
 # ---------- episodes
@@ -84,7 +83,7 @@ def _check_sent(policy: Any, jobs: int) -> None:
 
 def _together(task: Task) -> int:
     """How many episodes are stepped together; a function of the task alone."""
-    numbers = sum(max(1, math.prod(part.shape)) for part in observation_layout(task).parts) + 8
+    numbers = sum(max(1, math.prod(part.shape)) for part in task.observation_layout.parts) + 8
     return max(1, min(LANES, NUMBERS // (numbers * (task.horizon or 1000))))
 
 
@@ -261,5 +260,5 @@ def described(task: Task, kind: str, actor: Actor, seed: int) -> dict[str, Any]:
         "kind": kind, "id": task.id, "instance": task.instance_id, "variant": task.variant, "parameters": dict(task.values),
         "modifiers": [str(m) for m in task.modifiers], "horizon": task.horizon, "discount": task.discount,
         "content_hash": task.content_hash, "policy": actor.name, "seed": seed, "return": told,
-        "versions": {"taskspec": taskspec.__version__, "numpy": np.__version__},
+        "versions": {"taskspec": __version__, "numpy": np.__version__},
     }  # fmt: skip

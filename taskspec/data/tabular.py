@@ -23,7 +23,7 @@ from taskspec.model.model import Model, Sparse, Step, misused, refuse, scipy_spa
 from taskspec.modifiers import modify
 from taskspec.policies.named import named
 from taskspec.registry import load
-from taskspec.task.spaces import SpaceLayout, observation_layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task, TaskLike
 
 LARGEST = 2**27
@@ -96,7 +96,7 @@ class Tabular:
         nodes = self.task.observation.nodes
         if draws(nodes) or any(role is Role.TIME for role, _ in reads(nodes)):
             refuse(f"the observation in {self.task.id} is not a function of the state", "take the states instead")
-        layout, held = observation_layout(self.task), Values.empty(observation_layout(self.task), self.n_states)
+        layout, held = self.task.observation_layout, Values.empty(self.task.observation_layout, self.n_states)
         values = evaluate(nodes, self.model.reads())
         flats = [np.broadcast_to(v, (*v.shape[:-1], self.n_states)) for v in values]
         write(layout, held.segments(), flats, np.arange(self.n_states))
@@ -110,7 +110,7 @@ class Tabular:
         Raises:
             SpecError: as for `observations`.
         """
-        layout, seen = observation_layout(self.task), self.observations
+        layout, seen = self.task.observation_layout, self.observations
         parts = [part.reshape(self.n_states, -1) for part in (seen.values() if isinstance(seen, dict) else [seen])]
         if layout.form in ("discrete", "multi_discrete"):
             each = zip(parts[0].T, layout.counts, _lowest(layout), strict=True)

@@ -1,10 +1,17 @@
-"""Random variates as pure functions of random words, and streams of them for many coming steps."""
+"""Random variates as pure functions of random words.
+
+A singular name takes Python integers and gives one Python value (`normal`); its plural takes uint32 arrays and is
+elementwise (`normals`). Where a variate takes several words, they lie along the first axis. Both forms give the same values
+to the bit: finite draws compare integers, and reals are float32 from the operations of `polynomials`, each rounded once, in
+the order written. Real draws are defined here, finite ones in `finite`.
+
+Words taken: uniform, bernoulli, exponential, index and categorical draws 1; n normals `normal_words`; a permutation of n
+things n; a Poisson of dynamic rate `poisson_words`; a Dirichlet of n parts `dirichlet_words`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from itertools import chain
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,19 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from taskspec.draws import polynomials
 from taskspec.draws.polynomials import F, Reals
 from taskspec.draws.threefry import CHUNK, Words
-
-# ---------- variates
-# Random variates as pure functions of random words.
-#
-# A singular name takes Python integers and gives one Python value (`normal`); its plural takes uint32
-# arrays and is elementwise (`normals`). Where a variate takes several words, they lie along the first
-# axis. Both forms give the same values to the bit: finite draws compare integers, and reals are
-# float32 from the operations of `polynomials`, each rounded once, in the order written. Real draws
-# are defined here, finite ones in `finite`.
-#
-# Words taken: uniform, bernoulli, exponential, index and categorical draws 1; n normals
-# `normal_words`; a permutation of n things n; a Poisson of dynamic rate `poisson_words`; a Dirichlet of n
-# parts `dirichlet_words`.
 
 GAMMA_TRIES = 4
 GAMMA_WORDS = 9  # two pairs for the normals of four tries, four for their tests, one for alpha < 1
@@ -171,27 +165,3 @@ def _gamma_try(x: Reals, word: Words, d: Reals, scale: Reals) -> tuple[Reals, ND
     v = root * root * root
     margin = F(0.5) * x * x + d * ((F(1) - v) + polynomials.log(v))
     return d * v, positive & (polynomials.exponential(word) + margin > F(0))
-
-
-# ---------- stream
-# Streams: what is computed for many coming steps at once, handed out one step at a time.
-
-Rows = Callable[[int, int], Sequence[Any]]
-"""`rows(first, count)`: what is handed out for counters first, first + 1, ...: one item each."""
-
-
-def stream(rows: Rows, first: int, width: int) -> Callable[[], Any]:
-    """A function that hands out the item of `first`, then of the next counter, and so on.
-
-    Blocks grow from one item, so that a fresh stream is cheap, to some tens of thousands of `width` words.
-    """
-    most = max(16, min(4096, 49_152 // max(1, width)))
-
-    def blocks() -> Iterator[Sequence[Any]]:
-        at, count = first, 1
-        while True:
-            yield rows(at, count)
-            at += count
-            count = min(count * 8, most)
-
-    return chain.from_iterable(blocks()).__next__

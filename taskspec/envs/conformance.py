@@ -20,7 +20,7 @@ from taskspec.envs.env import Environment
 from taskspec.envs.options import Autoreset, NotRunningError
 from taskspec.envs.state import plain_state
 from taskspec.envs.vector import VectorEnvironment
-from taskspec.task.spaces import action_layout, observation_layout, pack, unpack
+from taskspec.task.spaces import pack, unpack
 from taskspec.task.task import Task
 
 
@@ -74,7 +74,7 @@ class ReferenceEnv:
 
     def __init__(self, task: Task) -> None:
         self.task = task
-        self._observation, self._action = observation_layout(task), action_layout(task)
+        self._observation, self._action = task.observation_layout, task.action_layout
         self._run = Interpreter(task, 0)
 
     def reset(self, *, seed: int | None = None) -> tuple[Any, dict[str, Any]]:

@@ -20,14 +20,13 @@ from taskspec.envs import state as picture
 from taskspec.envs import window
 from taskspec.envs import window as keyboard
 from taskspec.envs.options import ENDINGS, ActionError, NotRunningError, one_of, seed_of, with_horizon
-from taskspec.envs.spaces import space
 from taskspec.envs.state import flat_state, overridden, plain_state
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.ir import Role
 from taskspec.lang.variates.sample import sampler
 from taskspec.registry import load
 from taskspec.task.parameters import Ending, RenderMode
-from taskspec.task.spaces import action_layout, observation_layout
+from taskspec.task.spaces import space
 from taskspec.task.task import Task, TaskLike
 
 Reset = Callable[..., tuple[Any, dict[str, Any]]]
@@ -83,11 +82,6 @@ class Environment(gymnasium.Env[Any, Any]):
         self._seed: int | None = None
         self._spec: EnvSpec | None = None
         self._start(0, Clock())
-
-    @staticmethod
-    def spaces_of(task: Task) -> tuple[gymnasium.Space[Any], gymnasium.Space[Any]]:
-        """The spaces of observations and of actions that the environments of a task have; makes no environment."""
-        return space(observation_layout(task)), space(action_layout(task))
 
     # -- Gymnasium ------------------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.experimental.functional import FuncEnv
 
 from taskspec.backends.jax import Functional, State
-from taskspec.envs.spaces import space
+from taskspec.task.spaces import space
 from taskspec.task.task import TaskLike
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ from taskspec.backends.vector import Engine
 from taskspec.envs import state, window
 from taskspec.envs import window as keyboard
 from taskspec.envs.options import LaneError, NotRunningError, one_of
-from taskspec.envs.spaces import space
 from taskspec.envs.state import plain_state
 from taskspec.task.parameters import RenderMode
+from taskspec.task.spaces import space
 from taskspec.task.task import Task
 
 RENDER_MODES: tuple[RenderMode, ...] = ("ansi", "rgb_array")

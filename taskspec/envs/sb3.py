@@ -22,12 +22,12 @@ from taskspec.backends.vector import LanesNotRunningError, Options
 from taskspec.base.extras import need
 from taskspec.envs.lanes import RENDER_MODES, LaneView, asked, rendered, unset
 from taskspec.envs.options import ActionError, NotRunningError, positive, seed_of, uncopied
-from taskspec.envs.spaces import space
 from taskspec.envs.window import Frames
 from taskspec.model.model import misused
 from taskspec.policies.experts import Expert
 from taskspec.registry import load
 from taskspec.task.parameters import RenderMode
+from taskspec.task.spaces import space
 from taskspec.task.task import Task, TaskLike
 
 need("stable_baselines3", "sb3")

@@ -39,12 +39,12 @@ from taskspec.envs.options import (
     uncopied,
     with_horizon,
 )
-from taskspec.envs.spaces import space
 from taskspec.envs.state import states, told
 from taskspec.envs.window import Frames
 from taskspec.modifiers import with_options
 from taskspec.registry import load
 from taskspec.task.parameters import Ending, RenderMode
+from taskspec.task.spaces import space
 from taskspec.task.task import Task, TaskLike
 
 if not hasattr(gymnasium.vector, "AutoresetMode"):

@@ -19,14 +19,14 @@ from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.extras import install_package, need
 from taskspec.envs import state as picture
 from taskspec.envs.options import invalid
-from taskspec.envs.spaces import labels
-from taskspec.task.spaces import action_layout, unpack
-from taskspec.task.task import Task
+from taskspec.lang.types import Kind
+from taskspec.task.spaces import unpack
+from taskspec.task.task import Component, Task
 
 # ---------- window
 # Frames of an environment, and the window that shows them: `render_mode="rgb_array"` and `"human"`.
 #
-# Figures lie above environments in the layers, so they are resolved by name, as `Task.make` does it, and when needed.
+# Figures lie above environments in the layers, so they are resolved by name when needed.
 
 LETTERS, LINES = 42, 2
 """Of a line of a note, and as many lines as there is room for, in every frame."""
@@ -42,6 +42,13 @@ def require() -> None:
         SpecError: E705, with what to install.
     """
     need("matplotlib", "figures")
+
+
+def labels(c: Component, value: Any) -> Any:
+    """A component's value for people: labels for choices, bools for conditions."""
+    if c.domain is not None and c.type.is_scalar:
+        return c.domain.labels[int(value)]
+    return bool(value) if c.type.kind is Kind.BOOL and c.type.is_scalar else value
 
 
 class Frames:
@@ -157,7 +164,7 @@ def actions(task: Task) -> list[Any]:
     Raises:
         SpecError: E713, where they are infinite, or more than there are keys.
     """
-    layout = action_layout(task)
+    layout = task.action_layout
     if layout.form == "box" or math.prod(layout.counts) > len(KEYS):
         message = f"{task.id} cannot be played with the keyboard: it has more actions than {len(KEYS)} keys"
         raise invalid(message)
@@ -179,7 +186,7 @@ def keys_to_action(task: Task) -> dict[tuple[int, ...], Any]:
 
 def names(task: Task) -> list[str]:
     """The actions in words, in the order of `actions`."""
-    layout = action_layout(task)
+    layout = task.action_layout
 
     def name(action: Any) -> str:
         values = unpack(layout, action)

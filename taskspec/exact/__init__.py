@@ -11,7 +11,7 @@ from taskspec.check.report import StaleScores as StaleScores
 from taskspec.check.report import check as check
 from taskspec.check.report import score as score
 from taskspec.check.report import scores as scores
-from taskspec.check.table import sense as sense
+from taskspec.check.warnings import warnings as warnings
 from taskspec.model.model import Model as Model
 from taskspec.policies.experts import Expert as Expert
 from taskspec.rules.claims import Verdict as Verdict

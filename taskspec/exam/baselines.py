@@ -16,7 +16,6 @@ import taskspec
 from taskspec.base.limits import also
 from taskspec.policies.values import policy_value
 from taskspec.scores.returns import Results, Return, normalised
-from taskspec.task.spaces import action_layout
 from taskspec.task.task import Task
 
 # ---------- known
@@ -79,7 +78,7 @@ def _constant(results: Results) -> Return:
 
 def _actions(task: Task) -> list[Any]:
     """Actions as the environment takes them: all where they are few, otherwise some; of ranges the ends and the middle."""
-    layout = action_layout(task)
+    layout = task.action_layout
     if layout.form == "discrete":
         return list(range(layout.starts[0], layout.starts[0] + min(layout.counts[0], MOST)))
     if layout.form == "multi_discrete":

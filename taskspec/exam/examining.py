@@ -13,7 +13,7 @@ from typing import Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.limits import written
-from taskspec.envs.measure import machine
+from taskspec.base.machine import machine
 from taskspec.exam import baselines
 from taskspec.exam.case import ExamTerms
 from taskspec.exam.findings import diagnose

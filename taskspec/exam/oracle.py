@@ -9,7 +9,6 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.data.preferences import WORDS, Teacher, return_ends
-from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
 
 Key = tuple[Hashable, Hashable, Hashable]
@@ -30,7 +29,7 @@ class Oracle:
 
     def __init__(self, task: Task, seed: int) -> None:
         self.task, self.rng = task, np.random.default_rng([seed, 0x7EAC4])
-        self.seen, self.done = (_dtype(layout.form) for layout in (observation_layout(task), action_layout(task)))
+        self.seen, self.done = (_dtype(layout.form) for layout in (task.observation_layout, task.action_layout))
         self.rewards: dict[Key, float] = {}
         self.older: dict[Key, float] = {}
 

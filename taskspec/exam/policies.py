@@ -16,7 +16,7 @@ from taskspec.policies.adapters import Asked, distribution
 from taskspec.policies.values import policy_value, states_of, transposed
 from taskspec.rollout.rollout import Rollout
 from taskspec.scores.returns import Results, Return
-from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 TIE = 1e-9
@@ -28,8 +28,8 @@ class Learned:
     """A policy, and the reward that it was learned from.
 
     Args:
-        reward: float64 (S, A, S) over the states and actions of `task.tabular()`, or a function of (obs, action, next_obs), all
-            (N, ...); `reward_distance` says how far it is from the true one.
+        reward: float64 (S, A, S) over the states and actions of `taskspec.data.tabular(task)`, or a function of
+            (obs, action, next_obs), all (N, ...); `reward_distance` says how far it is from the true one.
     """
 
     policy: Any
@@ -58,7 +58,7 @@ def values(policy: Any, results: Results, seed: int) -> PolicyValues:
     policy = policy.policy if isinstance(policy, Learned) else policy
     if isinstance(policy, list | tuple) or hasattr(policy, "__array__"):
         return _of_table(np.asarray(policy), results, seed)
-    chances = _chances(policy, results.task) if action_layout(results.task).form != "box" else None
+    chances = _chances(policy, results.task) if results.task.action_layout.form != "box" else None
     if chances is not None:
         return _of_chances(chances, policy, results, seed)
     if hasattr(policy, "predict"):
@@ -120,7 +120,7 @@ def _of_table(table: Array, results: Results, seed: int) -> PolicyValues:
 
     Rows that are no probabilities are values of actions, of which the best are taken, and none are drawn.
     """
-    seen, done = observation_layout(results.task), action_layout(results.task)
+    seen, done = results.task.observation_layout, results.task.action_layout
     if seen.form != "discrete" or done.form not in ("discrete", "multi_discrete"):
         misused(f"a table is a policy where observations are one number and actions finite, not on {results.task.id}")
     count, actions = seen.counts[0], int(np.prod(done.counts))
@@ -175,7 +175,7 @@ class _Telling:
     """A policy that tells probabilities of its actions, and draws by them where episodes are needed."""
 
     def __init__(self, chances: Chances, policy: Any, task: Task, seed: int) -> None:
-        self.action_probabilities, self.layout, self.rng = chances, action_layout(task), np.random.default_rng(seed)
+        self.action_probabilities, self.layout, self.rng = chances, task.action_layout, np.random.default_rng(seed)
         if hasattr(policy, "get_vec_normalize_env"):
             self.get_vec_normalize_env = policy.get_vec_normalize_env
 

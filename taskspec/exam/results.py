@@ -89,7 +89,7 @@ Diagnosis = TypedDict(
         "name": str, "message": str, "cause": str, "try": str, "source": str, "tasks": list[str], "evidence": list[str],
     },
 )  # fmt: skip
-"""What a pattern of scores usually means: see `taskspec.exam.findings.evaluate`."""
+"""What a pattern of scores usually means: see `taskspec.exam.findings.diagnose`."""
 
 
 class Exam(TypedDict):

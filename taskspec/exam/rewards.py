@@ -24,7 +24,6 @@ from taskspec.exam.policies import greedy
 from taskspec.model.model import misused, refuse
 from taskspec.registry import load
 from taskspec.solve.backward import action_values, backward, first_values
-from taskspec.task.spaces import action_layout
 from taskspec.task.task import Task, TaskLike
 
 NOTHING = 1e-11
@@ -49,7 +48,7 @@ class RewardDistance:
 
 
 def reward_distance(task: TaskLike, reward: Any) -> RewardDistance:
-    """How far a learned reward is from the true one; exact, on the exact model `task.tabular()`.
+    """How far a learned reward is from the true one; exact, on the exact model `taskspec.data.tabular(task)`.
 
     Args:
         reward: float (S, A, S) over its states and actions, (S, A), (S,) of the state that is left; or a function of observations
@@ -137,7 +136,7 @@ class _Chain:
 
     def _asked(self, reward: Any, left: Array, action: int, reached: Array) -> Array:
         """What a function of observations says of steps."""
-        layout = action_layout(self.model.task)
+        layout = self.model.task.action_layout
         one = (
             action + layout.starts[0]
             if layout.form == "discrete"

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from taskspec import registry
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.base.ids import InstanceId
-from taskspec.exam.rules import read_exam
-from taskspec.exam.rules.reading import exam_of
+from taskspec.rules.books import exam_of, read_exam
 from taskspec.task.task import Task, TaskLike
 
 

@@ -6,11 +6,12 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import NormalDist
-from typing import Any, Literal
+from typing import Literal
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.exam.results import CapabilityVerdict, Exam, Examined, Flag, Grade, Score, Told
-from taskspec.exam.statistics import ALARM, CONFIDENCE, Difference, estimate, mean, paired, unpaired
+from taskspec.rollout.statistics import ALARM, CONFIDENCE, Difference, estimate, mean, paired, unpaired
+from taskspec.rules.seeds import side
 
 # ---------- verdicts
 # Verdicts: which capabilities a learner masters, from the interval of its mean score and not from the mean.
@@ -18,11 +19,6 @@ from taskspec.exam.statistics import ALARM, CONFIDENCE, Difference, estimate, me
 MASTERED = 0.9
 """The score from which a task is mastered."""
 WORST_FIRST: tuple[Grade, ...] = ("fails", "unsure", "masters")
-
-
-def side(score: Mapping[str, Any]) -> str:
-    """What a score is of: "printed", "twin", or the name of a probe."""
-    return score["probe"] or ("printed" if score["twin"] is None else "twin")
 
 
 def by_seed(scores: Sequence[Score], task: str, which: str) -> dict[int, float]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from taskspec import __version__
+from taskspec.base import __version__
 from taskspec.base.limits import also
 from taskspec.base.progress import tell
 from taskspec.data.episodes import recorded
@@ -131,13 +131,9 @@ SECONDS = 0.2
 
 def _speed(task: Task) -> dict[str, Any]:
     """Steps per second of one environment and of many on NumPy, in time of the processor."""
-    from taskspec.envs import Environment
-    from taskspec.envs.measure import programs
-    from taskspec.envs.measure.race import race
+    from taskspec.envs.speed import steps_per_second
 
-    drives = (programs.scalar(Environment(task)), programs.vector(task, "numpy", LANES))
-    (one,), (many,) = race(drives, 1, SECONDS)
-    return dict(zip(SPEEDS, (one, many), strict=True))
+    return dict(zip(SPEEDS, steps_per_second(task, LANES, SECONDS), strict=True))
 
 
 def _sizes(task: Task, results: Results) -> dict[str, Any]:

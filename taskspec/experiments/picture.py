@@ -4,32 +4,36 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from io import BytesIO
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from taskspec.base.display import visible
-from taskspec.base.extras import need
-from taskspec.base.files import write_bytes
 from taskspec.experiments.results import Measured
+from taskspec.figures import chart, save
+from taskspec.figures.chart import Axis, Entry, Plot
+from taskspec.figures.scene import Box, Dash, Hex, Item, Scene, shifted
 from taskspec.task.schema.experiments import Experiment
 
 FORMATS = ("svg", "png", "pdf")
-WIDTH, HEIGHT, TITLE = 3.6, 2.7, 0.3
-"""Inches: of a panel, and of what stands above all."""
+WIDTH = 6.6
+HEIGHT = 4.8
+"""Of the axes of a panel, in centimetres."""
+APART = 1.0
 ACROSS = 3
 """Panels side by side."""
-LINES = {
-    "optimal": ("#009E73", "-", "optimal"), "expert": ("#0072B2", "--", "expert"), "random": ("#D55E00", "-.", "random actions"),
-    "worst": ("#000000", ":", "worst"),
+LINES: dict[str, tuple[Hex, Dash, str]] = {
+    "optimal": (chart.GREEN, "solid", "optimal"), "expert": (chart.BLUE, "dashed", "expert"),
+    "random": (chart.VERMILION, "dashdot", "random actions"), "worst": (Hex("#000000"), "dotted", "worst"),
 }  # fmt: skip
-"""Colour (of Okabe and Ito, which all eyes tell apart), dashes, and words for returns from theory."""
-OTHERS = ("#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
-MARKERS = "osD^vP"
+"""Colour, dashes and words for returns from theory."""
+OTHERS = (chart.PURPLE, chart.ORANGE, chart.SKY, chart.YELLOW)
 SHOWN = ("optimal", "expert", "random")
 MAPPED = ("optimal", "random")
+MOST_NUMBERS = 60
+"""Cells of a heat map that have their numbers in them."""
+NUMBER = 0.21
+"""The size of their letters."""
 
 
 def draw(experiment: Experiment, rows: Sequence[Measured], path: Path, learners: tuple[str, ...] = ()) -> None:
@@ -39,42 +43,32 @@ def draw(experiment: Experiment, rows: Sequence[Measured], path: Path, learners:
         learners: whose scores are drawn, in place of returns.
 
     Raises:
-        SpecError: E705 without matplotlib.
+        SpecError: E705 for PNG or PDF without matplotlib.
     """
-    matplotlib = need("matplotlib", "figures")
-    kind = path.suffix[1:].lower()
-    settings = {
-        "svg.hashsalt": "taskspec", "svg.fonttype": "path", "font.size": 8, "font.family": "DejaVu Sans",
-        "text.parse_math": False,
-    }  # fmt: skip
-    with matplotlib.rc_context(settings):
-        drawn = figure(experiment, rows, learners)
-        metadata: dict[str, Any] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}[
-            kind
-        ]
-        picture = BytesIO()
-        drawn.savefig(picture, format=kind, dpi=160, metadata=metadata)
-    write_bytes(path, picture.getvalue())
+    save(figure(experiment, rows, learners), path)
 
 
-def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str, ...] = ()) -> Any:
-    """The picture as matplotlib's `Figure`; instances without results are left out."""
+def figure(experiment: Experiment, rows: Sequence[Measured], learners: tuple[str, ...] = ()) -> Scene:
+    """Return the picture, without instances that have no results."""
     if learners:
-        plot = experiment.plot.model_copy(
-            update={"show": list(learners), "log": [n for n in experiment.plot.log if n != "value"]}
-        )
+        logs = [name for name in experiment.plot.log if name != "value"]
+        plot = experiment.plot.model_copy(update={"show": list(learners), "log": logs})
         experiment = experiment.model_copy(update={"plot": plot})
-    figures = need("matplotlib.figure", "figures")
     panels = _panels(experiment, [row for row in rows if row.error is None], bool(learners))
-    across = max(1, min(ACROSS, len(panels)))
-    down = max(1, math.ceil(len(panels) / across))
-    drawn = figures.Figure(figsize=(WIDTH * across, HEIGHT * down + TITLE), layout="constrained")
-    drawn.suptitle(visible(experiment.title or experiment.name), fontsize=9)
-    axes = [drawn.add_subplot(down, across, i + 1) for i in range(len(panels))]
-    for panel, each in zip(panels, axes, strict=True):
-        (_map if panel.y else _curves)(panel, each, experiment)
-        each.set_title(panel.title, fontsize=8)
-    return drawn
+    drawn = [chart.chart(_panel(panel, experiment), panel.title) for panel in panels]
+    items: list[Item] = []
+    widths = [max(scene.width for scene in drawn[i::ACROSS]) for i in range(min(ACROSS, len(drawn)))]
+    top = 0.9
+    for start in range(0, len(drawn), ACROSS):
+        line = drawn[start : start + ACROSS]
+        for i, scene in enumerate(line):
+            left = sum(widths[:i]) + APART * i
+            items += [shifted(item, left, top) for item in scene.items]
+        top += max(scene.height for scene in line) + APART
+    title = experiment.title or experiment.name
+    middle = (sum(widths) + APART * (len(widths) - 1)) / 2
+    items += chart.words(title, (middle, 0.3), 0.34)
+    return chart.chart(items, f"{title}: {', '.join(panel.title for panel in panels)}")
 
 
 @dataclass(frozen=True)
@@ -128,58 +122,110 @@ def _parts(rows: Sequence[Measured], names: Sequence[str]) -> list[tuple[dict[st
     return [({n: part[0].instance.varied[n] for n in names}, tuple(part)) for part in found.values()]
 
 
-# -- curves -------------------------------------------------------------------------------------------------------------
+def _panel(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
+    """Yield the title, the axes and the contents of a panel, from (0, 0)."""
+    yield from chart.words(panel.title, (WIDTH / 2, -0.4))
+    if panel.y is None:
+        yield from _curves(panel, experiment)
+    else:
+        yield from _map(panel, panel.y)
 
 
-def _curves(panel: _Panel, axes: Any, experiment: Experiment) -> None:
-    """What theory says as lines, with what is estimated as bands; roll-outs as marks with 95 % intervals."""
-    rows = (
-        panel.rows if panel.x is None else sorted(panel.rows, key=lambda row: _key(row.instance.varied[panel.x or ""]))
-    )
+# ---------- curves
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """Values along the x axis, with the halves of their intervals."""
+
+    entry: Entry
+    xs: Sequence[float]
+    values: Sequence[float]
+    halves: Sequence[float]
+
+    @property
+    def lows(self) -> list[float]:
+        return [value - half for value, half in zip(self.values, self.halves, strict=True)]
+
+    @property
+    def highs(self) -> list[float]:
+        return [value + half for value, half in zip(self.values, self.halves, strict=True)]
+
+
+def _curves(panel: _Panel, experiment: Experiment) -> Iterator[Item]:
+    """Yield exact returns as lines, estimates as bands around them, and rollouts as marks with 95 % intervals."""
+    rows = panel.rows
+    if panel.x is not None:
+        x = panel.x
+        rows = tuple(sorted(rows, key=lambda row: _key(row.instance.varied[x])))
     xs, labels = _positions(rows, panel.x)
-    spare = iter(OTHERS * 9)
+    theory = list(_theory(panel, rows, xs))
+    rollouts = list(_rollouts(rows, xs))
+    found = [*theory, *rollouts]
+    ends = [y for curve in found for y in (*curve.lows, *curve.highs)]
+    y_axis = chart.axis(ends, _quantity(panel), log="value" in experiment.plot.log)
+    plot = Plot(0.0, 0.0, WIDTH, HEIGHT, _x_axis(panel, experiment, xs, labels), y_axis)
+    yield from chart.frame(plot, grid=True)
+    for curve in theory:
+        yield from _line(plot, curve)
+    for curve in rollouts:
+        for x_value, y, low, high in zip(curve.xs, curve.values, curve.lows, curve.highs, strict=True):
+            yield from chart.error_bar(plot, x_value, low, high, curve.entry.color)
+            if curve.entry.shape is not None and plot.has(x_value, y):
+                yield chart.mark(plot.at(x_value, y), curve.entry.shape, curve.entry.color)
+    top = HEIGHT + chart.below_axis(plot.x) + (0.35 if plot.x.label else 0.1)
+    yield from chart.legend([curve.entry for curve in found], -0.6, top, WIDTH + 0.8)
+
+
+def _theory(panel: _Panel, rows: Sequence[Measured], xs: Sequence[float]) -> Iterator[_Curve]:
+    spare = itertools.cycle(OTHERS)
     for name in panel.show:
-        color, dashes, label = LINES.get(name) or (next(spare), "-", name)
-        values, halves = ([_number(row.values.get(key)) for row in rows] for key in (name, f"{name}_half"))
-        if all(map(math.isnan, values)):
-            continue
-        axes.plot(xs, values, dashes, color=color, label=label, marker="." if len(xs) < 30 else None)
-        if len(xs) == 1 and halves[0] > 0:
-            axes.errorbar(xs, values, halves, color=color, capsize=3)
-        elif any(half > 0 for half in halves):
-            low, high = zip(*((v - h, v + h) for v, h in zip(values, halves, strict=True)), strict=True)
-            axes.fill_between(xs, low, high, color=color, alpha=0.2, linewidth=0)
-    _rolled_out(rows, xs, axes)
-    _frame(axes, panel, experiment, xs, labels)
+        color, dash, label = LINES[name] if name in LINES else (next(spare), "solid", name)
+        values = [_number(row.values.get(name)) for row in rows]
+        halves = [_number(row.values.get(f"{name}_half")) for row in rows]
+        if not all(map(math.isnan, values)):
+            shape: chart.Shape | None = "circle" if len(xs) < 30 else None
+            known = [0.0 if math.isnan(half) else half for half in halves]
+            yield _Curve(Entry(label, color, dash, shape, filled=True), xs, values, known)
 
 
-def _rolled_out(rows: Sequence[Measured], xs: Sequence[float], axes: Any) -> None:
-    names = list(dict.fromkeys(name for row in rows for name in row.policies))
-    for i, name in enumerate(names):
+def _line(plot: Plot, curve: _Curve) -> Iterator[Item]:
+    """Yield a line, its marks, and a band, or an error bar if there is one point."""
+    color = curve.entry.color
+    if any(curve.halves) and len(curve.xs) > 1:
+        yield from chart.band(plot, curve.xs, curve.lows, curve.highs, color)
+    if any(curve.halves) and len(curve.xs) == 1:
+        yield from chart.error_bar(plot, curve.xs[0], curve.lows[0], curve.highs[0], color)
+    yield from chart.polyline(plot, curve.xs, curve.values, color, dash=curve.entry.dash or "solid")
+    for x, y in zip(curve.xs, curve.values, strict=True):
+        if curve.entry.shape is not None and plot.has(x, y):
+            yield chart.mark(plot.at(x, y), curve.entry.shape, color, size=0.06, filled=True)
+
+
+def _rollouts(rows: Sequence[Measured], xs: Sequence[float]) -> Iterator[_Curve]:
+    names = dict.fromkeys(name for row in rows for name in row.policies)
+    for name, shape in zip(names, itertools.cycle(chart.SHAPES), strict=False):
         found = [(x, row.policies[name]) for x, row in zip(xs, rows, strict=True) if name in row.policies]
-        means, halves = ([_number(each.get(key)) for _, each in found] for key in ("mean", "half"))
-        color = LINES.get(name, ("#444444",))[0]
-        at = [x for x, _ in found]
-        axes.errorbar(at, means, halves, fmt=MARKERS[i % len(MARKERS)], color=color, mfc="white", ms=4, capsize=2,
-                      label=f"{name}, rolled out")  # fmt: skip
+        means = [_number(each.get("mean")) for _, each in found]
+        halves = [_number(each.get("half")) for _, each in found]
+        color = LINES[name][0] if name in LINES else Hex("#444444")
+        yield _Curve(Entry(f"{name}, rolled out", color, None, shape), [x for x, _ in found], means, halves)
 
 
-def _frame(axes: Any, panel: _Panel, experiment: Experiment, xs: Sequence[float], labels: Sequence[str] | None) -> None:
+def _x_axis(panel: _Panel, experiment: Experiment, xs: Sequence[float], labels: Sequence[str] | None) -> Axis:
+    """Return the axis of the parameter, with a tick at each of its values if they are few."""
+    name = panel.x or ""
     if labels is not None:
-        axes.set_xticks(xs, labels, rotation=30 if max(map(len, labels), default=0) > 6 else 0, ha="right")
-    elif min(xs) > 0 and (panel.x in experiment.plot.log or _is_geometric(xs)):
-        axes.set_xscale("log")
-        axes.set_xticks(xs, [f"{x:g}" for x in xs], minor=False)
-        axes.minorticks_off()
-    elif all(float(x).is_integer() for x in xs) and len(xs) <= 12:
-        axes.set_xticks(xs, [f"{x:g}" for x in xs])
-    if "value" in experiment.plot.log:
-        axes.set_yscale("log")
-    axes.set_xlabel(panel.x or "")
-    axes.set_ylabel(_quantity(panel))
-    axes.grid(True, alpha=0.25, linewidth=0.5)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=6.5, frameon=False)
+        found = chart.axis(xs, name)
+        turned = 30.0 if max(map(len, labels), default=0) > 6 else 0.0
+        return replace(found, ticks=tuple(dict.fromkeys(zip(xs, labels, strict=True))), angle=turned)
+    at_values = tuple((x, chart.number(x)) for x in dict.fromkeys(xs))
+    if min(xs) > 0 and (panel.x in experiment.plot.log or _is_geometric(xs)):
+        return replace(chart.axis(xs, name, log=True), ticks=at_values)
+    found = chart.axis(xs, name)
+    if all(float(x).is_integer() for x in xs) and len(xs) <= 12:
+        return replace(found, ticks=at_values)
+    return found
 
 
 def _quantity(panel: _Panel) -> str:
@@ -216,42 +262,45 @@ def _number(value: Any) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-# -- heat maps ----------------------------------------------------------------------------------------------------------
+# ---------- heat maps
 
 
-def _map(panel: _Panel, axes: Any, experiment: Experiment) -> None:
-    """One number over two parameters; it stands in each cell as well, as far as there is room."""
-    assert panel.x is not None and panel.y is not None
-    across, up = (_sorted(panel.rows, name) for name in (panel.x, panel.y))
-    cells = {
-        (str(row.instance.varied[panel.x]), str(row.instance.varied[panel.y])): _number(row.values.get(panel.show[0]))
-        for row in panel.rows
-    }
-    grid = [[cells.get((a, b), math.nan) for a in across] for b in up]
-    image = axes.imshow(grid, origin="lower", aspect="auto", cmap="cividis", norm=_norm(list(cells.values())))
-    axes.figure.colorbar(image, ax=axes, shrink=0.85)
-    axes.set_xticks(range(len(across)), across)
-    axes.set_yticks(range(len(up)), up)
-    axes.set_xlabel(panel.x)
-    axes.set_ylabel(panel.y)
-    if len(across) * len(up) <= 60:
-        _write_numbers(axes, image, grid)
-
-
-def _norm(values: Sequence[float]) -> str:
-    """The scale of the colours: logarithmic for positive numbers that go over more than two orders of magnitude."""
-    known = [v for v in values if not math.isnan(v)]
-    return "log" if known and min(known) > 0 and max(known) > 100 * min(known) else "linear"
+def _map(panel: _Panel, y_name: str) -> Iterator[Item]:
+    """Yield one number over two parameters as colours; it stands in each cell as well, if there is room."""
+    assert panel.x is not None
+    across = _sorted(panel.rows, panel.x)
+    up = _sorted(panel.rows, y_name)
+    cells: dict[tuple[str, str], float] = {}
+    for row in panel.rows:
+        place = (str(row.instance.varied[panel.x]), str(row.instance.varied[y_name]))
+        cells[place] = _number(row.values.get(panel.show[0]))
+    known = [value for value in cells.values() if not math.isnan(value)] or [0.0]
+    is_log = min(known) > 0 and max(known) > 100 * min(known)
+    scale = chart.axis(known, log=is_log, margin=0.0)
+    width = WIDTH / len(across)
+    height = HEIGHT / len(up)
+    for i, b in enumerate(up):
+        bottom = HEIGHT - i * height
+        yield from chart.words(b, (-0.2, bottom - height / 2), chart.SMALL, "end")
+        for j, a in enumerate(across):
+            value = cells.get((a, b), math.nan)
+            if math.isnan(value):
+                continue
+            color = chart.blend(chart.CIVIDIS, scale.share(value))
+            yield Box((j * width, bottom - height), width, height, chart.hexadecimal(color), None)
+            if len(across) * len(up) <= MOST_NUMBERS:
+                at = (j * width + width / 2, bottom - height / 2)
+                yield from chart.words(f"{value:.3g}".replace("-", "−"), at, NUMBER, color=chart.ink(color))
+    yield Box((0.0, 0.0), WIDTH, HEIGHT, None, chart.EDGE)
+    for j, a in enumerate(across):
+        yield from chart.words(a, ((j + 0.5) * width, HEIGHT + 0.3), chart.SMALL)
+    yield from chart.words(panel.x, (WIDTH / 2, HEIGHT + 0.7), chart.SMALL)
+    widest = max(chart.breadth(b, chart.SMALL) for b in up)
+    yield from chart.words(y_name, (-0.45 - widest, HEIGHT / 2), chart.SMALL, angle=90)
+    bar = Plot(WIDTH + 0.35, HEIGHT * 0.08, 0.3, HEIGHT * 0.84, Axis(0, 1), scale)
+    yield from chart.color_bar(bar, chart.CIVIDIS)
 
 
 def _sorted(rows: Sequence[Measured], name: str) -> list[str]:
     values: Mapping[str, Any] = {str(row.instance.varied[name]): row.instance.varied[name] for row in rows}
     return sorted(values, key=lambda text: _key(values[text]))
-
-
-def _write_numbers(axes: Any, image: Any, grid: Sequence[Sequence[float]]) -> None:
-    for row, line in enumerate(grid):
-        for column, value in enumerate(line):
-            if not math.isnan(value):
-                color = "black" if image.norm(value) > 0.5 else "white"
-                axes.text(column, row, f"{value:.3g}", ha="center", va="center", fontsize=6, color=color)

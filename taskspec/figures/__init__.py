@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,110 +13,100 @@ import numpy as np
 from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors
 from taskspec.base.files import write_text
 from taskspec.figures import raster
-from taskspec.figures.bars import bars, table
-from taskspec.figures.curve import curve
-from taskspec.figures.graph import graph
-from taskspec.figures.grid import grid
 from taskspec.figures.marks import keyed
-from taskspec.figures.matrix import matrix
-from taskspec.figures.motion import MOST_LINKS, arm, portrait
 from taskspec.figures.overlays import OVERLAYS as OVERLAYS
 from taskspec.figures.overlays import PARTS
 from taskspec.figures.overlays import Overlay as Overlay
 from taskspec.figures.overlays import overlay as overlay
 from taskspec.figures.scene import Scene as Scene
-from taskspec.figures.scene import stated, with_legend
-from taskspec.figures.series import followed, series
+from taskspec.figures.scene import not_drawn, with_legend
+from taskspec.figures.series import episode_series
 from taskspec.figures.svg import svg as svg
 from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.figures.tikz import tikz as tikz
+from taskspec.figures.values import state_table
 from taskspec.model.model import NoModel
 from taskspec.registry import load
 from taskspec.soundness.soundness import soundness
+from taskspec.task.figure_kinds import DEFAULT, FIGURE_KINDS
 from taskspec.task.merge import merge
 from taskspec.task.task import Task, TaskLike
 
-KINDS: dict[str, Callable[[Task, Overlay], Scene | None]] = {
-    "graph": graph, "matrix": matrix, "grid": grid, "curve": curve, "bars": bars, "swaps": bars, "vector": bars,
-    "portrait": portrait, "series": series, "arm": arm,
-}  # fmt: skip
-
-NEEDED = {
-    "graph": "transition graphs need a finite task with few states and few crossing arrows that fits on a page",
-    "matrix": "tables of transitions need a finite task with at most 300 states visited",
-    "grid": "columns and rows are two integers of the state, up to 5,000",
-    "portrait": "phase portraits need two bounded numbers of the state, `at: [x, v]`, and steps without draws",
-    "series": "a series needs an expert given by expressions, no draws and finite numbers",
-    "arm": f"an arm has up to {MOST_LINKS} finite angles: `values: [a, a + b]`",
-    "curve": "a curve needs a component of the state: `at: [x, y]`",
-}
-"""What a figure of some kind needs; the others show a vector."""
-NEEDED_OTHERWISE = "bars need a vector: `values: v`"
-HINT = (
-    f"{NEEDED['graph']}; `figure: {{kind: ...}}` in a spec asks for another figure: "
-    + ", ".join(k for k in KINDS if k != "graph")
-)  # fmt: skip
+_OTHERS = ", ".join(name for name in FIGURE_KINDS if name != DEFAULT)
+HINT = f"{FIGURE_KINDS[DEFAULT].needs}; `figure: {{kind: ...}}` in a spec asks for another figure: {_OTHERS}"
+"""The hint for a task without a figure."""
 
 
 def undrawn(task: TaskLike) -> tuple[Diagnostic, ...]:
-    """W523 where the figure that a spec asks for cannot be drawn."""
+    """Return W523 if the figure that a spec asks for cannot be drawn, else nothing."""
     task = load(task)
     if task.figure is None or _drawn(task.unmodified, Overlay()) is not None:
         return ()
     place = merge(task.document, task.variant).key_span(("figure",))
-    hint = NEEDED.get(task.figure.kind, NEEDED_OTHERWISE)
-    return (Diagnostic("W523", place, f"no figure of kind `{task.figure.kind}` can be drawn of this task", hint),)
+    kind = FIGURE_KINDS[task.figure.kind]
+    return (Diagnostic("W523", place, f"no figure of kind `{kind.name}` can be drawn of this task", kind.needs),)
 
 
 def scene(task: TaskLike, over: Overlay | None = None) -> Scene | None:
-    """The figure of a task: the kind its spec asks for, else a graph where one can be drawn; None where none can.
+    """Return the figure of a task: of the kind that its spec asks for, else a graph if one can be drawn, else None.
 
-    A figure that a spec asks for is never missing: a knot of arrows becomes a table, and what has no room at these
-    parameters becomes a frame that says so. It shows the task as its spec has it: modifiers change none. What is laid
-    over it is told below it: how it is drawn, or else what is known of the state that the figure shows.
+    A figure that a spec asks for is never missing: a graph with too many crossings becomes a table, and a figure that does
+    not fit at these parameters becomes a frame that says so. It shows the task without its modifiers. Below it there is a
+    legend line for each overlay: how it is drawn, or its value at the state that the figure shows.
     """
-    task, over = load(task).unmodified, over or Overlay()
-    found = _drawn(task, over)
-    if found is None and task.figure is not None and over.here is None:
-        found = stated(task, NEEDED.get(task.figure.kind, NEEDED_OTHERWISE))
-    return found if found is None else with_legend(keyed(found), tuple(_legend(task, found, over)))
+    task = load(task).unmodified
+    over = over or Overlay()
+    drawn = _drawn(task, over)
+    if drawn is None and task.figure is not None and over.here is None:
+        drawn = not_drawn(task, FIGURE_KINDS[task.figure.kind].needs)
+    if drawn is None:
+        return None
+    return with_legend(keyed(drawn), tuple(_legend(task, drawn, over)))
 
 
-def _legend(task: Task, found: Scene, over: Overlay) -> Iterator[str]:
-    """Of each result that is laid over the figure how it is drawn; or in words; or that it is not."""
+def _legend(task: Task, drawn: Scene, over: Overlay) -> Iterator[str]:
+    """Yield a line for each overlay: how it is drawn, its value at the state shown, or that it is not drawn."""
     if not over.legend:
         return
     bare = _drawn(task, over.only(None))
-    known = {} if found.state is None or over.told is None else over.told(found.state)
+    values = {} if drawn.state is None or over.told is None else over.told(drawn.state)
     for part, (scale, what) in over.legend.items():
-        laid = _drawn(task, over.only(part)) if part in PARTS else None
-        if laid is not None and not laid.shows(bare):
-            yield f"{laid.drawn[part].format(scale)}: {what}"
-        elif part in known:
-            yield f"{what}, from the first state shown: {known[part]}"
+        with_part = _drawn(task, over.only(part)) if part in PARTS else None
+        if with_part is not None and not with_part.shows(bare):
+            yield f"{with_part.drawn[part].format(scale)}: {what}"
+        elif part in values:
+            yield f"{what}, from the first state shown: {values[part]}"
         else:
             yield f"not drawn: {what}"
 
 
 def _drawn(task: Task, over: Overlay) -> Scene | None:
-    """The figure, or None where it cannot be drawn.
+    """Return the figure, or None if it cannot be drawn.
 
     Raises:
-        SpecError: with the mistakes of a task that is not sound, where they are why it cannot be drawn.
+        SpecError: with the mistakes of an unsound task, if they are why it cannot be drawn.
     """
-    kind = "graph" if task.figure is None else task.figure.kind
+    kind = DEFAULT if task.figure is None else task.figure.kind
     try:
-        found = KINDS[kind](task, over)
-        is_knot = found is None and task.figure is not None and kind == "graph"
-        return matrix(task, over) if is_knot else found
+        drawn = _drawer(kind)(task, over)
+        if drawn is None and task.figure is not None and kind == "graph":
+            drawn = _drawer("matrix")(task, over)
+        return drawn
     except NoModel:
         raise_if_errors(soundness(task))
         return None
 
 
+def _drawer(kind: str) -> Callable[[Task, Overlay], Scene | None]:
+    """Return the function that draws a kind of figure."""
+    module, _, name = FIGURE_KINDS[kind].draw.partition(":")
+    found: Callable[[Task, Overlay], Scene | None] = getattr(import_module(module), name)
+    return found
+
+
 @dataclass(frozen=True)
 class ShownFigure:
-    """A task's figure in memory, as notebooks show it; `svg` is its text, None where none can be drawn."""
+    """A task's figure in memory, as notebooks show it; `svg` is its text, None if none can be drawn."""
 
     svg: str | None
 
@@ -124,33 +115,55 @@ class ShownFigure:
 
 
 def drawing(task: TaskLike, overlays: Iterable[str] = ()) -> ShownFigure:
-    """A task's figure in memory; `figure` writes it to a file. `overlays` are names of `OVERLAYS`.
+    """Return a task's figure in memory; `figure` writes it to a file.
+
+    Args:
+        task: what to draw.
+        overlays: names of `OVERLAYS`.
 
     Raises:
-        SpecError: E713 for another overlay, or one that needs an exact model.
+        SpecError: E713 for an unknown overlay, or one that needs an exact model.
     """
     task = load(task)
-    found = scene(task, overlay(task, overlays))
-    return ShownFigure(None if found is None else svg(found))
+    drawn = scene(task, overlay(task, overlays))
+    return ShownFigure(None if drawn is None else svg(drawn))
 
 
 def figure(task: TaskLike, path: Path | str, overlays: Iterable[str] = ()) -> Path:
-    """Draw a task's figure to a file: `.svg`, `.tex` (TikZ), `.png` or `.pdf`; `overlays` are names of `OVERLAYS`.
+    """Write a task's figure to a file.
+
+    Args:
+        task: what to draw.
+        path: ends in `.svg`, `.tex` (TikZ), `.png` or `.pdf`.
+        overlays: names of `OVERLAYS`.
+
+    Returns:
+        The path.
 
     Raises:
-        SpecError: when the task has no figure, the ending is another, or an extra is missing.
+        SpecError: if the task has no figure, the ending is unknown, or an extra is missing.
     """
-    task, path = load(task), Path(path)
-    found = scene(task, overlay(task, overlays))
-    if found is None:
+    task = load(task)
+    path = Path(path)
+    drawn = scene(task, overlay(task, overlays))
+    if drawn is None:
         raise SpecError((Diagnostic("E713", None, f"{task.id} has no figure that can be drawn", HINT),))
+    return save(drawn, path)
+
+
+def save(scene: Scene, path: Path) -> Path:
+    """Write a scene to a file that ends in `.svg`, `.tex` (TikZ), `.png` or `.pdf`; the same scene gives the same bytes.
+
+    Raises:
+        SpecError: E713 for another ending; E705 without matplotlib, which PNG and PDF need.
+    """
     match path.suffix:
         case ".svg":
-            write_text(path, svg(found) + "\n")
+            write_text(path, svg(scene) + "\n")
         case ".tex" | ".tikz":
-            write_text(path, f"{tikz_colors()}\n{tikz(found)}\n")
+            write_text(path, f"{tikz_colors()}\n{tikz(scene)}\n")
         case ".png" | ".pdf":
-            raster.save(found, path, path.suffix[1:])
+            raster.save(scene, path, path.suffix[1:])
         case other:
             message = f"'{other}' is not a format of figures"
             raise SpecError((Diagnostic("E713", None, message, "use .svg, .tex, .png or .pdf"),))
@@ -164,15 +177,16 @@ def render_frame(
     size: tuple[int, int] = (640, 480),
     seen: Mapping[int, Mapping[str, Any]] | None = None,
 ) -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """One state as a picture (height, width, 3) of uint8; every task has one.
+    """Return one state as a picture, (height, width, 3) of uint8; every task has one.
 
     Args:
         task: the task.
         state: values by component; labels or their indices for choices.
         title: lines of text above, such as the step.
-        size: width and height in pixels; frames of an episode are all alike in it.
-        seen: states of the episode by time, this one the last: what is drawn over time needs them.
+        size: width and height in pixels, the same for all frames of an episode.
+        seen: states of the episode by time, ending with this one; figures over time need them.
     """
-    task, over = load(task), Overlay(here=state, seen=seen or {})
-    found = scene(task, over) or followed(task.unmodified, over) or table(task, state)
-    return raster.pixels(found, size, title)
+    task = load(task)
+    over = Overlay(here=state, seen=seen or {})
+    drawn = scene(task, over) or episode_series(task.unmodified, over) or state_table(task, state)
+    return raster.pixels(drawn, size, title)

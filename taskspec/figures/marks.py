@@ -6,14 +6,27 @@ import math
 from collections.abc import Iterator
 from fractions import Fraction
 
-from taskspec.figures.scene import Box, Circle, Color, Item, Label, Line, Point, Scene, bezier, extended, text_width
+from taskspec.figures.scene import (
+    Box,
+    Circle,
+    Color,
+    Item,
+    Label,
+    Line,
+    Paint,
+    Point,
+    Scene,
+    bezier,
+    extended,
+    text_width,
+)
 from taskspec.printers import tree as m
 
 RADIUS, ROUND = 0.31, 0.2
 HATCH, RIM = 0.12, 0.03
 """Centimetres between two lines of a hatching, and between these and the outline."""
 
-SIGNS: dict[Color, tuple[tuple[Point, ...], ...]] = {
+SIGNS: dict[Paint, tuple[tuple[Point, ...], ...]] = {
     "good": (((-0.5, 0.0), (-0.15, 0.4), (0.5, -0.4)),),
     "bad": (((-0.4, -0.4), (0.4, 0.4)), ((-0.4, 0.4), (0.4, -0.4))),
     "end": (((-0.35, -0.35), (0.35, -0.35), (0.35, 0.35), (-0.35, 0.35), (-0.35, -0.35)),),
@@ -79,7 +92,7 @@ def _centre(item: Circle | Box) -> Point:
     return item.corner[0] + item.width / 2, item.corner[1] + item.height / 2
 
 
-def sign(role: Color, at: Point, size: float) -> Iterator[Line]:
+def sign(role: Paint, at: Point, size: float) -> Iterator[Line]:
     """The sign of a role."""
     for stroke in SIGNS[role]:
         yield Line(tuple((at[0] + size * x, at[1] + size * y) for x, y in stroke), width=0.035)

@@ -149,7 +149,7 @@ def arm(task: Task, overlay: Overlay) -> Scene | None:
     reach, joint = link * len(angles), min(0.11, 0.3 * link)
     items: list[Item] = [
         Circle((0.0, 0.0), reach, None, "faint"),
-        Line(((0.0, 0.0), (0.0, reach)), color="faint", dashed=True),
+        Line(((0.0, 0.0), (0.0, reach)), color="faint", dash="dashed"),
     ]
     items.append(Line(tuple(points), color="accent", width=1.45 * joint))
     items += [Circle(p, joint, "paper") for p in points[:-1]] + [Circle(points[-1], joint, "ink")]

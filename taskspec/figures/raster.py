@@ -1,4 +1,4 @@
-"""Scene -> pixels and PDF, through matplotlib, which brings its own fonts."""
+"""Scenes as pixels and PDF, through matplotlib, which brings its own fonts."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 import numpy as np
 
 from taskspec.base.extras import need
 from taskspec.base.files import write_bytes
-from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene, head, shaft
-from taskspec.figures.svg import COLORS
+from taskspec.figures.scene import Area, Box, Circle, Dash, Item, Label, Line, Scene, head, hex_color, shaft
 from taskspec.printers import tree as m
 from taskspec.printers.text import plain
 
 INCH = 2.54
 FONTS = ["DejaVu Serif", "DejaVu Sans"]  # both come with matplotlib; the second has the signs that the first lacks
 DPI = 200
+_DASHES: dict[Dash, Any] = {
+    "solid": "solid", "dashed": (0, (3, 2)), "dotted": (0, (1, 2)), "dashdot": (0, (5, 2, 1, 2)),
+}  # fmt: skip
 TITLE, LINE = 0.2, 0.4  # room for words above a frame and for each line of them, in centimetres
 LEAST_SCALE, LARGEST_SCALE = 0.6, 1.6
 OVERLAP = 2.5
@@ -38,9 +40,9 @@ def save(scene: Scene, path: Path, kind: str) -> None:
 
 
 def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[Any, np.dtype[np.uint8]]:
-    """The picture as an array (height, width, 3) of uint8, as large as fits in the middle of `size` = (width, height).
+    """Return the picture as an array (height, width, 3) of uint8, as large as fits in the middle of `size` = (width, height).
 
-    Where its words would be too small to read, the part of it is shown that holds its focus.
+    If its words would be too small to read, the part of it is shown that holds its focus.
     """
     agg = need("matplotlib.backends.backend_agg", "figures")
     width, height = (n * INCH / DPI for n in size)
@@ -64,7 +66,7 @@ def pixels(scene: Scene, size: tuple[int, int], title: str = "") -> np.ndarray[A
 
 
 def _first(room: float, size: float, focus: float) -> float:
-    """Where what is seen of a length begins: all of it in the middle, or else the page with the focus."""
+    """Return the start of the visible part of a length: all of it in the middle, or else the page with the focus."""
     if size <= room + 1e-9:
         return (size - room) / 2
     step = room - OVERLAP
@@ -74,7 +76,7 @@ def _first(room: float, size: float, focus: float) -> float:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without warnings about letters that no font has; they are drawn as boxes."""
+    """Hide warnings about letters that no font has; they are drawn as boxes."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing", category=UserWarning)
         yield
@@ -89,7 +91,7 @@ def _figure(scene: Scene) -> Any:
 
 
 def _canvas(width: float, height: float) -> tuple[Any, Any]:
-    """A figure of a size in centimetres, with axes that fill it."""
+    """Return a figure of a size in centimetres, with axes that fill it."""
     module, backend = need("matplotlib.figure", "figures"), need("matplotlib.backends.backend_agg", "figures")
     figure = module.Figure(figsize=(width / INCH, height / INCH), dpi=DPI)
     backend.FigureCanvasAgg(figure)
@@ -100,11 +102,11 @@ def _canvas(width: float, height: float) -> tuple[Any, Any]:
 
 def _draw_all(axes: Any, scene: Scene, scale: float) -> None:
     for order, item in enumerate(scene.items):
-        _draw(axes, item, order, scale)
+        _draw(axes, item, order, scale, FONTS if scene.font == "serif" else FONTS[1:])
 
 
-def _draw(axes: Any, item: Item, order: int, scale: float) -> None:
-    patches, paths = need("matplotlib.patches", "figures"), need("matplotlib.path", "figures")
+def _draw(axes: Any, item: Item, order: int, scale: float, fonts: list[str]) -> None:
+    patches = need("matplotlib.patches", "figures")
     points = 72 / INCH * scale  # a centimetre in points
     match item:
         case Circle(centre=centre, radius=r):
@@ -112,32 +114,35 @@ def _draw(axes: Any, item: Item, order: int, scale: float) -> None:
         case Box(corner=(x, y), width=w, height=h, round=corner):
             style = f"round,pad=0,rounding_size={corner}" if corner else "square,pad=0"
             axes.add_patch(patches.FancyBboxPatch((x, y), w, h, boxstyle=style, zorder=order, **_paint(item)))
+        case Area(points=corners):
+            axes.add_patch(patches.Polygon(corners, zorder=order, **_paint(item)))
         case Line():
             codes = [1, 4, 4, 4] if item.curved else [1] + [2] * (len(item.points) - 1)
-            path = paths.Path(shaft(item), codes)
-            dashes: Any = (0, (3, 2)) if item.dashed else "solid"
-            axes.add_patch(patches.PathPatch(path, fill=False, edgecolor=COLORS[item.color], zorder=order,
-                                             linewidth=item.width * points, linestyle=dashes))  # fmt: skip
+            path = need("matplotlib.path", "figures").Path(shaft(item), codes)
+            color = hex_color(item.color)
+            axes.add_patch(patches.PathPatch(path, fill=False, edgecolor=color, zorder=order, alpha=item.shade,
+                                             linewidth=item.width * points, linestyle=_DASHES[item.dash]))  # fmt: skip
             if item.arrow:
-                axes.add_patch(
-                    patches.Polygon(head(item), facecolor=COLORS[item.color], edgecolor="none", zorder=order)
-                )
+                axes.add_patch(patches.Polygon(head(item), facecolor=color, edgecolor="none", zorder=order))
         case Label(at=(x, y), anchor=anchor):
             side = {"start": "left", "middle": "center", "end": "right"}[anchor]
-            halo = {"facecolor": COLORS["paper"], "edgecolor": "none", "pad": 0.6} if item.halo else None
+            halo = {"facecolor": hex_color("paper"), "edgecolor": "none", "pad": 0.6} if item.halo else None
             axes.text(x, y, mathtext(item.text), fontsize=item.size * points * 0.95, ha=side, va="center_baseline",
-                      color=COLORS[item.color], zorder=order, family=FONTS, math_fontfamily="cm", bbox=halo)  # fmt: skip
+                      color=hex_color(item.color), zorder=order, family=fonts, math_fontfamily="cm", bbox=halo,
+                      rotation=item.angle, rotation_mode="anchor", weight="bold" if item.bold else "normal")  # fmt: skip
+        case _:
+            assert_never(item)
 
 
-def _paint(item: Circle | Box) -> dict[str, Any]:
-    matplotlib = need("matplotlib.colors", "figures")
-    face = "none" if item.fill is None else matplotlib.to_rgba(COLORS[item.fill], item.shade)
-    edge = "none" if item.line is None else COLORS[item.line]
+def _paint(item: Circle | Box | Area) -> dict[str, Any]:
+    colors = need("matplotlib.colors", "figures")
+    face = "none" if item.fill is None else colors.to_rgba(hex_color(item.fill), item.shade)
+    edge = "none" if item.line is None else hex_color(item.line)
     return {"facecolor": face, "edgecolor": edge, "linewidth": 0.9}
 
 
 def mathtext(tree: m.Math) -> str:
-    """A label in the notation that matplotlib draws: letters and scripts as mathematics, the rest as text."""
+    """Return a label in matplotlib's notation: letters and scripts as mathematics, the rest as text."""
     match tree:
         case m.Ident(text=text, style="italic") if text.isalpha():
             return f"${text}$"

@@ -54,7 +54,7 @@ def series(task: Task, overlay: Overlay) -> Scene | None:
     return fitted(items, f"An episode of the expert in {task.name} over time, {len(path) - 1} steps", state=path[0])
 
 
-def followed(task: Task, overlay: Overlay) -> Scene | None:
+def episode_series(task: Task, overlay: Overlay) -> Scene | None:
     """What a frame shows of a task without a picture of its states: all its numbers over time; None where they are others."""
     shown = len(task.state) <= MOST and all(not c.type.shape and c.domain is None for c in task.state)
     return _so_far(task, overlay.seen) if shown and task.figure is None else None

@@ -1,4 +1,4 @@
-"""Scene -> SVG. Colours are attributes that a page's style sheet may override by class."""
+"""Scenes as SVG. Colours are attributes that a page's style sheet may override by class."""
 
 from __future__ import annotations
 
@@ -6,31 +6,51 @@ from html import escape
 from typing import assert_never
 
 from taskspec.base.display import ON_PAGES, visible
-from taskspec.figures.scene import Box, Circle, Color, Item, Label, Line, Point, Scene, head, shaft
+from taskspec.figures.scene import (
+    Area,
+    Box,
+    Circle,
+    Dash,
+    Item,
+    Label,
+    Line,
+    Paint,
+    Point,
+    Scene,
+    head,
+    hex_color,
+    shaft,
+)
 from taskspec.printers import tree as m
 from taskspec.printers.text import plain
 
 SCALE = 38.0
-COLORS: dict[Color, str] = {
-    "ink": "#1f2933", "muted": "#6b7785", "faint": "#c3cad2", "paper": "#ffffff", "good": "#b7e4bf", "bad": "#f3a6a0",
-    "end": "#d5d9de", "accent": "#7aa7e0", "second": "#f2bd74",
+"""Pixels in a centimetre."""
+_FONTS = {
+    "serif": "'Latin Modern Math','STIX Two Math','Cambria Math','DejaVu Serif',serif",
+    "sans": "'DejaVu Sans',Verdana,'Segoe UI',Helvetica,Arial,sans-serif",
+}
+_DASHES: dict[Dash, tuple[float, ...]] = {
+    "solid": (), "dashed": (0.1, 0.08), "dotted": (0.03, 0.06), "dashdot": (0.14, 0.06, 0.03, 0.06),
 }  # fmt: skip
-_FONT = "'Latin Modern Math','STIX Two Math','Cambria Math','DejaVu Serif',serif"
+"""Lengths of strokes and gaps in centimetres."""
 
 
-def svg(scene: Scene, css: bool = False) -> str:
-    """An SVG picture.
+def svg(scene: Scene, css: bool = False, kind: str = "figure") -> str:
+    """Return an SVG picture.
 
     Args:
         scene: what to draw.
         css: for a page whose style sheet gives the colours; otherwise they are fixed, on white.
+        kind: the class of the picture, for the style sheet.
     """
-    w, h = _n(scene.width), _n(scene.height)
+    width, height = _n(scene.width), _n(scene.height)
     body = "".join(_item(item) for item in scene.items)
-    paper = "" if css else f'<rect width="{w}" height="{h}" fill="{COLORS["paper"]}"/>'
+    paper = "" if css else f'<rect width="{width}" height="{height}" fill="{hex_color("paper")}"/>'
+    font = escape(_FONTS[scene.font], quote=True)
     text = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {w} {h}" width="{w}" height="{h}" role="img" '
-        f'class="figure" font-family="{escape(_FONT, quote=True)}"><title>{escape(scene.alt)}</title>{paper}{body}</svg>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" role="img" '
+        f'class="{kind}" font-family="{font}"><title>{escape(scene.alt)}</title>{paper}{body}</svg>'
     )
     return visible(text, ON_PAGES)
 
@@ -46,11 +66,13 @@ def _point(p: Point) -> str:
 def _item(item: Item) -> str:
     match item:
         case Circle(centre=(x, y), radius=r):
-            return f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(r)}"{_paint(item.fill, item.line, item.shade)}/>'
+            return f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(r)}"{_paint(item)}/>'
         case Box(corner=(x, y), width=w, height=h, round=corner):
             rounded = f' rx="{_n(corner)}"' if corner else ""
             place = f'x="{_n(x)}" y="{_n(y)}" width="{_n(w)}" height="{_n(h)}"'
-            return f"<rect {place}{rounded}{_paint(item.fill, item.line, item.shade)}/>"
+            return f"<rect {place}{rounded}{_paint(item)}/>"
+        case Area(points=points):
+            return f'<polygon points="{" ".join(map(_point, points))}"{_paint(item)}/>'
         case Line():
             return _line(item)
         case Label():
@@ -59,38 +81,46 @@ def _item(item: Item) -> str:
             assert_never(item)
 
 
-def _paint(fill: Color | None, line: Color | None, shade: float = 1.0) -> str:
-    classes = " ".join(([f"fill-{fill}"] if fill else []) + ([f"line-{line}"] if line else []))
-    inside = f' fill="{COLORS[fill]}"' if fill else ' fill="none"'
-    faded = f' fill-opacity="{shade:.2f}"' if fill and shade < 1 else ""
-    edge = f' stroke="{COLORS[line]}" stroke-width="{_n(0.032)}"' if line else ""
-    return f' class="{classes}"{inside}{faded}{edge}'
+def _class(part: str, paint: Paint) -> str:
+    """Return the class of a role, or "" for a colour of its own."""
+    return "" if paint.startswith("#") else f"{part}-{paint}"
+
+
+def _paint(item: Circle | Box | Area) -> str:
+    classes = [_class(part, paint) for part, paint in (("fill", item.fill), ("line", item.line)) if paint is not None]
+    inside = "none" if item.fill is None else hex_color(item.fill)
+    faded = f' fill-opacity="{item.shade:.2f}"' if item.fill and item.shade < 1 else ""
+    edge = f' stroke="{hex_color(item.line)}" stroke-width="{_n(0.032)}"' if item.line else ""
+    return f' class="{" ".join(filter(None, classes))}" fill="{inside}"{faded}{edge}'
 
 
 def _line(line: Line) -> str:
-    points = shaft(line)
-    path = f"M{_point(points[0])} " + (
-        f"C{' '.join(map(_point, points[1:]))}" if line.curved else " ".join(f"L{_point(p)}" for p in points[1:])
-    )
-    dash = f' stroke-dasharray="{_n(0.1)} {_n(0.08)}"' if line.dashed else ""
-    color = f'class="line-{line.color}" stroke="{COLORS[line.color]}"'
-    out = f'<path d="{path}" fill="none" {color} stroke-width="{_n(line.width)}" stroke-linejoin="round"{dash}/>'
+    first, *others = map(_point, shaft(line))
+    path = f"M{first} C{' '.join(others)}" if line.curved else f"M{first} {' '.join(f'L{p}' for p in others)}"
+    dashes = " ".join(_n(length) for length in _DASHES[line.dash])
+    dash = f' stroke-dasharray="{dashes}"' if dashes else ""
+    faded = f' stroke-opacity="{line.shade:.2f}"' if line.shade < 1 else ""
+    color = f'class="{_class("line", line.color)}" stroke="{hex_color(line.color)}"'
+    out = f'<path d="{path}" fill="none" {color} stroke-width="{_n(line.width)}" stroke-linejoin="round"{dash}{faded}/>'
     if line.arrow:
         tip = " ".join(map(_point, head(line)))
-        out += f'<polygon points="{tip}" class="fill-{line.color}" fill="{COLORS[line.color]}"/>'
+        out += f'<polygon points="{tip}" class="{_class("fill", line.color)}" fill="{hex_color(line.color)}"/>'
     return out
 
 
 def _label(label: Label) -> str:
     x, y = label.at
-    halo = f' stroke="{COLORS["paper"]}" stroke-width="{_n(0.12)}" paint-order="stroke" class="halo fill-{label.color}"'
-    style = halo if label.halo else f' class="fill-{label.color}"'
+    fill = _class("fill", label.color)
+    halo = f' stroke="{hex_color("paper")}" stroke-width="{_n(0.12)}" paint-order="stroke" class="halo {fill}"'
+    style = halo if label.halo else f' class="{fill}"'
+    turned = f' transform="rotate({-label.angle:g} {_n(x)} {_n(y)})"' if label.angle else ""
+    weight = ' font-weight="bold"' if label.bold else ""
     place = f'x="{_n(x)}" y="{_n(y + label.size * 0.34)}" font-size="{_n(label.size)}" text-anchor="{label.anchor}"'
-    return f'<text {place} fill="{COLORS[label.color]}"{style}>{runs(label.text)}</text>'
+    return f'<text {place} fill="{hex_color(label.color)}"{style}{weight}{turned}>{runs(label.text)}</text>'
 
 
 def runs(tree: m.Math) -> str:
-    """Mathematics as pieces of text: letters in italics, scripts smaller and shifted."""
+    """Return mathematics as pieces of text: letters in italics, scripts smaller and shifted."""
     match tree:
         case m.Ident(text=text, style="italic"):
             return f'<tspan font-style="italic">{escape(text)}</tspan>'

@@ -9,7 +9,7 @@ import numpy as np
 
 from taskspec import draws
 from taskspec.base.arrays import Array
-from taskspec.figures.scene import Box, Item, Label, Line, text_width
+from taskspec.figures.scene import Box, Item, Label, Line, Scene, fitted, text_width
 from taskspec.lang import batch
 from taskspec.lang.evaluate import Flat, evaluate
 from taskspec.lang.ir import Node, Role
@@ -144,3 +144,25 @@ def _vector(x: float, width: float, flat: Flat) -> Iterator[Item]:
     yield Line(((x, HALF), (x + width, HALF)), color="muted", width=0.02)
     if len(flat) > MOST:
         yield Label((x + width + 0.2, HALF), m.Sym("…"), LETTERS)
+
+
+_ELEMENTS = 6
+_TABLE_WIDTH = 9.0
+
+
+def state_table(task: Task, state: Mapping[str, Any]) -> Scene:
+    """Draw a state as text, a line for each component, for tasks that have no figure."""
+    notation = of_task(task)
+    items: list[Item] = [Box((0.0, 0.0), _TABLE_WIDTH, 0.1, None, None)]  # all frames of an episode have one size
+    for i, c in enumerate(task.state):
+        text = m.Row((notation.symbol(c.name), m.Sym("="), m.Words(_words(c, state[c.name]))))
+        items.append(Label((0.0, 0.55 * i), text, anchor="start"))
+    return fitted(items, f"A state of {task.name}", margin=0.3)
+
+
+def _words(c: Component, value: Any) -> str:
+    if c.domain is not None and not isinstance(value, str) and np.ndim(value) == 0:
+        return c.domain.labels[int(value)]
+    flat = np.asarray(value).reshape(-1).tolist()
+    shown = ", ".join(f"{v:.4g}" if isinstance(v, float) else str(v) for v in flat[:_ELEMENTS])
+    return f"({shown}{', …' if len(flat) > _ELEMENTS else ''})" if c.type.shape else shown

@@ -17,7 +17,7 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any, BinaryIO
 
-from taskspec import __version__
+from taskspec.base import __version__
 from taskspec.base.diagnostics import TaskspecError
 from taskspec.jobs.store import Ending, unpacked
 

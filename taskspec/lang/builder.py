@@ -12,8 +12,7 @@ from taskspec.base.limits import Limits, count, how_to_raise, limits
 from taskspec.lang import interval
 from taskspec.lang.evaluate import Flat, apply_flat
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, rewrite
-from taskspec.lang.operators import OPERATORS, Operator
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators import OPERATORS, STRUCTURES, Elements, Operator, entry_of
 from taskspec.lang.types import BOOL, INF, INT, INT_MAX, REAL, Interval, Kind, Range, Refused, Shape, Type, join
 
 # ---------- folding
@@ -69,8 +68,10 @@ def power(base: Const, exponent: Const) -> tuple[Any, Type] | None:
 # here: sizes of vectors, bits of integers and the number of nodes.
 
 N = TypeVar("N", bound=Node)
-MOVING = {*STRUCTURES, "where"}
-"""Operators whose elements are elements of their arguments."""
+
+
+def _moves(node: Apply) -> bool:
+    return entry_of(node.op).elements is Elements.MOVED
 
 
 class Builder:
@@ -219,7 +220,7 @@ class Builder:
         def leaf(part: Node) -> Node | None:
             if isinstance(part, Const) and part.type.kind is Kind.REAL:
                 return self._of(tuple(map(plain, part.flat)), part.type)
-            return None if isinstance(part, Apply) and part.op in MOVING else part
+            return None if isinstance(part, Apply) and _moves(part) else part
 
         return rewrite([node], leaf, self.remake)[0]
 

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, exact, plain, walk
-from taskspec.lang.operators import OPERATORS
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators import OPERATORS, STRUCTURES
 from taskspec.lang.types import Type
 
 Flat = tuple[Any, ...]

@@ -17,9 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
-from taskspec.lang.operators import OPERATORS
-from taskspec.lang.operators.entry import Operator
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators import Operator, Structure, entry_of
 from taskspec.lang.types import EVERYTHING, HUGE, INF, INT_MAX, INT_WIDEST, Args, Interval, Kind, Range
 from taskspec.lang.variates import VARIATES
 
@@ -53,10 +51,8 @@ def step(node: Node, args: Args) -> Range:
             return Range(*_tidy(VARIATES[node.base].bounds(node, args), node.type.kind))
         case Apply(type=t) if t.kind is Kind.BOOL:
             return Range(0, 1)
-        case Apply(op=op) if op in STRUCTURES:
-            return Range(*_tidy(STRUCTURES[op].bounds(args, node), node.type.kind), all(a.finite for a in args))
         case Apply(op=op):
-            entry = OPERATORS[op]
+            entry = entry_of(op)
             found = _tidy(entry.bounds(args, node), node.type.kind)
             return Range(*found, node.type.kind is Kind.INT or entry.finite(args, found))
 
@@ -80,7 +76,7 @@ def single_step(node: Node, args: Args) -> Range:
     found = step(node, args)
     if node.type.kind is not Kind.REAL:
         return found
-    if isinstance(node, Apply) and node.op in OPERATORS and not _is_nearest(OPERATORS[node.op], args, found):
+    if isinstance(node, Apply) and not _is_nearest(entry_of(node.op), args, found):
         terms = max((c.type.size for c in children(node)), default=1)
         cancels = terms > 1 and any(a.low < 0 < a.high for a in args)
         low, high = abs(found.low), abs(found.high)
@@ -97,21 +93,23 @@ def rounded(found: Range) -> Range:
         return found._replace(low=float(np.float32(found.low)), high=float(np.float32(found.high)))
 
 
-def _is_nearest(op: Operator, args: Args, found: Range) -> bool:
-    """Whether results are the nearest floats, of either precision, or stay among the elements that they are made of."""
+def _is_nearest(op: Operator | Structure, args: Args, found: Range) -> bool:
+    """Return whether an operator is correctly rounded, in either precision, or only selects elements."""
+    if isinstance(op, Structure):
+        return True
     return op.precise if op.elementwise else found[:2] == args[0][:2]
 
 
 def _certain_step(node: Node, args: Args) -> Range:
     found = step(node, args)
     match node:
-        case Apply(op=op) if op in OPERATORS and OPERATORS[op].rounds:
+        case Apply(op=op) if entry_of(op).rounds:
             return Range(-INT_MAX, INT_MAX)
         case _ if node.type.kind is Kind.REAL:
             return Range(*EVERYTHING, False)
         case Draw() | Read(role=Role.TIME):  # counts, which stay within 32 bits
             return Range(found.low, min(found.high, INT_MAX))
-        case Apply(op=op) if op in OPERATORS and OPERATORS[op].wraps and max(-found.low, found.high) > INT_WIDEST:
+        case Apply(op=op) if entry_of(op).wraps and max(-found.low, found.high) > INT_WIDEST:
             return Range(*EVERYTHING)
         case _:
             return found

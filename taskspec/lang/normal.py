@@ -8,9 +8,8 @@ from typing import Any
 
 from taskspec.lang.interval import bounds
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, draws, walk
+from taskspec.lang.operators import Elements, entry_of
 from taskspec.lang.types import Kind, Range
-
-COMMUTATIVE = frozenset({"add", "mul", "and", "or", "eq", "ne"})
 
 
 class NormalForms:
@@ -44,14 +43,19 @@ def _key(node: Node, numbers: dict[int, int], rank: dict[int, int], edges: dict[
         case Draw(base=base, args=args, site=site):
             return ("draw", base, node.type, rank[site], tuple(numbers[id(a)] for a in args))
         case Apply(op=op, args=args, static=static):
-            found = [numbers[id(a)] for a in args]
             if op == "le" and _only_equal(args, edges):
                 op = "eq"
-            if op in COMMUTATIVE or (op in ("min2", "max2") and not _may_be_zeros(args)):
-                found.sort()
-            elif op == "swap":
-                found = [found[0], *sorted(found[1:])]
-            return ("apply", op, node.type, static, tuple(found))
+            return ("apply", op, node.type, static, _operands(op, args, numbers))
+
+
+def _operands(op: str, args: tuple[Node, ...], numbers: dict[int, int]) -> tuple[int, ...]:
+    """Return the numbers of operands, in ascending order where their order does not matter."""
+    operands = tuple(numbers[id(a)] for a in args)
+    entry = entry_of(op)
+    if not entry.commutative or (entry.elements is Elements.CHOSEN and _may_be_zeros(args)):
+        return operands
+    first = min(entry.indices, default=0)
+    return (*operands[:first], *sorted(operands[first:]))
 
 
 def _number(value: Any) -> str:

@@ -11,12 +11,11 @@ from taskspec.abstraction.abstraction import abstraction
 from taskspec.base.arrays import Array
 from taskspec.base.progress import tell
 from taskspec.data import Demonstrations, Tabular
-from taskspec.data.tabular import LookAlike
+from taskspec.data.tabular import LookAlike, tabular
 from taskspec.learners.case import LearnerCase, cannot_learn
 from taskspec.learners.settings import Matching
 from taskspec.model.model import NoModel
 from taskspec.solve.backward import backward, first_values
-from taskspec.task.spaces import observation_layout
 from taskspec.task.task import Task
 
 TOLD = 5000
@@ -69,7 +68,7 @@ def matched(config: Matching, case: LearnerCase) -> list[Timed]:
 
 
 def _matched(config: Matching, case: LearnerCase) -> list[Timed]:
-    found = case.task.tabular()
+    found = tabular(case.task)
     if found.horizon is None:
         cannot_learn(f"episodes of {case.task.id} have no horizon", "give the task one")
     if abstraction(case.task) is not None:
@@ -80,7 +79,7 @@ def _matched(config: Matching, case: LearnerCase) -> list[Timed]:
     reward, gaps, taken = fit(config, found, wanted, start)
     tables = soft_policy(found, reward, config)
     tables = np.moveaxis(tables[..., states], -1, -2)
-    layout = observation_layout(case.task)
+    layout = case.task.observation_layout
     learned, count, first = [], layout.counts[0], layout.starts[0]
     for i in range(len(reward)):
         table = np.full((len(tables), count, found.n_actions), 1 / found.n_actions)
@@ -94,7 +93,7 @@ def _matched(config: Matching, case: LearnerCase) -> list[Timed]:
 
 def _shown(found: Tabular, task: Task) -> Array:
     """What is seen in each state, as a number from 0 (S,)."""
-    layout = observation_layout(task)
+    layout = task.observation_layout
     if layout.form != "discrete":
         cannot_learn(f"observations of {task.id} are not one number", "take another learner")
     return np.asarray(found.observations).astype(np.int64) - layout.starts[0]

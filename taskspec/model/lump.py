@@ -12,7 +12,7 @@ from taskspec.base.arrays import Array
 from taskspec.lang.batch import array, evaluate
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, children, draws, rewrite, walk
-from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators import OPERATORS, entry_of
 from taskspec.lang.types import INT, Kind, Type
 from taskspec.lang.variates.counts import poisson_terms
 
@@ -82,9 +82,6 @@ def _enough_for(node: Node, sign: int, user: Node, users: Users, builder: Builde
 # anything can tell apart, as in `min(Poisson(3), 5)`, are one. The distribution of
 # the roots is the same, and every place that lists outcomes lists those of the lumped roots.
 
-COUNTED = ("sum", "count", "any", "all")
-"""Reductions to which the order of conditions is the same."""
-
 
 def lumped(roots: Iterable[Node], builder: Builder) -> tuple[Node, ...]:
     """Roots of the same joint distribution, whose draws have fewer outcomes where that is plain to see."""
@@ -131,7 +128,7 @@ def _reductions(flags: Node, users: Users) -> list[Apply] | None:
             if below is None:
                 return None
             found += below
-        elif user.op in COUNTED:
+        elif entry_of(user.op).from_count is not None:
             found.append(user)
         else:
             return None
@@ -208,13 +205,9 @@ def _given(root: Node, draw: Draw | None, value: bool, builder: Builder) -> Node
 
 def _reduced(reduction: Apply, total: Node, size: int, builder: Builder) -> Node:
     """A reduction of conditions from how many of them hold."""
-    match reduction.op:
-        case "any":
-            return builder.apply("lt", builder.scalar(0), total)
-        case "all":
-            return builder.apply("eq", total, builder.scalar(size))
-        case _:
-            return builder.cast(total, reduction.type.kind)
+    from_count = entry_of(reduction.op).from_count
+    assert from_count is not None
+    return builder.cast(from_count(builder, total, size), reduction.type.kind)
 
 
 # -- permutations of which little matters -------------------------------------------------------------------------

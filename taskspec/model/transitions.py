@@ -18,8 +18,7 @@ from taskspec.lang import interval
 from taskspec.lang.batch import evaluate
 from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, children, draws, reads, rewrite, walk
-from taskspec.lang.operators import OPERATORS
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators import entry_of
 from taskspec.lang.types import Range
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.entry import ProbabilityArithmetic
@@ -85,7 +84,7 @@ def _is_linear(root: Node, draw: Draw) -> bool:
 
 
 def _keeps_linear(op: str, below: list[bool]) -> bool:
-    return (OPERATORS[op] if op in OPERATORS else STRUCTURES[op]).linear(below)
+    return entry_of(op).linear(below)
 
 
 # ---------- outcomes
@@ -210,6 +209,40 @@ def _at_origin(origin: Array | None, point: Array) -> Array:
     return point if origin is None else origin[point]
 
 
+def joint_outcomes(
+    nodes: Sequence[Node], reads: Reads, lanes: int, numbers: ProbabilityArithmetic = FLOATS
+) -> Iterator[tuple[list[Array], Array, Array]]:
+    """Yield the values of some nodes together, for every outcome of their finite draws at `lanes` points.
+
+    Returns:
+        Batches of values (*shape, N) of each node, points (N,) and probabilities (N,). Values may occur several times.
+    """
+    for branch in branches(draws(nodes), reads, lanes, numbers):
+        point = np.arange(lanes) if branch.origin is None else branch.origin
+        values = evaluate(nodes, branch.place(reads), branch.sample)
+        everywhere = [np.broadcast_to(v, (*v.shape[:-1], len(point))) for v in values]
+        yield everywhere, point, np.broadcast_to(branch.weight, (len(point),))
+
+
+def merge_outcomes(keys: Sequence[Array], weight: Array) -> tuple[list[Array], Array]:
+    """Return distinct outcomes in order, the first key first, with their total probabilities.
+
+    Args:
+        keys: columns (N,) which together tell outcomes apart.
+        weight: their probabilities (N,), floats or rationals.
+    """
+    order = np.lexsort(keys[::-1]) if keys else np.arange(len(weight))
+    keys = [key[order] for key in keys]
+    weight = weight[order]
+    fresh = np.zeros(len(weight), np.bool_)
+    fresh[:1] = True
+    for key in keys:
+        fresh[1:] |= key[1:] != key[:-1]
+    start = np.flatnonzero(fresh)
+    total = weight if len(start) == len(weight) else np.add.reduceat(weight, start)
+    return [key[start] for key in keys], total
+
+
 def _at(values: Array, point: Array) -> Array:
     return values if values.shape[-1] == 1 else values[..., point]
 
@@ -306,14 +339,12 @@ class Steps:
         if self.states.size > MAX_CODES:
             refuse(f"there are {count_of(self.states.size)} states")
         codes, weights = [], []
-        for branch in branches(draws(self.first), {}, 1, numbers):
-            values = evaluate(self.first, {}, branch.sample)
-            size = 1 if branch.origin is None else len(branch.origin)
-            code, outside = self.states.encode(values, size)
+        for values, _, weight in joint_outcomes(self.first, {}, 1, numbers):
+            code, outside = self.states.encode(values, len(weight))
             if outside is not None and outside.any():
                 refuse("an episode can start outside the state space")
             codes.append(code)
-            weights.append(np.broadcast_to(branch.weight, (size,)))
+            weights.append(weight)
         every = np.concatenate(codes)
         first = distinct(every)
         return first, total(np.searchsorted(first, every), np.concatenate(weights), len(first))

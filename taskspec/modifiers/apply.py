@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import hashlib
 import re
 from collections.abc import Iterator, Mapping
@@ -12,6 +13,8 @@ from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
 from taskspec.lang.types import Refused
 from taskspec.modifiers import actions, episodes, observations, rewards, symmetries
 from taskspec.modifiers.entry import KEPT, Arguments, Inapplicable, ModifierArgument, ModifierEntry
+from taskspec.source import Packed, packed, unpacked
+from taskspec.task.build import build, reduce_task
 from taskspec.task.invariants import check_on_request
 from taskspec.task.parameters import Ending
 from taskspec.task.task import Modifier, Task
@@ -241,3 +244,25 @@ def _about(task: Task, changed: Task, entry: ModifierEntry, values: Arguments) -
 
 def _inapplicable(task: Task, given: Modifier, reason: str, hint: str | None) -> SpecError:
     return SpecError([Diagnostic("E720", None, f"{task.id} cannot be given '{given}': {reason}", hint)])
+
+
+def _reduce(task: Task) -> tuple[Any, ...]:
+    """Return a pickled task, with its modifiers, which are applied again when it is built."""
+    if not task.modifiers:
+        return reduce_task(task)
+    return _unpickled, (packed(task.document), task.variant, task.values, task.suite, task.modifiers, task.remembers)
+
+
+def _unpickled(
+    pack: Packed,
+    variant: str | None,
+    values: dict[str, Any],
+    suite: str,
+    modifiers: tuple[Modifier, ...],
+    remembers: bool,
+) -> Task:
+    task = modify(build(unpacked(pack), variant, values, suite), *modifiers)
+    return task.remembering() if remembers else task
+
+
+copyreg.pickle(Task, _reduce)  # in the place of what `build` registers for tasks without modifiers

@@ -11,9 +11,9 @@ from typing import TypeAlias
 import numpy as np
 
 from taskspec.base.diagnostics import suggest
-from taskspec.lang.builder import MOVING, Builder
+from taskspec.lang.builder import Builder
 from taskspec.lang.ir import Apply, Const, Node, Read, Role, children, plain, rewrite, walk
-from taskspec.lang.operators import OPERATORS
+from taskspec.lang.operators import OPERATORS, Elements, entry_of
 from taskspec.lang.types import Kind, Type
 from taskspec.modifiers.core import (
     MOST,
@@ -60,12 +60,9 @@ def _values(b: Builder, node: Node, args: list[Values]) -> Values:
         case Const():
             kind = Type(node.type.kind)
             return frozenset(b.const(v, kind) for v in set(node.flat))
-        case Apply(op="where"):
-            return _union(args[1:], b, node)
-        case Apply(op="index" | "element" | "slice" | "reshape" | "fill" | "swap"):
-            return args[0]
-        case Apply(op=op) if op in MOVING:
-            return _union(args, b, node)
+        case Apply(op=op) if entry_of(op).elements is Elements.MOVED:
+            indices = entry_of(op).indices
+            return _union([a for i, a in enumerate(args) if i not in indices], b, node)
         case Apply(op=op) if op in OPERATORS and OPERATORS[op].elementwise:
             found = _worked_out(b, op, args)
             return _within_bounds(b, node) if found is None else found

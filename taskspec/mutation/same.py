@@ -19,7 +19,7 @@ from taskspec.lang.normal import NormalForms
 from taskspec.lang.variates import VARIATES
 from taskspec.model.reach import visits
 from taskspec.model.space import Reads
-from taskspec.model.transitions import TIME, Steps, branches, count
+from taskspec.model.transitions import TIME, Steps, count, joint_outcomes, merge_outcomes
 from taskspec.solve.enclosure import Inexact, Reader
 from taskspec.solve.rational import Chances
 from taskspec.task.task import Component, Task
@@ -163,17 +163,12 @@ def _rows(steps: Steps, given: Reads) -> list[Array]:
 def _outcomes(roots: Sequence[Node], given: Reads, lanes: int) -> list[Array]:
     """Columns of outcomes, the last one their probabilities, in a fixed order."""
     parts = []
-    for branch in branches(draws(roots), given, lanes, Chances(Reader())):
-        values = evaluate(roots, branch.place(given), branch.sample)
-        point = np.arange(lanes) if branch.origin is None else branch.origin
+    for values, point, weight in joint_outcomes(roots, given, lanes, Chances(Reader())):
         rows = [row for v in values for row in v.reshape(-1, v.shape[-1])]
-        parts.append([np.broadcast_to(x, point.shape) for x in (point, *rows, branch.weight)])
+        parts.append([point, *rows, weight])
     *keys, weight = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    order = np.lexsort(keys[::-1])
-    keys, weight = [k[order] for k in keys], weight[order]
-    fresh = np.logical_or.reduce([np.append(True, k[1:] != k[:-1]) for k in keys])
-    starts = np.flatnonzero(fresh)
-    return [*(k[starts] for k in keys), np.add.reduceat(weight, starts)]
+    distinct, total = merge_outcomes(keys, weight)
+    return [*distinct, total]
 
 
 def _same(one: Sequence[Array], other: Sequence[Array]) -> bool:

@@ -18,7 +18,7 @@ from taskspec.pages.lines import Maker, formula
 from taskspec.pages.prose import CellTable, Cite, CodeSpan, Formula, Inline, Inlines, Mark, Text, inlines, listing
 from taskspec.printers import tree as m
 from taskspec.task.derived import build_abstract
-from taskspec.task.spaces import SpaceLayout, observation_layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Task
 
 # ---------- abstraction
@@ -107,7 +107,7 @@ def _all_of(task: Task) -> Iterator[Inline]:
     yield from listing([(CodeSpan(c.name),) for c in task.state])
     yield from _values(task.state)
     yield Text(", and the observation is ")
-    yield from _observation(observation_layout(task))
+    yield from _observation(task.observation_layout)
 
 
 def _values(components: tuple[Component, ...]) -> Iterator[Inline]:

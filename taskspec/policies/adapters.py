@@ -36,7 +36,7 @@ class Asked:
 
     def __init__(self, task: Task, policy: Any, deterministic: bool | None = None) -> None:
         self.task, self.policy, self.deterministic = task, policy, deterministic
-        self.seen, self.done = spaces.observation_layout(task), spaces.action_layout(task)
+        self.seen, self.done = task.observation_layout, task.action_layout
         self._words = WordLayout.of(task.observation.nodes)
         self._takes = _parameters(policy.predict)
         self._normalise = _normaliser(policy)

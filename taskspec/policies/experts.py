@@ -46,8 +46,8 @@ class Expert:
         self.task: Task = task
         self.results: Results = Results(task, expert=self.given)
         self.rng: np.random.Generator = np.random.default_rng(seed)
-        self.observation: spaces.SpaceLayout = spaces.observation_layout(task)
-        self.action: spaces.SpaceLayout = spaces.action_layout(task)
+        self.observation: spaces.SpaceLayout = task.observation_layout
+        self.action: spaces.SpaceLayout = task.action_layout
         self.memory: ExpertMemory | None = task.memory if self.given is None else None
         self.where: dict[str, int] = _where_states_are(task, self._looked_at())
 

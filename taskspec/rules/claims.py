@@ -1,4 +1,8 @@
-"""Claims about exact results, and the parameter values that they are about."""
+"""Claims about exact results, and the parameter values that they are about.
+
+Numbers are exact where they are (`B**-L` is a fraction) and intervals where they come from simulation. Two numbers are
+equal within 1e-9 of their size, or within the claim's `tolerance`; an interval is equal to any number that it contains.
+"""
 
 from __future__ import annotations
 
@@ -12,77 +16,23 @@ from taskspec.lang import syntax as s
 from taskspec.model.space import words
 from taskspec.modifiers import modify
 from taskspec.registry import load
-from taskspec.rules.evaluator import Evaluator, Terms, Truth
-from taskspec.rules.vocabulary import Undecidable, Unfit
-from taskspec.scores.returns import EPISODES, Results
+from taskspec.rollout.simulate import EPISODES
+from taskspec.rules.evaluator import Undecidable
+from taskspec.rules.results import ClaimEvaluator, Reason, Terms
+from taskspec.rules.vocabulary import InvalidClaim
+from taskspec.scores.returns import Results
 from taskspec.scores.saved import CLAIMS, OfClaim
 from taskspec.source import Path
 from taskspec.task.build import build
 from taskspec.task.merge import Merged, merge
 from taskspec.task.task import Claim, Task, TaskLike
 
-# ---------- settings
-# What is wrong with the parameter values that a claim or an example is about, said where they stand in its `for:`.
-
-_CODES = {"claims": "E603", "examples": "E613"}
-
-
-def wrong_setting(task: Task, section: str, number: int, case: Mapping[str, Any], error: SpecError) -> Diagnostic:
-    """The first thing that is wrong with the values of a case.
-
-    Args:
-        section, number: `claims` or `examples`, and which of them.
-        error: what building the task with these values came to.
-    """
-    found = error.diagnostics[0]
-    span = _place(
-        merge(task.document, task.variant), (section, number, "for") if case else (section, number), case, found
-    )
-    return Diagnostic(_CODES[section], span, found.message, found.hint)
-
-
-def _place(merged: Merged, path: Path, case: Mapping[str, Any], found: Diagnostic) -> Span:
-    """The name of a parameter that is not there, a value that it cannot have, or all that is given."""
-    for start, name in _names(merged, path) if case else ():
-        if name in case and f"has no parameter '{name}'" in found.message:
-            return merged.key_span((*start, name))
-        if name in case and found.message.startswith(f"parameter {name} "):
-            for at in _values(merged, (*start, name), case[name]):
-                return merged.span(at)
-    return merged.key_span(path)
-
-
-def _names(merged: Merged, path: Path) -> Iterator[tuple[Path, str]]:
-    """Every parameter of `for:`, with the path of the mapping in which it stands."""
-    grid = merged.data[str(path[0])][path[1]]["for"]
-    entries = [((*path, i), entry) for i, entry in enumerate(grid)] if isinstance(grid, list) else [(path, grid)]
-    yield from ((start, name) for start, entry in entries for name in entry)
-
-
-def _values(merged: Merged, path: Path, value: Any) -> Iterator[Path]:
-    """Where a value stands among those of a parameter."""
-    written: Any = merged.data
-    for step in path:
-        written = written[step]
-    if not isinstance(written, list):
-        yield from [path] if written == value else []
-    elif value in written:
-        yield (*path, written.index(value))
-
-
-# ---------- claims
-# Claims: statements about exact results, evaluated over the surface syntax by an interpreter of their own.
-#
-# Numbers are exact where they are (`B**-L` is a fraction) and intervals where they come from
-# simulation. Two numbers are equal within 1e-9 of their size, or within the claim's `tolerance`; an
-# interval is equal to what it contains.
-
 CONFIDENCE = 0.999
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of a claim for one choice of parameters.
+    """The result of a claim for one choice of parameters.
 
     `proved` holds by the exact model; `tested` was not contradicted by `episodes` of simulation at
     the stated confidence. The other statuses come with a diagnostic.
@@ -101,7 +51,11 @@ class Verdict:
 
 
 def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict]:
-    """The verdict on every claim of a task, one for each case of its `for:`."""
+    """Yield the verdict on every claim of a task, one for each case of its `for:`.
+
+    Args:
+        results: of the task, where they are known already.
+    """
     task = load(task)
     known: dict[str, Results | SpecError] = {}
     if results is not None:
@@ -113,7 +67,8 @@ def verdicts(task: TaskLike, results: Results | None = None) -> Iterator[Verdict
 
 
 def _verdict(task: Task, number: int, case: Mapping[str, Any], known: dict[str, Results | SpecError]) -> Verdict:
-    values, claim = task.given | dict(case), task.claims[number]
+    claim = task.claims[number]
+    values = task.given | dict(case)
     key = _key(values)
     if key not in known:
         known[key] = _results(task, values)
@@ -137,57 +92,61 @@ def _results(task: Task, values: dict[str, Any]) -> Results | SpecError:
 
 
 def decide(claim: Claim, results: Results, case: Mapping[str, Any] | None = None) -> Verdict:
-    """The verdict on a claim about the task of some results."""
+    """Return the verdict on a claim about the task of some results."""
     case = case or {}
     try:
-        truth, episodes = _looked_at(claim, results)
+        holds, reason, episodes = _evaluated(claim, results)
     except Undecidable as error:
         return _failed(claim, case, "undecided", str(error), (error.place or claim.expr).place, hint=results.remedy)
-    except Unfit as error:
+    except InvalidClaim as error:
         return _failed(claim, case, "broken", str(error), (error.place or claim.expr).place, hint=error.hint)
     except SpecError as error:
         return _failed(claim, case, "undecided", error.diagnostics[0].message, claim.expr.place)
-    return _settled(claim, case, truth, episodes)
+    return _verdict_on(claim, case, holds, reason, episodes)
 
 
-def _looked_at(claim: Claim, results: Results) -> tuple[Truth, int]:
-    """What becomes of a claim, and the episodes that it took.
+def _evaluated(claim: Claim, results: Results) -> tuple[bool | None, Reason, int]:
+    """Return whether a claim holds, the reason, and the episodes that it took.
 
-    A claim about a model is decided where it comes out the same by both readings of floats. One about episodes is
-    contradicted by intervals that hold for any distribution; where these leave it open it stands, unless normal
-    intervals speak against it.
+    A claim about a model is decided where both readings of floats agree. One about episodes is contradicted by
+    intervals that hold for any distribution; where these leave it open it holds, unless normal intervals contradict it.
     """
-    episodes = int(claim.options.get("episodes") or EPISODES)
-    terms = Terms(confidence=CONFIDENCE, episodes=episodes)
-    evaluator = Evaluator(results, claim.options, terms)
+    terms = Terms(confidence=CONFIDENCE, episodes=int(claim.options.get("episodes") or EPISODES))
+    evaluator = ClaimEvaluator(results, claim.options, terms)
+    holds, reason = _decided(evaluator, claim)
+    episodes = evaluator.simulated
+    if episodes:
+        if holds is None:
+            holds, reason = _decided(ClaimEvaluator(results, claim.options, replace(terms, soundly=False)), claim)
+            holds = holds is not False
+        return holds, reason, episodes
+    if holds and evaluator.rests_on:
+        episodes = evaluator.rests_on
+        why = f"of an abstraction that agreed with the task in {episodes:,} episodes"
+        reason = Reason(f"{reason.text}; {why}", reason.place)
+    if holds is not None and evaluator.ambiguous:
+        other, _ = _decided(ClaimEvaluator(results, claim.options, replace(terms, as_written=True)), claim)
+        if other is not holds:
+            return None, Reason(f"it depends on how decimals are rounded to floats: {reason.text}", reason.place), 0
+    return holds, reason, episodes
+
+
+def _decided(evaluator: ClaimEvaluator, claim: Claim) -> tuple[bool | None, Reason]:
     truth = evaluator.truth(claim.expr)
-    if truth.holds is None and evaluator.simulated:
-        other = Evaluator(results, claim.options, replace(terms, soundly=False)).truth(claim.expr)
-        return replace(other, holds=None if other.holds is False else True), evaluator.simulated
-    if truth.holds and not evaluator.simulated and evaluator.rests_on:
-        why = f"of an abstraction that agreed with the task in {evaluator.rests_on:,} episodes"
-        truth, episodes = replace(truth, detail=f"{truth.detail}; {why}"), evaluator.rests_on
-    else:
-        episodes = evaluator.simulated
-    if truth.holds is not None and not evaluator.simulated and evaluator.ambiguous:
-        other = Evaluator(results, claim.options, replace(terms, as_written=True)).truth(claim.expr)
-        if other.holds is not truth.holds:
-            detail = f"it depends on how decimals are rounded to floats: {truth.detail}"
-            return Truth(None, detail, truth.place or other.place), 0
-    return truth, episodes
+    return truth.holds, truth.evidence[-1]
 
 
-def _settled(claim: Claim, case: Mapping[str, Any], truth: Truth, episodes: int) -> Verdict:
-    place = (truth.place or claim.expr).place
-    if truth.holds:
-        return Verdict(claim, case, "tested" if episodes else "proved", truth.detail, episodes)
-    if truth.holds is None:
+def _verdict_on(claim: Claim, case: Mapping[str, Any], holds: bool | None, reason: Reason, episodes: int) -> Verdict:
+    place = reason.place.place
+    if holds:
+        return Verdict(claim, case, "tested" if episodes else "proved", reason.text, episodes)
+    if holds is None:
         hint = "give the claim a `tolerance`" if _compares(claim.expr) and not episodes else None
-        message = f"this claim is neither proved nor contradicted: {truth.detail}"
+        message = f"this claim is neither proved nor contradicted: {reason.text}"
         return _failed(claim, case, "undecided", message, place, episodes, hint)
     if not episodes:
-        return _failed(claim, case, "false", f"this claim does not hold: {truth.detail}", place)
-    how = f"{episodes:,} episodes contradict this claim at {CONFIDENCE:.1%} confidence: {truth.detail}"
+        return _failed(claim, case, "false", f"this claim does not hold: {reason.text}", place)
+    how = f"{episodes:,} episodes contradict this claim at {CONFIDENCE:.1%} confidence: {reason.text}"
     return _failed(claim, case, "contradicted", how, place, episodes)
 
 
@@ -209,3 +168,51 @@ def _failed(
     assert code is not None
     diagnostic = Diagnostic(code, place.span, message, hint, notes)
     return Verdict(claim, case, status, message, episodes, diagnostic)
+
+
+# -- parameter values of a case -------------------------------------------------------------------
+
+_CODES = {"claims": "E603", "examples": "E613"}
+
+
+def wrong_setting(task: Task, section: str, number: int, case: Mapping[str, Any], error: SpecError) -> Diagnostic:
+    """Return the first mistake in the parameter values of a case, at its place in `for:`.
+
+    Args:
+        section: `claims` or `examples`.
+        number: of the claim or example.
+        error: raised when the task was built with these values.
+    """
+    found = error.diagnostics[0]
+    path: Path = (section, number, "for") if case else (section, number)
+    span = _place(merge(task.document, task.variant), path, case, found)
+    return Diagnostic(_CODES[section], span, found.message, found.hint)
+
+
+def _place(merged: Merged, path: Path, case: Mapping[str, Any], found: Diagnostic) -> Span:
+    """Return the place of an unknown parameter, of an invalid value, or of all values."""
+    for start, name in _names(merged, path) if case else ():
+        if name in case and f"has no parameter '{name}'" in found.message:
+            return merged.key_span((*start, name))
+        if name in case and found.message.startswith(f"parameter {name} "):
+            for at in _values(merged, (*start, name), case[name]):
+                return merged.span(at)
+    return merged.key_span(path)
+
+
+def _names(merged: Merged, path: Path) -> Iterator[tuple[Path, str]]:
+    """Yield every parameter of `for:`, with the path of the mapping in which it stands."""
+    grid = merged.data[str(path[0])][path[1]]["for"]
+    entries = [((*path, i), entry) for i, entry in enumerate(grid)] if isinstance(grid, list) else [(path, grid)]
+    yield from ((start, name) for start, entry in entries for name in entry)
+
+
+def _values(merged: Merged, path: Path, value: Any) -> Iterator[Path]:
+    """Yield the path of a value among those of a parameter."""
+    written: Any = merged.data
+    for step in path:
+        written = written[step]
+    if not isinstance(written, list):
+        yield from [path] if written == value else []
+    elif value in written:
+        yield (*path, written.index(value))

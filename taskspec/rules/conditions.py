@@ -14,8 +14,10 @@ from taskspec.lang.check import Checker
 from taskspec.lang.ir import Node, Role, draws, reads
 from taskspec.lang.types import BOOL, Refused
 from taskspec.model.model import Model, refuse
+from taskspec.model.reach import differs
 from taskspec.model.transitions import TIME
-from taskspec.rules.vocabulary import Undecidable, Unfit
+from taskspec.rules.evaluator import Undecidable
+from taskspec.rules.vocabulary import InvalidClaim
 from taskspec.scores.returns import Results
 from taskspec.solve.bounded import UNKNOWN
 from taskspec.solve.policy_rules import Rule
@@ -31,19 +33,21 @@ def node_of(expr: s.Expr, task: Task) -> Node:
     """A condition of a claim as a core node.
 
     Raises:
-        Unfit: with the checker's own message.
+        InvalidClaim: with the checker's own message.
     """
     collector = Collector()
     checker = Checker(task.builder, collector)
     try:
         value = checker.check(expr, task.surface.scopes["claims"])
     except Refused as refused:
-        raise Unfit(refused.message, expr) from None
+        raise InvalidClaim(refused.message, expr) from None
     if value is None:
         found = collector.diagnostics
-        raise Unfit(found[0].message if found else "this cannot be understood", expr, found[0].hint if found else None)
+        raise InvalidClaim(
+            found[0].message if found else "this cannot be understood", expr, found[0].hint if found else None
+        )
     if value.node.type != BOOL or draws([value.node]):
-        raise Unfit("a condition on states and actions is needed here", expr)
+        raise InvalidClaim("a condition on states and actions is needed here", expr)
     return value.node
 
 
@@ -52,7 +56,7 @@ def condition_over_states(expr: s.Expr, model: Model) -> Array:
     node = node_of(expr, model.task)
     used = reads([node])
     if any(role is Role.ACTION for role, _ in used) or TIME in used:
-        raise Unfit("this condition is about states alone", expr)
+        raise InvalidClaim("this condition is about states alone", expr)
     (value,) = evaluate([node], model.reads())
     return np.broadcast_to(value, (model.n_states,))
 
@@ -81,7 +85,7 @@ def condition_over_actions(expr: s.Expr, model: Model) -> Timed:
 def condition_over_times(expr: s.Expr, model: Model) -> Timed:
     """In which states (S,) a condition on state and time holds, at a time."""
     if any(role is Role.ACTION for role, _ in reads([node_of(expr, model.task)])):
-        raise Unfit("it says where, so it cannot depend on the action", expr)
+        raise InvalidClaim("it says where, so it cannot depend on the action", expr)
     found = condition_over_actions(expr, model)
     return lambda t: found(t)[0]
 
@@ -149,18 +153,12 @@ def influences(action: s.Expr, state: s.Expr, results: Results) -> tuple[bool | 
     actions = {c.name: c for c in task.action}
     states = [c.name for c in task.state]
     if not (isinstance(action, s.Name) and action.id in actions):
-        raise Unfit(f"an action component is needed here: {', '.join(actions)}", action)
+        raise InvalidClaim(f"an action component is needed here: {', '.join(actions)}", action)
     if not (isinstance(state, s.Name) and state.id in states):
-        raise Unfit(f"a state component is needed here: {', '.join(states)}", state)
+        raise InvalidClaim(f"a state component is needed here: {', '.join(states)}", state)
     following = task.next[states.index(state.id)]
     if (Role.ACTION, action.id) not in reads([following]):
         return False, f"the next {state.id} does not depend on {action.id}"
     if results.model is None or results.model.task is not task:
         raise Undecidable("whether the action matters can only be told from an exact model", action)
-    return _differs(results.model, action.id, state.id)
-
-
-def _differs(model: Model, action: str, state: str) -> tuple[bool | None, str]:
-    from taskspec.model.reach import differs
-
-    return differs(model, action, state)
+    return differs(results.model, action.id, state.id)

@@ -1,4 +1,7 @@
-"""Worked examples, compared with the equations of a task value by value and outcome by outcome."""
+"""Worked examples: given values are substituted into the equations of a task, and the consequences compared.
+
+Draws are enumerated. Distributions with infinitely many outcomes are equal if they are written in the same way.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +17,14 @@ from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError
 from taskspec.lang import syntax as s
 from taskspec.lang.basechecker import Poisoned
-from taskspec.lang.batch import evaluate
 from taskspec.lang.check import Checker
-from taskspec.lang.ir import Const, Draw, Node, Read, Role, draws, reads, rewrite
+from taskspec.lang.ir import Const, Node, Read, Role, draws, reads, rewrite
 from taskspec.lang.normal import NormalForms
 from taskspec.lang.scope import Scope
-from taskspec.lang.types import BOOL, REAL, Refused
+from taskspec.lang.types import BOOL, INF, REAL, Refused
 from taskspec.lang.variates.entry import ProbabilityArithmetic
 from taskspec.model.space import domain, plain, words
-from taskspec.model.transitions import FLOATS, branches, count, is_finite
+from taskspec.model.transitions import FLOATS, count, is_finite, joint_outcomes, merge_outcomes
 from taskspec.registry import load
 from taskspec.rules.claims import wrong_setting
 from taskspec.solve.enclosure import Inexact, Reader
@@ -32,17 +34,24 @@ from taskspec.task.build import build
 from taskspec.task.context import assign
 from taskspec.task.task import Component, Example, Followed, Task, TaskLike
 
-# ---------- follow
-# What a task says beside what an example says: compared value by value, outcome by outcome, or form by form.
-
 MOST_OUTCOMES, MOST_NUMBERS = 100_000, 2_000_000
-RELATIVE, ABSOLUTE, CHANCE = 1e-9, 1e-12, 1e-9
-"""How far apart equal numbers may be, and equal probabilities that are not known exactly."""
+"""Outcomes, and numbers in all of them, up to which distributions are enumerated."""
+RELATIVE, ABSOLUTE = 1e-9, 1e-12
+"""Tolerances of equal numbers."""
+CHANCE = 1e-9
+"""Tolerance of equal probabilities that are not known exactly."""
 
 
 @dataclass(frozen=True)
 class Consequence:
-    """One thing that follows: in words, as a component, as the task has it, as the example has it, and where."""
+    """A consequence of what an example gives.
+
+    Args:
+        what: in words.
+        component: whose value it is.
+        actual, expected: as in the task, and as in the example.
+        expr: the place in the example.
+    """
 
     what: str
     component: Component
@@ -53,22 +62,15 @@ class Consequence:
 
 @dataclass(frozen=True)
 class JointOutcomes:
-    """Values (K, elements) of some nodes together, with their probabilities (K,) as rationals or floats."""
+    """Distinct values (K, elements) of a node, in order, with their probabilities (K,) as rationals or floats."""
 
     values: Array
     weights: Array
 
-    def chance(self, row: Array) -> float | Fraction:
-        """How likely some values are."""
+    def probability(self, row: Array) -> float | Fraction:
+        """Return the probability of values (elements,)."""
         nothing = Fraction(0) if self.weights.dtype == object else 0.0
         return sum(self.weights[_close(self.values, row)].tolist(), nothing)
-
-    def merged(self) -> JointOutcomes:
-        """With each of the values once, in order."""
-        distinct, which = np.unique(self.values, axis=0, return_inverse=True)
-        order = np.argsort(which.reshape(-1), kind="stable")
-        starts = np.searchsorted(which.reshape(-1)[order], np.arange(len(distinct)))
-        return JointOutcomes(distinct, np.add.reduceat(self.weights[order], starts))
 
 
 def _close(rows: Array, row: Array) -> Array:
@@ -77,57 +79,48 @@ def _close(rows: Array, row: Array) -> Array:
     return np.asarray(((rows == row) | near | (np.isnan(rows) & np.isnan(row))).all(axis=1))
 
 
-def _alike(one: float | Fraction, other: float | Fraction) -> bool:
-    """Whether two probabilities are equal: exactly where both are known exactly."""
+def _are_equal(one: float | Fraction, other: float | Fraction) -> bool:
+    """Return whether two probabilities are equal: exactly if both are known exactly."""
     if isinstance(one, Fraction) and isinstance(other, Fraction):
         return one == other
     return abs(float(one) - float(other)) <= CHANCE
 
 
 def outcomes(nodes: Sequence[Node]) -> JointOutcomes | None:
-    """All values that can come of some nodes that read nothing, each once; None where there is no end to them, or too many."""
-    found = listed(nodes)
-    return None if found is None else found.merged()
-
-
-def listed(nodes: Sequence[Node]) -> JointOutcomes | None:
-    """The same, a value as often as draws lead to it."""
+    """Return the joint outcomes of nodes that read nothing; None if there are infinitely many, or too many."""
     found = draws(nodes)
     size = sum(node.type.size for node in (*nodes, *found))
     if not all(map(is_finite, found)) or count(found, {}) > min(MOST_OUTCOMES, MOST_NUMBERS / max(1, size)):
         return None
     try:
-        return _enumerated(nodes, found, Chances(Reader(as_written=True)))
+        return _enumerated(nodes, Chances(Reader(as_written=True)))
     except Inexact:
-        return _enumerated(nodes, found, FLOATS)
+        return _enumerated(nodes, FLOATS)
 
 
-def _enumerated(nodes: Sequence[Node], found: Sequence[Draw], numbers: ProbabilityArithmetic) -> JointOutcomes:
-    """Outcomes of the draws one after the other, with probabilities as rationals or as floats."""
+def _enumerated(nodes: Sequence[Node], numbers: ProbabilityArithmetic) -> JointOutcomes:
     rows, weights = [], []
-    for branch in branches(found, {}, 1, numbers):
-        n = 1 if branch.origin is None else len(branch.origin)
-        values = evaluate(nodes, {}, branch.sample)
-        flat = [np.broadcast_to(v, (*v.shape[:-1], n)).reshape(-1, n) for v in values]
-        rows.append(np.concatenate(flat).T.astype(np.float64))
-        weights.append(np.broadcast_to(branch.weight, (n,)))
-    return JointOutcomes(np.concatenate(rows), np.concatenate(weights))
+    for values, _, weight in joint_outcomes(nodes, {}, 1, numbers):
+        rows.append(np.concatenate([v.reshape(-1, len(weight)) for v in values]).astype(np.float64))
+        weights.append(weight)
+    columns, total = merge_outcomes(list(np.concatenate(rows, axis=1)), np.concatenate(weights))
+    return JointOutcomes(np.array(columns).T.reshape(len(total), -1), total)
 
 
 def compare(asked: Consequence, collector: Collector) -> None:
-    """Report one thing that does not follow as the example says."""
+    """Report a consequence that is not that of the task."""
     actual, expected = outcomes([asked.actual]), outcomes([asked.expected])
     if actual is None or expected is None:
         _compare_forms(asked, collector)
         return
-    if all(_alike(actual.chance(row), p) for row, p in zip(expected.values, expected.weights, strict=True)):
+    if all(_are_equal(actual.probability(row), p) for row, p in zip(expected.values, expected.weights, strict=True)):
         return
-    message = f"{asked.what} is {_told(asked.component, actual)}, not {_told(asked.component, expected)}"
+    message = f"{asked.what} is {_in_words(asked.component, actual)}, not {_in_words(asked.component, expected)}"
     collector.add("E611", asked.expr.place, message)
 
 
 def _compare_forms(asked: Consequence, collector: Collector) -> None:
-    """Distributions that cannot be enumerated are the same when they are written alike."""
+    """Compare distributions that cannot be enumerated: they are equal if their normal forms are."""
     forms = NormalForms()
     if forms.all([asked.actual]) == forms.all([asked.expected]):
         return
@@ -139,31 +132,31 @@ def _compare_forms(asked: Consequence, collector: Collector) -> None:
     collector.add("E612", asked.expr.place, message, "write the distribution as the spec does")
 
 
-def likely(asked: Sequence[Consequence], chance: Fraction, example: Example, collector: Collector) -> None:
-    """Report a set of values that is not as likely as the example says."""
-    actual = listed([a.actual for a in asked])
+def compare_probability(asked: Sequence[Consequence], chance: Fraction, example: Example, collector: Collector) -> None:
+    """Report joint values whose probability is not that of the example."""
+    actual = outcomes([a.actual for a in asked])
     expected = outcomes([a.expected for a in asked])
     if actual is None:
         message = "the probability cannot be computed: the draws have infinitely many, or too many, outcomes"
         collector.add("E612", example.place, message)
     elif expected is None or len(expected.values) > 1:
         collector.add("E613", example.place, "with a probability, give one value for each name")
-    elif not _alike(actual.chance(expected.values[0]), chance):
-        message = f"this has a probability of {_number(actual.chance(expected.values[0]))}, not {_number(chance)}"
+    elif not _are_equal(actual.probability(expected.values[0]), chance):
+        message = f"this has a probability of {_number(actual.probability(expected.values[0]))}, not {_number(chance)}"
         collector.add("E611", example.probability.place if example.probability else example.place, message)
 
 
 # -- words ----------------------------------------------------------------------------------------
 
 
-def _told(c: Component, found: JointOutcomes) -> str:
-    """A value, or a few of many with their probabilities."""
+def _in_words(c: Component, found: JointOutcomes) -> str:
+    """Return a value in words, or a few of many with their probabilities."""
     order = np.argsort(-found.weights, kind="stable")
-    told = [_one(c, found.values[i]) for i in order[:4]]
+    shown = [_one(c, found.values[i]) for i in order[:4]]
     if len(order) == 1:
-        return told[0]
+        return shown[0]
     chances = [_number(found.weights[i]) for i in order[:4]]
-    parts = [f"{value} ({p})" for value, p in zip(told, chances, strict=True)]
+    parts = [f"{value} ({p})" for value, p in zip(shown, chances, strict=True)]
     return ", ".join(parts) + (", ..." if len(order) > 4 else "")
 
 
@@ -174,7 +167,7 @@ def _one(c: Component, row: Array) -> str:
 
 def _value(asked: Consequence) -> str:
     found = outcomes([asked.expected])
-    return "this" if found is None else _told(asked.component, found)
+    return "this" if found is None else _in_words(asked.component, found)
 
 
 def _number(p: float | Fraction) -> str:
@@ -182,18 +175,14 @@ def _number(p: float | Fraction) -> str:
     return str(ratio) if abs(ratio - Fraction(p)) <= 1e-12 else f"{float(p):.6g}"
 
 
-# ---------- examples
-# Worked examples, held against the equations of a task: what is given is put in, and what follows is compared.
-#
-# Chance is enumerated. What is drawn from distributions without end can only be told to be the same when it is written alike.
+# -- examples -------------------------------------------------------------------------------------
 
-ENDLESS = float("inf")
-REWARD = Component("reward", REAL, (-ENDLESS,), (ENDLESS,))
+REWARD = Component("reward", REAL, (-INF,), (INF,))
 ENDS = {"terminal": Component("terminal", BOOL, (0,), (1,)), "truncated": Component("truncated", BOOL, (0,), (1,))}
 
 
 def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
-    """Every problem with the examples of a task, each with the number of its example."""
+    """Yield every problem with the examples of a task, with the number of its example."""
     task = load(task)
     known: dict[str, Task | SpecError] = {}
     for i, example in enumerate(task.examples):
@@ -210,7 +199,7 @@ def wrong_examples(task: TaskLike) -> Iterator[tuple[int, Diagnostic]]:
 
 
 def _for(task: Task, case: Mapping[str, Any]) -> Task | SpecError:
-    """The task for the parameter values of an example."""
+    """Return the task for the parameter values of an example."""
     try:
         return build(task.document, task.variant, task.given | dict(case), task.suite) if case else task
     except SpecError as error:
@@ -247,7 +236,7 @@ class _Trial:
 
     def _run(self) -> None:
         self._check_time()
-        asked = [found for follows in self.example.follows if (found := self._asked(follows)) is not None]
+        asked = [found for follows in self.example.follows if (found := self._consequence(follows)) is not None]
         chance = self._chance()
         if self.collector.diagnostics:
             return
@@ -255,7 +244,7 @@ class _Trial:
             for one in asked:
                 compare(one, self.collector)
         else:
-            likely(asked, chance, self.example, self.collector)
+            compare_probability(asked, chance, self.example, self.collector)
 
     def _check_time(self) -> None:
         horizon = self.task.horizon
@@ -267,7 +256,7 @@ class _Trial:
 
     @cached_property
     def given(self) -> dict[tuple[Role, str], Node | None]:
-        """State, action and time as constants; None for what is broken (and reported)."""
+        """State, action and time as constants; None for those that are wrong, which is reported."""
         components = {(Role.STATE, c.name): c for c in self.task.remembering().state}
         components |= {(Role.ACTION, c.name): c for c in self.task.action}
         found: dict[tuple[Role, str], Node | None] = {
@@ -286,8 +275,8 @@ class _Trial:
             return None
         return node
 
-    def _put_in(self, node: Node, what: str) -> Node | None:
-        """A node with all that is given put in; None where something is missing (and reported)."""
+    def _substituted(self, node: Node, what: str) -> Node | None:
+        """Return a node with the given values substituted; None if some are missing, which is reported."""
         lacking = sorted({name for role, name in reads([node]) if (role, name) not in self.given})
         if lacking:
             names = " and ".join(f"'{name}'" for name in lacking)
@@ -304,20 +293,20 @@ class _Trial:
 
     # -- what follows -----------------------------------------------------------------------------
 
-    def _asked(self, follows: Followed) -> Consequence | None:
-        """What the task says and what the example says; None where one of them is broken (and reported)."""
-        found = self._said(follows)
+    def _consequence(self, follows: Followed) -> Consequence | None:
+        """Return a consequence in the task and in the example; None if one of them is wrong, which is reported."""
+        found = self._in_task(follows)
         if found is None:
             return None
         component, node, what = found
         expected = assign(self.checker, follows.expr, self.scope, component)
-        actual = self._put_in(node, what)
+        actual = self._substituted(node, what)
         if expected is None or actual is None:
             return None
         return Consequence(what, component, actual, expected, follows.expr)
 
-    def _said(self, follows: Followed) -> tuple[Component, Node, str] | None:
-        """The component that an entry is about, its node, and words for it."""
+    def _in_task(self, follows: Followed) -> tuple[Component, Node, str] | None:
+        """Return the component of an entry, its node, and words for it."""
         task, b, name = self.task, self.task.builder, follows.name
         match follows.section:
             case "initial":

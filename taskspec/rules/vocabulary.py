@@ -1,4 +1,4 @@
-"""What claims may say beyond the language: results, decision models, and why a claim has no verdict."""
+"""Words of claims beyond the language: results, functions of results, and decision models."""
 
 from __future__ import annotations
 
@@ -14,37 +14,21 @@ from taskspec.solve.maxent import MaxEnt
 from taskspec.solve.plans import Boltzmann, Greedy, Uniform
 from taskspec.solve.policy_rules import Rule
 
-# ---------- refusals
-# Why a claim has no verdict: it is not one, or it cannot be decided.
 
-
-class Undecidable(Exception):
-    """The claim needs something that the task does not have: a sentence that says what."""
-
-    def __init__(self, message: str, place: s.Expr | None = None) -> None:
-        super().__init__(message)
-        self.place = place
-
-
-class Unfit(Exception):
-    """The expression is not one that a claim can be made of: a sentence that says why."""
+class InvalidClaim(Exception):
+    """An expression that is no claim: a sentence that says why."""
 
     def __init__(self, message: str, place: s.Expr | None = None, hint: str | None = None) -> None:
         super().__init__(message)
-        self.place, self.hint = place, hint
-
-
-# ---------- vocabulary
-# What claims may say beyond the language itself: results, functions of results, decision models.
-#
-# The language reference is made from these tables, and the evaluator knows no others.
+        self.place = place
+        self.hint = hint
 
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A name with how it is written and what it means.
+    """A name, how it is written, and its meaning; the language reference is made from these.
 
-    `phrase` is what a page says for it, and `given` what it adds for a number in brackets.
+    `phrase` is printed for it on pages, followed by `given` and the number in brackets, if any.
     """
 
     name: str
@@ -92,7 +76,7 @@ RETURNS = tuple(name for name in RESULTS if name.endswith("_return"))
 
 
 def holds_of_all(op: str, left: str, right: str) -> bool:
-    """Whether a comparison of two returns holds of every task: none is above the optimal one, nor below the worst."""
+    """Return whether a comparison of two returns holds in every task: none is above the optimal one, nor below the worst."""
     low, high = (left, right) if op == "<=" else (right, left)
     are_returns = op in ("<=", ">=") and {low, high} <= {*RETURNS}
     return are_returns and (high == "optimal_return" or low == "worst_return")
@@ -150,37 +134,37 @@ MODELS: dict[str, Word] = {
 }  # fmt: skip
 
 
-# ---------- misplaced
-# Results where they cannot stand: inside functions of the language, or conditions that are compared like numbers.
-
 NUMBERS = ("probability", "abs")
 """Functions of claims that give numbers; the others are conditions."""
 
 
 def refuse_misplaced(expr: s.Expr, is_bound: Callable[[str], bool]) -> None:
-    """Refuse (`Unfit`) what only claims can say, in an expression that the language itself refuses.
+    """Raise InvalidClaim for results inside functions of the language, and conditions used as numbers.
 
-    `is_bound` tells the names that the spec gives a meaning of its own.
+    Args:
+        expr: an expression that the language itself refuses.
+        is_bound: whether the spec gives a name a meaning of its own.
     """
     for part in s.below(expr):
         match part:
             case s.Call(function=name) if name in FUNCTIONS and name not in NUMBERS and not is_bound(name):
                 hint = f"write `{part.place.written}`, or `not {part.place.written}`"
-                raise Unfit(f"`{name}(...)` is a condition by itself: it is true or false, and no number", part, hint)
+                raise InvalidClaim(
+                    f"`{name}(...)` is a condition by itself: it is true or false, and no number", part, hint
+                )
             case s.Call(function=name) if name in RESULTS and not is_bound(name):
-                raise Unfit(f"'{name}' is a number, not a function", part, f"write `{name}`, without brackets")
+                raise InvalidClaim(f"'{name}' is a number, not a function", part, f"write `{name}`, without brackets")
             case s.Call(function="probability" as name) | s.Name(id=name) if part is not expr and (
                 name in RESULTS or name == "probability"
             ):
                 if not is_bound(name):
-                    raise Unfit(_NO_FUNCTION, part, "for `max` and `min`, compare each part in a claim of its own")
+                    raise InvalidClaim(
+                        _NO_FUNCTION, part, "for `max` and `min`, compare each part in a claim of its own"
+                    )
 
 
 _NO_FUNCTION = "of the results in a claim, `abs` and the operators of arithmetic can be taken, and no other function"
 
-
-# ---------- models
-# Decision models by the names that claims give them.
 
 _PLAIN: dict[str, Callable[[], Rule]] = {
     "uniform": Uniform,
@@ -196,35 +180,34 @@ _WITH_NUMBER: dict[str, Callable[[Fraction, s.Expr], Rule]] = {
 
 
 def rule_named(expr: s.Expr | None, results: Results, number: Callable[[s.Expr], Enclosure]) -> Rule:
-    """The rule of the decision model that an expression names; uniformly random actions for None.
+    """Return the policy rule of the decision model that an expression names; uniformly random actions for None.
 
     Raises:
-        Unfit: when there is no such model.
+        InvalidClaim: when there is no such model.
     """
     match expr:
         case None:
             return Uniform()
         case s.Name(id="expert"):
             if results.expert_rule is None:
-                raise Unfit("the spec gives no expert", expr)
+                raise InvalidClaim("the spec gives no expert", expr)
             return results.expert_rule
         case s.Name(id=name) if name in _PLAIN:
             return _PLAIN[name]()
         case s.Call(function=name, args=(argument,)) if name in _WITH_NUMBER:
             found = number(argument)
             if not (found.is_exact and isinstance(found.low, Fraction)):
-                raise Unfit("a decision model takes a number that is known exactly", argument)
+                raise InvalidClaim("a decision model takes a number that is known exactly", argument)
             return _WITH_NUMBER[name](found.low, argument)
         case _:
-            raise Unfit(
+            raise InvalidClaim(
                 f"a decision model is one of {', '.join(w.written.split(', ')[0] for w in MODELS.values())}", expr
             )
 
 
 def _temperature(beta: Fraction, expr: s.Expr) -> float:
-    """An inverse temperature as a float."""
     if not 1e-9 <= beta <= 1e9:
-        raise Unfit("beta is a number between 1e-9 and 1e9", expr)
+        raise InvalidClaim("beta is a number between 1e-9 and 1e9", expr)
     found = float(beta)
     assert math.isfinite(found)
     return found

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from statistics import NormalDist
-from typing import Literal, NoReturn, TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -15,14 +15,12 @@ from taskspec.abstraction.abstraction import Abstraction, abstraction
 from taskspec.abstraction.faithful import Faith, examined
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
-from taskspec.base.progress import tell
-from taskspec.lang.ir import Const
-from taskspec.model.cost import Budget, Cost
 from taskspec.model.extract import extract
 from taskspec.model.model import Model, refuse
 from taskspec.registry import load
-from taskspec.rollout.confidence import CUT, mean_interval, return_range
-from taskspec.rollout.rollout import Choose, Rollout, at_random, by_expert, is_bounded
+from taskspec.rollout.rollout import Choose, at_random, by_expert, is_bounded
+from taskspec.rollout.simulate import EPISODES, return_range, simulate
+from taskspec.rollout.statistics import CONFIDENCE, mean_interval
 from taskspec.scores.saved import OfNumber
 from taskspec.solve.enclosure import Enclosure, NoNumber, rounded
 from taskspec.solve.plans import Greedy, Plan, Uniform, rule_of, tables
@@ -31,14 +29,8 @@ from taskspec.solve.solver import Solvers, why_endless
 from taskspec.task.task import Soft, Task, TaskLike
 
 Given: TypeAlias = Literal["optimal"] | Soft | None
-EPISODES = 1000
-LONGEST = 20_000
-UNENDING = 2_000
-"""Steps after which hardly any episode of many has ended: then not all are expected to."""
-WORDS = 4_000_000
-CONFIDENCE = 0.95
 LARGE = 1e100
-"""Beyond this returns are scaled before they are added up."""
+"""Returns larger than this are scaled before they are added up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,61 +265,6 @@ class Results:
     def simulated(self, choose: Choose, episodes: int | None = None) -> Return:
         """The return of a policy estimated from episodes."""
         return Return.estimated(simulate(self.task, choose, episodes or self.episodes, self.seed))
-
-
-def simulate(task: Task, choose: Choose, episodes: int = EPISODES, seed: int = 0) -> Array:
-    """Returns (N,) of episodes, discounted as the task says. Episode i is that of seed + i in the environment.
-
-    Raises:
-        SpecError: (E712) when episodes without a horizon do not end.
-    """
-    endless = isinstance(task.terminal, Const) and not task.terminal.value
-    if endless and task.discount == 1 and (task.horizon is None or task.horizon > LONGEST):
-        _refuse_endless(task, LONGEST)
-    parts = []
-    expert = task.expert if isinstance(task.expert, tuple) else ()
-    start = Cost(task.initial, simulated=True)
-    step = Cost((*task.next, task.reward, task.terminal, *expert), simulated=True)
-    lanes = step.batch(min(episodes, WORDS // max(1, Rollout(task, 1).words)))
-    budget = Budget(f"{episodes:,} episodes")
-    for first in range(0, episodes, lanes):
-        some = min(lanes, episodes - first)
-        budget.spend(start, some)
-        parts.append(_simulate(task, choose, some, seed + first, partial(budget.spend, step, some)))
-    return np.concatenate(parts)
-
-
-def _simulate(task: Task, choose: Choose, lanes: int, seed: int, spend: Callable[[], None]) -> Array:
-    rollout, rng = Rollout(task, lanes, seed), np.random.default_rng(seed)
-    state, total, running = rollout.start(), np.zeros(lanes), np.ones(lanes, np.bool_)
-    factor, t, unending = 1.0, 0, task.horizon is None and task.discount == 1
-    while running.any() and (task.horizon is None or t < task.horizon):
-        spend()
-        tell(f"{lanes:,} episodes, step {t + 1:,}")
-        moved = rollout.step(state, choose(state, t, rng), t)
-        with np.errstate(over="ignore", invalid="ignore"):  # a return that no float holds is infinite, or nan
-            total += np.where(running, factor * moved.reward, 0.0)
-        running = running & ~moved.terminal
-        state = {n: np.where(running, moved.state[n], state[n]) for n in state}
-        factor, t = factor * task.discount, t + 1
-        if factor < CUT:
-            break
-        if running.any() and (t >= LONGEST or (unending and t == UNENDING and _lasts(running))):
-            _refuse_endless(task, t)
-    return total
-
-
-def _lasts(running: Array) -> bool:
-    """Whether some episodes would still be running after `LONGEST` steps if they go on to end as seldom as until `UNENDING`."""
-    return bool(running.mean() ** (LONGEST / UNENDING) * len(running) >= 1)
-
-
-def _refuse_endless(task: Task, steps: int) -> NoReturn:
-    hint = "give the task a horizon, or a discount below 1" if task.horizon is None else "choose a smaller horizon"
-    refuse(f"episodes are still running after {steps:,} steps", hint)
-
-
-Normalise = Callable[[float], float]
 
 
 def normalised(value: float, random: float, expert: float, floor: float | None = -1.0) -> float:

@@ -7,13 +7,22 @@ thousand brackets is refused at the hundredth, and nothing in the text can name 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Any
 
 import yaml
 
 from taskspec.base.limits import Limits, how_to_raise, limits
-from taskspec.source.nodes import MappingNode, Node, ScalarNode, SequenceNode, Style, TextProblem, special_start
+from taskspec.source.nodes import (
+    Composed,
+    MappingNode,
+    Node,
+    ScalarNode,
+    SequenceNode,
+    Style,
+    Syntax,
+    TextProblem,
+    special_start,
+)
 
 _STYLES: dict[str | None, Style] = {"'": "'", '"': '"', "|": "|", ">": ">"}
 
@@ -24,28 +33,6 @@ class RefusedError(Exception):
     def __init__(self, finding: TextProblem) -> None:
         super().__init__(finding.message)
         self.finding = finding
-
-
-@dataclass(slots=True)
-class Syntax:
-    """What the parser said when it gave up, and how far it had come."""
-
-    problem: str
-    context: str
-    at: int
-    since: int | None
-    open: list[MappingNode | SequenceNode]
-    last: Node | None
-
-
-@dataclass(slots=True)
-class Composed:
-    """The tree of a text as far as it could be read, and why it could be read no further."""
-
-    root: Node | None = None
-    syntax: Syntax | None = None
-    stop: TextProblem | None = None
-    bad_keys: list[Node] = field(default_factory=list)
 
 
 def compose(text: str) -> Composed:

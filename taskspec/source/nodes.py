@@ -61,6 +61,28 @@ class TextProblem(NamedTuple):
         return self.start <= other.start and other.end <= self.end
 
 
+@dataclass(slots=True)
+class Syntax:
+    """What the parser said when it gave up, and how far it had come."""
+
+    problem: str
+    context: str
+    at: int
+    since: int | None
+    open: list[MappingNode | SequenceNode]
+    last: Node | None
+
+
+@dataclass(slots=True)
+class Composed:
+    """The tree of a text as far as it could be read, and why it could be read no further."""
+
+    root: Node | None = None
+    syntax: Syntax | None = None
+    stop: TextProblem | None = None
+    bad_keys: list[Node] = field(default_factory=list)
+
+
 # ---------- excerpts
 # What an author meant to write at a place: where it ends, and how to write it in quotes.
 

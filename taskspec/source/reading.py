@@ -12,11 +12,10 @@ from typing import Any, TypeAlias
 
 from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.source.compose import Composed, compose
 from taskspec.source.document import Document, Packed, circle, others, span
-from taskspec.source.nodes import FENCE, MappingNode, Node, ScalarNode, SequenceNode, TextProblem
+from taskspec.source.nodes import FENCE, Composed, MappingNode, Node, ScalarNode, SequenceNode, TextProblem
 from taskspec.source.scalars import resolve
-from taskspec.source.yaml_errors import explain
+from taskspec.source.yaml_errors import explain, find
 
 # ---------- reading
 # Reading specs: from a file or a text to a document, with every problem of the text found.
@@ -106,10 +105,6 @@ def _read_text(text: str, name: str) -> Document:
 
 
 def _compose(text: str) -> tuple[Node | None, list[TextProblem]]:
-    # PyYAML is imported when the first spec is read, not when the package is.
-
-    from taskspec.source.yaml_errors import find
-
     composed, stops = compose_all(text)
     if stops and stops[-1].code == "E114":
         return composed.root, stops[-1:]  # a text past the bounds is not looked at any further
@@ -185,7 +180,10 @@ _READ_AGAIN = 2_000_000
 
 def compose_all(text: str) -> tuple[Composed, list[TextProblem]]:
     """The tree of a text, its bad parts covered up, and what stopped the parser, in the order of the text."""
-    covered, stops = text, list[TextProblem]()
+    from taskspec.source.compose import compose  # imports PyYAML: when the first spec is read, not when the package is
+
+    covered = text
+    stops: list[TextProblem] = []
     for _ in range(max(1, _READ_AGAIN // (len(text) + 1))):
         composed = compose(covered)
         stop = composed.stop

@@ -6,13 +6,13 @@ import re
 from collections.abc import Callable, Iterator
 
 from taskspec.source.commas import cut, in_list, in_mapping, is_absent, is_key
-from taskspec.source.compose import Syntax
 from taskspec.source.nodes import (
     SPECIAL,
     MappingNode,
     Node,
     ScalarNode,
     SequenceNode,
+    Syntax,
     TextProblem,
     in_quotes,
     is_closed,

@@ -16,6 +16,7 @@ from taskspec.lang.types import Kind
 from taskspec.source import Path
 from taskspec.task import parameters
 from taskspec.task.context import Context
+from taskspec.task.figure_kinds import FIGURE_KINDS
 from taskspec.task.names import Names
 from taskspec.task.observe import what_is_seen
 from taskspec.task.parts import Component, Observation, Symmetry
@@ -23,14 +24,7 @@ from taskspec.task.reach import too_wide, widest
 from taskspec.task.task import Example, Figure, Followed
 
 # ---------- figure
-# The section `figure`: what its kind needs is checked, and its expressions become nodes; `appendix.figures` draws them.
-
-_NEEDED: dict[str, tuple[str, ...]] = {
-    "grid": ("at",),
-    "curve": ("at", "curve"),
-    "portrait": ("at",),
-    "arm": ("values",),
-}
+# The section `figure`: the keys that its kind needs are checked, and its expressions become nodes; `figures` draws them.
 
 
 def figure(context: Context, scope: Scope) -> Figure | None:
@@ -41,7 +35,7 @@ def figure(context: Context, scope: Scope) -> Figure | None:
     written: dict[str, Any] | None = context.data.get("figure")
     if not written:
         return None
-    for key in _NEEDED.get(written["kind"], ()):
+    for key in FIGURE_KINDS[written["kind"]].keys:
         if written.get(key) is None:
             span = context.merged.key_span(("figure",))
             context.collector.add("E203", span, f"a figure of kind `{written['kind']}` needs `{key}`")

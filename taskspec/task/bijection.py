@@ -17,6 +17,7 @@ from taskspec.base.limits import limits
 from taskspec.base.records import dataclass
 from taskspec.lang.batch import DTYPES, evaluate
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, reads, walk
+from taskspec.lang.operators import Elements, entry_of
 from taskspec.lang.types import Kind
 from taskspec.task.parts import Component
 
@@ -26,9 +27,6 @@ EXACT = 2**24
 """Whole numbers up to here are floats of 32 bits, as observations are."""
 WHOLE = 2**53
 """Whole numbers up to here are floats of 64 bits, in which sums are worked out."""
-_PLACES = {"index": (1,), "put": (1,), "swap": (1, 2), "where": (0,)}
-"""Arguments that say which elements are meant, and are no elements themselves."""
-_CARRYING = frozenset({"vector", "concat", "slice", "element", "reshape", "fill", *_PLACES})
 
 
 @dataclass(frozen=True)
@@ -231,7 +229,8 @@ def _moves_one(node: Apply, fixed: Sequence[bool]) -> bool:
         case "mul":
             return any(isinstance(a, Const) and all(abs(v) == 1 for v in a.flat) for a in node.args)
         case op:
-            return op in _CARRYING and all(fixed[i] for i in _PLACES.get(op, ()))
+            entry = entry_of(op)
+            return entry.elements is Elements.MOVED and all(fixed[i] for i in entry.indices)
 
 
 # -- maps of components to themselves -----------------------------------------------------------------------------

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import taskspec
 from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, has_errors, raise_if_errors, suggest
 from taskspec.base.limits import Limits, limits
 from taskspec.lang.basechecker import Poisoned
@@ -28,7 +27,7 @@ from taskspec.task.merge import Merged, merge, variant_names
 from taskspec.task.names import Names, check_names, signature
 from taskspec.task.observe import remembered
 from taskspec.task.sections import SectionBuilder
-from taskspec.task.task import Component, Modifier, Parameter, Task
+from taskspec.task.task import Component, Parameter, Task
 
 OPTIONS = frozenset({"task", "path", "variant", "render_mode", "ending", "observe_time", "modifiers", "num_envs",
                      "vectorization_mode", "vector_kwargs", "wrappers", "backend", "max_episode_steps",
@@ -147,26 +146,17 @@ def bind(
     return _Build(merged, Collector()).bound(dict(parameters or {}))
 
 
-def _reduced(task: Task) -> tuple[Any, ...]:
-    """A task travels as its spec's text, its parameter values and its modifiers, and is built again on arrival."""
-    options = (task.suite, task.modifiers, task.remembers)
-    return _rebuilt, (packed(task.document), task.variant, task.values, *options)
+def reduce_task(task: Task) -> tuple[Any, ...]:
+    """Return a pickled task: its spec's text and its parameter values, from which it is built again."""
+    return _unpickled, (packed(task.document), task.variant, task.values, task.suite, task.remembers)
 
 
-def _rebuilt(
-    pack: Packed,
-    variant: str | None,
-    values: dict[str, Any],
-    suite: str,
-    modifiers: tuple[Modifier, ...],
-    remembers: bool,
-) -> Task:
-    """A task from the text it was built from."""
-    task = taskspec.modify(build(unpacked(pack), variant, values, suite), *modifiers)
+def _unpickled(pack: Packed, variant: str | None, values: dict[str, Any], suite: str, remembers: bool) -> Task:
+    task = build(unpacked(pack), variant, values, suite)
     return task.remembering() if remembers else task
 
 
-copyreg.pickle(Task, _reduced)  # here, since a task need not know how it is built
+copyreg.pickle(Task, reduce_task)  # here, since a task need not know how it is built; `modifiers` adds what it changes
 
 
 def rebuilt(merged: Merged, parameters: Mapping[str, Any], suite: str) -> Task:

@@ -11,8 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 
 from taskspec.lang.ir import Apply, Const, Draw, Node, Role, draws, reads, walk
-from taskspec.lang.operators import OPERATORS
-from taskspec.lang.operators.structure import STRUCTURES
+from taskspec.lang.operators import OPERATORS, STRUCTURES
 from taskspec.lang.types import BOOL, INT_MAX, REAL, Kind, Type
 from taskspec.lang.variates import VARIATES
 from taskspec.task.task import Component, Symmetry, Task

@@ -1,4 +1,9 @@
-"""How observations and actions are laid out as Gymnasium values."""
+"""Observations and actions as Gymnasium values and spaces.
+
+One finite scalar is `discrete`. Several finite action components are `multi_discrete`. Anything else is one float32
+`box` of the elements in order; an action that is one number is a vector of one element, as learners expect, unless its spec
+says `shape: []`. The author may choose otherwise for observations. Gymnasium itself is imported only where a space is made.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +11,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from taskspec.base.records import dataclass
 from taskspec.lang.types import INT_MAX, Kind
-from taskspec.task.task import Component, SpaceKind, Task
+from taskspec.task.parts import Component, Observation, SpaceKind
 
-# ---------- segments
-# What the numbers of a Gymnasium value are made of: the one description that every backend packs and unpacks by.
+if TYPE_CHECKING:
+    import gymnasium
+
+FLOAT_MAX = 3.4028234663852886e38
+INT_SINGLE = 2.0**31 - 128
+"""The largest float32 that is an int of 32 bits."""
+Form = Literal["discrete", "multi_discrete", "box", "one_hot", "dict"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,19 +69,6 @@ class Segment:
             return found
         less: np.ndarray[Any, Any] = rows - np.array(self.starts) if self.starts else rows
         return less
-
-
-# ---------- spaces
-# How observations and actions are laid out as Gymnasium values: the rules of the language, free of Gymnasium itself.
-#
-# One finite scalar is `discrete`. Several finite action components are `multi_discrete`. Anything else is one float32
-# `box` of the elements in order; an action that is one number is a vector of one element, as learners expect, unless its spec
-# says `shape: []`. The author may choose otherwise for observations.
-
-FLOAT_MAX = 3.4028234663852886e38
-INT_SINGLE = 2.0**31 - 128
-"""The largest float32 that is an int of 32 bits."""
-Form = Literal["discrete", "multi_discrete", "box", "one_hot", "dict"]
 
 
 @dataclass(frozen=True)
@@ -146,25 +143,24 @@ class SpaceLayout:
         return tuple(int(v) for c in self.components for v in c.low)
 
 
-def observation_layout(task: Task) -> SpaceLayout:
-    return _layout(task.observation.components, task.observation.space, several="box")
+def observation_layout(observation: Observation) -> SpaceLayout:
+    """Return an observation as one value."""
+    return _layout(observation.components, observation.space, several="box")
 
 
-def action_layout(task: Task) -> SpaceLayout:
-    """The action as one value. Ints of a box end where actions do, so that all that is sampled from it is taken."""
-    layout = _layout(task.action, "auto", several="multi_discrete")
+def action_layout(action: tuple[Component, ...], is_number: bool) -> SpaceLayout:
+    """Return the action as one value; `is_number` says that its spec gives it no axis (`shape: []`).
+
+    Ints of a box end where actions do, so that all that is sampled from it is valid.
+    """
+    layout = _layout(action, "auto", several="multi_discrete")
     if layout.form != "box":
         return layout
-    most = [math.inf if c.type.kind is Kind.REAL else INT_SINGLE for c in task.action for _ in range(c.type.size)]
+    most = [math.inf if c.type.kind is Kind.REAL else INT_SINGLE for c in action for _ in range(c.type.size)]
     low = tuple(a if math.isinf(a) else max(a, -m) for a, m in zip(layout.low, most, strict=True))
     high = tuple(b if math.isinf(b) else min(b, m) for b, m in zip(layout.high, most, strict=True))
-    shape = layout.shape if layout.shape or _says_number(task) else (1,)
+    shape = layout.shape if layout.shape or is_number else (1,)
     return replace(layout, shape=shape, low=low, high=high)
-
-
-def _says_number(task: Task) -> bool:
-    """Whether the spec says that the action has no axis: `shape: []`."""
-    return all(entry.get("shape") is not None for entry in task.merged.data["action"].values())
 
 
 def _layout(components: tuple[Component, ...], space: SpaceKind, several: Form) -> SpaceLayout:
@@ -194,6 +190,45 @@ def _box(components: tuple[Component, ...]) -> SpaceLayout:
     low = tuple(single(v) for c in components for v in c.low)
     high = tuple(single(v) for c in components for v in c.high)
     return SpaceLayout("box", components, shape, low, high)
+
+
+def space(layout: SpaceLayout) -> gymnasium.Space[Any]:
+    """Return the Gymnasium space that holds the values of a layout."""
+    from gymnasium import spaces
+
+    match layout.form:
+        case "discrete":
+            return _discrete(layout.components[0])
+        case "multi_discrete":
+            return spaces.MultiDiscrete(np.array(layout.counts, np.int64))
+        case "one_hot":
+            return spaces.Box(0.0, 1.0, layout.shape, np.float32)
+        case "dict":
+            return spaces.Dict({c.name: _component_space(c) for c in layout.components})
+        case "box":
+            return _box_space(layout.low, layout.high, layout.shape)
+
+
+def _discrete(c: Component) -> gymnasium.Space[Any]:
+    from gymnasium.spaces import Discrete
+
+    return Discrete(c.counts[0], start=int(c.low[0]))
+
+
+def _component_space(c: Component) -> gymnasium.Space[Any]:
+    if c.is_finite and c.type.is_scalar:
+        return _discrete(c)
+    low, high = (tuple(single(v) for v in bound) for bound in (c.low, c.high))
+    return _box_space(low, high, c.type.shape)
+
+
+def _box_space(low: tuple[float, ...], high: tuple[float, ...], shape: tuple[int, ...]) -> gymnasium.Space[Any]:
+    """Return a float32 box. Gymnasium 0.29 refuses lower bounds of +inf and upper ones of -inf: constants that are infinite."""
+    from gymnasium.spaces import Box
+
+    lows = np.array(np.minimum(low, FLOAT_MAX), np.float32).reshape(shape)
+    highs = np.array(np.maximum(high, -FLOAT_MAX), np.float32).reshape(shape)
+    return Box(lows, highs, dtype=np.float32)
 
 
 def single(value: float) -> float:

@@ -8,7 +8,6 @@ from functools import cached_property
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-import taskspec
 from taskspec.base.display import html_table
 from taskspec.base.ids import InstanceId
 from taskspec.base.records import dataclass
@@ -18,7 +17,7 @@ from taskspec.lang.types import Kind
 from taskspec.lang.variates.sample import WordLayout
 from taskspec.source import Document
 from taskspec.task.merge import Merged
-from taskspec.task.parameters import Ending, RenderMode
+from taskspec.task.parameters import Ending
 from taskspec.task.parts import COUNTABLE as COUNTABLE
 from taskspec.task.parts import FINITE_SPACES as FINITE_SPACES
 from taskspec.task.parts import Claim as Claim
@@ -34,6 +33,7 @@ from taskspec.task.parts import Soft as Soft
 from taskspec.task.parts import SpaceKind as SpaceKind
 from taskspec.task.parts import Surface as Surface
 from taskspec.task.parts import Symmetry as Symmetry
+from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, space
 
 if TYPE_CHECKING:
     import gymnasium
@@ -169,12 +169,23 @@ class Task:
     @property
     def observation_space(self) -> gymnasium.Space[Any]:
         """The Gymnasium space of observations."""
-        return taskspec.Environment.spaces_of(self)[0]
+        return space(self.observation_layout)
 
     @property
     def action_space(self) -> gymnasium.Space[Any]:
         """The Gymnasium space of actions."""
-        return taskspec.Environment.spaces_of(self)[1]
+        return space(self.action_layout)
+
+    @cached_property
+    def observation_layout(self) -> SpaceLayout:
+        """Observations as Gymnasium values."""
+        return observation_layout(self.observation)
+
+    @cached_property
+    def action_layout(self) -> SpaceLayout:
+        """Actions as Gymnasium values."""
+        is_number = all(entry.get("shape") is not None for entry in self.merged.data["action"].values())
+        return action_layout(self.action, is_number)
 
     @cached_property
     def written(self) -> dict[str, Any]:
@@ -224,25 +235,11 @@ class Task:
         rows += [("modifier", m, "", "") for m in self.modifiers]
         return html_table(f"{self.id}: {self.summary}", (), rows)
 
-    def _repr_svg_(self) -> str | None:
-        """Its figure, for notebooks; None where none can be drawn."""
-        return taskspec.drawing(self)._repr_svg_()
-
     def __copy__(self) -> Task:
         return self  # immutable
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Task:
         return self
-
-    def make(
-        self, *, render_mode: RenderMode | None = None, ending: Ending = "terminate", observe_time: bool = False
-    ) -> taskspec.Environment:
-        """The scalar Gymnasium environment of this task (see `taskspec.envs.Environment` for the options)."""
-        return taskspec.make(self, render_mode=render_mode, ending=ending, observe_time=observe_time)
-
-    def tabular(self) -> taskspec.data.Tabular:
-        """Its exact model as the arrays that tabular learners take (see `taskspec.data.tabular`)."""
-        return taskspec.data.tabular(self)
 
     def remembering(self) -> Task:
         """The same task with the expert's memory in its state, of which the expert is a function; itself without a memory."""

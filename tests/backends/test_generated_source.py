@@ -17,13 +17,13 @@ from typing import Any
 
 import pytest
 
+import taskspec
 from taskspec.backends.numba.step import generate
 from taskspec.backends.numpy.engine import compile_numpy
 from taskspec.backends.scalar.program import compile_scalar
 from taskspec.base.diagnostics import SpecError
 from taskspec.source import read_text
 from taskspec.task.build import build
-from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
 from tests.verification.fuzz import corpus
 
@@ -68,12 +68,12 @@ def task_of(names: Names, labels: Names, texts: Names) -> Task:
 def sources(task: Task) -> Iterator[tuple[str, str]]:
     """Each backend with its source."""
     yield "scalar", compile_scalar(task).source
-    action = action_layout(task)
+    action = task.action_layout
     for mode in ("next_step", "same_step", "disabled"):
         yield f"numpy {mode}", compile_numpy(task, mode).source
         yield (
             f"numba {mode}",
-            generate(task, observation_layout(task), action, mode, "f" if action.form == "box" else "i")[0],
+            generate(task, task.observation_layout, action, mode, "f" if action.form == "box" else "i")[0],
         )
     jax = pytest.importorskip("taskspec.backends.jax.program", exc_type=SpecError)
     yield "jax", jax.compile_jax(task).source
@@ -126,7 +126,7 @@ def compare(names: Names, labels: Names = LABELS, texts: Names = TEXTS) -> None:
 
 
 def played(task: Task) -> list[Any]:
-    env = task.make()
+    env = taskspec.make(task)
     found = []
     for k in range(12):
         if not k or any(found[-1][1:]):

@@ -119,7 +119,7 @@ reward: 0
 
 
 def test_draws_are_equal_to_the_bit_in_vmapped_programs() -> None:
-    functional, env = Functional(build(read(RAW), None, {}, "")), build(read(RAW), None, {}, "").make()
+    functional, env = Functional(build(read(RAW), None, {}, "")), taskspec.make(build(read(RAW), None, {}, ""))
     seeds = jnp.arange(64, dtype=jnp.uint32)
 
     @jax.jit
@@ -177,7 +177,7 @@ def test_vmap_and_scan() -> None:
 
 def test_func_env() -> None:
     task = taskspec.load("derail/EarlyTermPos-v0")
-    env, scalar = TaskFuncEnv(task), task.make()
+    env, scalar = TaskFuncEnv(task), taskspec.make(task)
     key = jax.random.key(0)
     state = env.initial(key)
     assert int(env.observation(state, key)) == scalar.reset(seed=0)[0]

@@ -15,21 +15,22 @@ import pytest
 
 pytest.importorskip("numba")
 
-from taskspec.backends.numba import loading, store
+from taskspec.backends.numba import loading
 
 WORKERS = """
-import sys
+import os, sys
 from pathlib import Path
-from taskspec.backends.numba import store
+from taskspec.backends.numba import loading
 
-folder, own = Path(sys.argv[1]), sys.argv[2]
+own = sys.argv[2]
 for i in range(40):
-    with store.opened(folder) as kept:
-        for name in ("shared", own):
-            found = kept.read(name)
-            assert found is None or len(set(found)) == 1 and len(found) == 5000, found
-            kept.write(name, own.encode() * 5000)
-        assert kept.read(own) == own.encode() * 5000
+    folder = loading.open_private(Path(sys.argv[1]))
+    for name in ("shared", own):
+        found = loading.read(folder, name)
+        assert found is None or len(set(found)) == 1 and len(found) == 5000, found
+        loading.write(folder, name, own.encode() * 5000)
+    assert loading.read(folder, own) == own.encode() * 5000
+    os.close(folder)
 """
 
 
@@ -41,7 +42,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(loading, "import_module", lambda name: Compiler)
     Compiler.made = 0
     loading.load.cache_clear()
-    loading._say_once.cache_clear()
+    loading._warn_once.cache_clear()
     yield tmp_path / "numba"
     loading.load.cache_clear()
 
@@ -52,7 +53,7 @@ class Compiler:
     made = 0
 
     @staticmethod
-    def machine_code(source: str) -> bytes:
+    def machine_code(source: str, machine: Any) -> bytes:
         Compiler.made += 1
         return b"machine code of " + source.encode()
 
@@ -75,10 +76,7 @@ def test_what_is_kept_is_found_again_and_is_private(folder: Path) -> None:
     assert load() == (code, True)
     assert load() == (code, False)
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-    assert {path.name: stat.S_IMODE(path.stat().st_mode) for path in folder.iterdir()} == {
-        "key": 0o600,
-        kernel_in(folder).name: 0o600,
-    }
+    assert [stat.S_IMODE(path.stat().st_mode) for path in folder.iterdir()] == [0o600]
 
 
 def replaced(kernel: Path) -> None:
@@ -88,11 +86,6 @@ def replaced(kernel: Path) -> None:
 def rehashed(kernel: Path) -> None:
     code = b"foreign code" * 100
     kernel.write_bytes(hashlib.sha256(code).digest() + code)
-
-
-def with_another_key(kernel: Path) -> None:
-    kept = store.KernelStore(os.open(kernel.parent, os.O_RDONLY), b"k" * 32)
-    kept.write(kernel.name, b"foreign code")
 
 
 def under_another_name(kernel: Path) -> None:
@@ -134,30 +127,9 @@ def writable_by_all(kernel: Path) -> None:
     kernel.chmod(0o666)
 
 
-def a_key_that_others_read(kernel: Path) -> None:
-    kernel.with_name("key").chmod(0o644)
-
-
-def a_short_key(kernel: Path) -> None:
-    kernel.with_name("key").write_bytes(b"k")
-
-
-def an_empty_key(kernel: Path) -> None:
-    kernel.with_name("key").write_bytes(b"")
-
-
-def no_key(kernel: Path) -> None:
-    kernel.with_name("key").unlink()
-
-
-def a_linked_key(kernel: Path) -> None:
-    key = kernel.with_name("key")
-    key.symlink_to(key.rename(kernel.parent.parent / "elsewhere"))
-
-
 DAMAGES = (
-    replaced, rehashed, with_another_key, under_another_name, truncated, cut_to(0), cut_to(31), cut_to(32), flipped,
-    a_symbolic_link, a_pipe, writable_by_all, a_key_that_others_read, a_short_key, an_empty_key, no_key, a_linked_key,
+    replaced, rehashed, under_another_name, truncated, cut_to(0), cut_to(31), cut_to(32), flipped,
+    a_symbolic_link, a_pipe, writable_by_all,
 )  # fmt: skip
 
 
@@ -167,7 +139,6 @@ def test_what_is_damaged_is_compiled_again(folder: Path, damage: Callable[[Path]
     damage(kernel_in(folder))
     assert load() == (b"machine code of a", True)
     assert load() == (b"machine code of a", False)
-    assert stat.S_IMODE((folder / "key").lstat().st_mode) == 0o600
     assert not list(folder.glob(".*")), "an unfinished file is left"
 
 
@@ -221,9 +192,6 @@ def test_files_of_another_user_are_not_read(folder: Path) -> None:
     load()
     os.chown(kernel_in(folder), 65534, 65534)
     assert load() == (b"machine code of a", True)
-    os.chown(folder / "key", 65534, 65534)
-    assert load() == (b"machine code of a", True)
-    assert (folder / "key").stat().st_uid == 0
 
 
 def test_a_folder_that_others_only_look_into_is_closed(folder: Path) -> None:
@@ -248,4 +216,4 @@ def test_processes_that_write_at_once_never_see_each_other_unfinished(tmp_path: 
     workers = [subprocess.Popen([*command, name], stderr=subprocess.PIPE, text=True) for name in "abcd"]
     errors = [worker.communicate(timeout=60)[1] for worker in workers]
     assert [worker.returncode for worker in workers] == [0] * 4, errors
-    assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == [*"abcd", "key", "shared"]
+    assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == [*"abcd", "shared"]

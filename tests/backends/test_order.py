@@ -96,7 +96,7 @@ CASES = list(enumerate(specs()))
 def test_the_scalar_environment_pays_and_shows_what_the_state_was(start: int) -> None:
     for number, parts in CASES[start::16]:
         task = task_of(*parts, number)
-        env, reference = task.make(), ReferenceEnv(task)
+        env, reference = taskspec.make(task), ReferenceEnv(task)
         env.action_space.seed(number)
         assert identical(env.reset(seed=number)[0], reference.reset(seed=number)[0]), parts
         for _ in range(12):
@@ -133,7 +133,7 @@ def test_compiled_backends_pay_and_show_what_the_state_was(backend: str, number:
 
 def test_nothing_handed_out_changes_with_the_next_step() -> None:
     task = task_of("{x': y, y': x, w': reverse(w)}", "x", "f", "{o: x, p: w, space: dict}")
-    env, vector = task.make(), VectorEnvironment(task, 2, backend="numpy")
+    env, vector = taskspec.make(task), VectorEnvironment(task, 2, backend="numpy")
     first, kept = env.reset(seed=0)[0], vector.reset(seed=0)[0]
     before, held = {k: np.copy(v) for k, v in first.items()}, {k: np.copy(v) for k, v in kept.items()}
     state = {k: np.copy(v) for k, v in env.unwrapped.state.items()}
@@ -166,7 +166,7 @@ def small(rest: str) -> Task:
 def walked(task: Task, backend: str, actions: list[int], mode: str = "Disabled") -> list[Any]:
     """(observation, reward, terminated, truncated) of steps from the first state, on any backend."""
     if backend == "scalar":
-        env = task.make()
+        env = taskspec.make(task)
         first, _ = env.reset(seed=0)
         return [first, *(tuple(env.step(a)[:4]) for a in actions)]
     vector = VectorEnvironment(task, 2, backend=backend, autoreset_mode=mode)

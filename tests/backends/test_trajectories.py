@@ -76,7 +76,7 @@ def same(a: Any, b: Any) -> bool:
 
 def walk_together(task: Task, seed: int, steps: int) -> None:
     """Step both programs with the same actions and compare everything to the bit."""
-    env, reference = task.make(), Interpreter(task, seed)
+    env, reference = taskspec.make(task), Interpreter(task, seed)
     env.action_space.seed(seed % 2**32)
     observation, _ = env.reset(seed=seed)
     layout, actions = env._program.observation, env._program.action  # type: ignore[attr-defined]
@@ -127,7 +127,7 @@ def test_compile_options(case: tuple[str, str | None], ending: str, observe_time
 
 @pytest.mark.parametrize("case", EVERY, ids=name)
 def test_copies_go_on_alike(case: tuple[str, str | None]) -> None:
-    env = load(case).make()
+    env = taskspec.make(load(case))
     env.reset(seed=5)
     alive = True
     for _ in range(7):

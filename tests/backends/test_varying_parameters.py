@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec import SpecError, load
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -61,7 +62,7 @@ def slippery(**given: Any) -> Task:
 
 def alone(seed: int, actions: Any, **given: Any) -> list[Any]:
     """What a scalar environment with these parameters gives, episode after episode."""
-    env: Any = slippery(**given).make()
+    env: Any = taskspec.make(slippery(**given))
     found, ended = [env.reset(seed=seed)[0]], False
     for action in actions:
         seen, reward, terminated, truncated, _ = env.step(action)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import check, scores
 from taskspec.pages import scene
@@ -20,7 +21,7 @@ EVIL = 'x"""\nraise SystemExit("ran")\n"""\\'
 @pytest.mark.parametrize("text", [EVIL, "a\\", 'a"', "C:\\new\\u.yaml", "a\nb", "{x}", "%s"])
 def test_file_names_and_suites_are_never_code(text: str) -> None:
     for task in (written(name=text, horizon=f" {20 + ord(text[-1])}"), written(suite=text)):
-        env = task.make()
+        env = taskspec.make(task)
         env.reset(seed=0)
         assert env.step(1)[1] == 1
 
@@ -34,7 +35,7 @@ def test_names_do_not_meet_those_of_the_generated_code(name: str) -> None:
     """Components that are called like what the generated code calls its own."""
     text = BASE.replace("s'", f"{name}'").replace("s:", f"{name}:").replace("s +", f"{name} +")
     text = text.replace(f"constant{name}:", "constants:").replace(f"dynamic{name}:", "dynamics:")
-    env: Any = written(text).make(ending="absorb", observe_time=True)
+    env: Any = taskspec.make(written(text), ending="absorb", observe_time=True)
     env.reset(seed=0)
     assert env.step(1)[1] == 1
     assert set(env.state) >= {name}
@@ -45,7 +46,7 @@ def test_elements_of_actions_do_not_meet_other_actions() -> None:
         action="\n  x: {type: int, shape: 2, low: 0, high: 3}\n  x_0: {type: int, low: 0, high: 3}",
         dynamics=" {s': s}", reward=" 100 * x[0] + 10 * x[1] + x_0",
     )  # fmt: skip
-    env = task.make()
+    env = taskspec.make(task)
     env.reset(seed=0)
     assert env.step(np.array([1, 2, 3]))[1] == 123
 
@@ -61,7 +62,7 @@ def test_labels_are_labels(label: str) -> None:
         state=f"\n  s: {{type: choice, values: [{quoted}, other]}}",
         initial=f"\n  s: {quoted}", dynamics=" {s': other}", reward=f"\n  by: s\n  rows: {{{quoted}: 1, other: 2}}",
     )  # fmt: skip
-    env: Any = task.make()
+    env: Any = taskspec.make(task)
     env.reset(seed=0, options={"state": {"s": label}})
     assert env.state == {"s": label}
     assert (env.step(0)[1], env.state) == (1, {"s": "other"})
@@ -139,5 +140,5 @@ def test_long_tables_are_read_in_time(name: str) -> None:
         task = written(**state, dynamics=f" {{s': (s + a) % {n}}}", reward=f"\n  by: s\n  rows:\n{rows}")
     else:
         task = written(**state, dynamics=f"\n  s': {{{', '.join(f'{i}: 1/{n}' for i in range(n))}}}")
-    task.make().reset(seed=0)
+    taskspec.make(task).reset(seed=0)
     assert time.process_time() - start < 4

@@ -59,7 +59,7 @@ def test_a_task_tells_what_it_has() -> None:
 
 def test_figures_are_drawn_in_memory() -> None:
     task = taskspec.load("RiskyPath")
-    found = task._repr_svg_()
+    found = taskspec.drawing(task)._repr_svg_()
     assert found is not None and found == taskspec.drawing("RiskyPath")._repr_svg_()
     assert ElementTree.fromstring(found).tag == "{http://www.w3.org/2000/svg}svg"
     assert found != taskspec.drawing(task, ["values"]).svg

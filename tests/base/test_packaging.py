@@ -84,7 +84,7 @@ def test_every_extra_that_code_asks_for_is_declared() -> None:
         if len(call.args) > places[call.func.id]
     }
     names = {node.value for node in asked if isinstance(node, ast.Constant)}
-    assert {"exact", "figures", "docs", "bench"} <= names <= set(EXTRAS)
+    assert {"exact", "figures", "docs"} <= names <= set(EXTRAS)
 
 
 def test_extras_may_be_installed_together_with_the_newest_versions() -> None:
@@ -96,7 +96,7 @@ def test_extras_may_be_installed_together_with_the_newest_versions() -> None:
 
 
 def test_one_module_writes_commands_that_install() -> None:
-    assert [p.name for p in SOURCES if "pip install" in p.read_text(encoding="utf-8")] == ["use.py", "extras.py"]
+    assert [p.name for p in SOURCES if "pip install" in p.read_text(encoding="utf-8")] == ["extras.py"]
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))

@@ -1,4 +1,4 @@
-"""Speed beside an earlier commit: `python -m tests.benchmarks.compare REV`, in a checkout.
+"""Speed beside an earlier commit: `python -m tests.benchmarks compare REV`, in a checkout.
 
 REV is unpacked into a temporary folder. For each of the two trees there is one process, which runs the same benchmarks on its own
 `taskspec`. The processes take turns, so that a slow moment of the machine meets both; what counts is the ratio of two
@@ -244,15 +244,17 @@ def compare(revision: str, names: Sequence[str], rounds: int, seconds: float) ->
             now.end()
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(
+        "python -m tests.benchmarks compare", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("revision", metavar="REV", help="the commit to compare with")
     parser.add_argument("--tasks", default=",".join(TASKS), help="tasks of DERAIL, with commas between them")
     parser.add_argument("--kinds", default=",".join(KINDS), help=f"of {', '.join(KINDS)}")
     parser.add_argument("--rounds", type=int, default=9, help="measurements of each benchmark on each side")
     parser.add_argument("--seconds", type=float, default=0.1, help="of processor time, about, for a measurement")
     parser.add_argument("--serve", metavar="TREE", help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     if given.serve is not None:
         serve(Path(given.serve).resolve(), given.seconds)
         return

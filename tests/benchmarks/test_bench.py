@@ -1,4 +1,4 @@
-"""`taskspec bench`: what the command prints, writes and draws, and what it refuses."""
+"""`python -m tests.benchmarks`: what the command prints, writes and draws, and what it refuses."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from typer.testing import CliRunner
 from taskspec.backends import table as select
 from taskspec.backends.table import PROGRAMS
 from taskspec.base.extras import is_installed
-from taskspec.cli import bench_chart, bench_print, bench_vector
-from taskspec.cli.app import app
 from taskspec.cli.console import STYLES
-from taskspec.envs import measure
-from taskspec.envs.measure import Contestant, Rate, tables
+from tests.benchmarks import chart, printed, tables
+from tests.benchmarks import vector as bench_vector
+from tests.benchmarks.__main__ import app
+from tests.benchmarks.race import Contestant, Rate, spread
 from tests.conftest import needs_vectors
 
 ROOT = Path(__file__).parents[2]
@@ -38,7 +38,7 @@ class Done:
 
     def __init__(self, *args: object, columns: int | None = None) -> None:
         env = {"COLUMNS": str(columns) if columns else "", "NO_COLOR": None, "FORCE_COLOR": None}
-        result = CliRunner().invoke(app, ["bench", *(str(a) for a in args)], env=env)
+        result = CliRunner().invoke(app, [str(a) for a in args], env=env)
         self.status, self.out, self.err = result.exit_code, result.stdout, result.stderr
         assert "Traceback" not in self.out + self.err
         assert "internal error" not in self.err
@@ -96,7 +96,7 @@ def test_json_says_all_that_was_measured_and_on_what() -> None:
     for result in found["results"]:
         assert len(result["rounds"]) == 2
         assert result["steps_per_second"] == statistics.median(result["rounds"])
-        assert result["spread"] == measure.spread(result["rounds"])
+        assert result["spread"] == spread(result["rounds"])
         assert result["target"] is None and result["met"] and result["ratio"] is None
 
 
@@ -263,7 +263,7 @@ def _printed(table: Any, width: int = 80) -> list[str]:
 
 def test_tables_fit_into_80_columns(rates: list[Rate]) -> None:
     suite, games = rates[: 7 * len(tables.SUITE)], rates[7 * len(tables.SUITE) :]
-    for table, rows in ((bench_print.matrix(suite), 12), (bench_print.sections(games), 15)):
+    for table, rows in ((printed.matrix(suite), 12), (printed.sections(games), 15)):
         lines = _printed(table)
         assert len(lines) == rows
         assert max(map(len, lines)) <= 80
@@ -273,7 +273,7 @@ def test_tables_fit_into_80_columns(rates: list[Rate]) -> None:
 def test_a_ratio_is_that_of_the_medians_of_the_same_task_and_lanes(rates: list[Rate]) -> None:
     for rate in rates:
         c = rate.contestant
-        found = bench_print.ratio_of(rate, rates)
+        found = printed.ratio_of(rate, rates)
         assert (found is None) == (c.rival is None)
         if found:
             (own,) = [
@@ -295,7 +295,7 @@ def test_a_ratio_is_that_of_the_medians_of_the_same_task_and_lanes(rates: list[R
     ],
 )
 def test_rates_have_three_digits(value: float, shown: str) -> None:
-    assert bench_print.millions(value) == shown
+    assert printed.millions(value) == shown
 
 
 @pytest.mark.parametrize("kind", ["svg", "png", "pdf"])
@@ -303,7 +303,7 @@ def test_a_chart_is_the_same_every_time(kind: str, rates: list[Rate], tmp_path: 
     pytest.importorskip("matplotlib")
     paths = [tmp_path / f"{name}.{kind}" for name in "ab"]
     for path in paths:
-        bench_chart.draw(rates, path)
+        chart.draw(rates, path)
     first, second = (path.read_bytes() for path in paths)
     assert first == second
     if kind == "svg":
@@ -326,7 +326,7 @@ def _texts(figure: Any) -> Iterator[tuple[str, Any]]:
 @pytest.mark.parametrize("count", [1, 7, None])
 def test_no_words_of_a_chart_overlap_or_leave_it(count: int | None, rates: list[Rate]) -> None:
     pytest.importorskip("matplotlib")
-    figure = bench_chart.figure(rates[:count])
+    figure = chart.figure(rates[:count])
     words = list(_texts(figure))
     width, height = figure.canvas.get_width_height()
     for name, box in words:
@@ -348,7 +348,7 @@ def test_a_chart_is_written_beside_the_table(tmp_path: Path) -> None:
 
 
 def compared(*words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "tests.benchmarks.compare", *words, "--rounds", "2", "--seconds", "0.001"]
+    command = [sys.executable, "-m", "tests.benchmarks", "compare", *words, "--rounds", "2", "--seconds", "0.001"]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 

@@ -1,4 +1,4 @@
-"""`taskspec.envs.measure`: how rates are taken, what there is to measure, how starts and memory are found."""
+"""Benchmarks: how rates are taken, what there is to measure, how starts and memory are found."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import pytest
 import taskspec
 from taskspec.backends.table import PROGRAMS
 from taskspec.base.diagnostics import TaskspecError
-from taskspec.cli import bench_chart
-from taskspec.envs import measure
-from taskspec.envs.measure import peers, tables
-from taskspec.envs.measure.programs import scalar
+from taskspec.envs.speed import race, scalar
 from taskspec.envs.vector import VectorEnvironment
+from tests.benchmarks import chart, peers, tables
+from tests.benchmarks.race import clock_for, jax_device, ours, spread
+from tests.benchmarks.starts import memory, start_times
 from tests.shared.sparse import sparse
 
 ROOT = Path(__file__).parents[2]
@@ -54,7 +54,7 @@ class Machine:
 def test_rates_are_steps_over_the_time_of_a_clock_and_sides_take_turns(rounds: int) -> None:
     machine, ticks = Machine(), []
     drives = [machine.drive("a", 10, 0.25), machine.drive("b", 6, 0.5)]
-    found = measure.race(drives, rounds, 1.0, lambda: machine.now, lambda: ticks.append(1))
+    found = race(drives, rounds, 1.0, lambda: machine.now, lambda: ticks.append(1))
     assert found == [(40.0,) * rounds, (12.0,) * rounds]
     assert machine.order.endswith("aaaabb" * rounds)
     assert len(ticks) == rounds
@@ -64,17 +64,17 @@ def test_rates_are_steps_over_the_time_of_a_clock_and_sides_take_turns(rounds: i
 def test_a_measurement_takes_about_as_long_as_it_should_however_fast_the_drive_is(seconds: float) -> None:
     machine = Machine()
     drive = machine.drive("", 1, seconds)
-    measure.race([drive], 0, 1.0, lambda: machine.now)
+    race([drive], 0, 1.0, lambda: machine.now)
     calibration = machine.now
-    measure.race([drive], 1, 1.0, lambda: machine.now)
+    race([drive], 1, 1.0, lambda: machine.now)
     assert machine.now - 2 * calibration == pytest.approx(max(1.0, seconds), rel=0.05)
 
 
 def test_spread_is_half_the_distance_of_the_quartiles_over_the_median() -> None:
     values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
     low, high = np.quantile(values, [0.25, 0.75], method="weibull")
-    assert measure.spread(values) == pytest.approx((high - low) / 2 / 4)
-    assert measure.spread([3.0]) is None
+    assert spread(values) == pytest.approx((high - low) / 2 / 4)
+    assert spread([3.0]) is None
 
 
 @pytest.mark.parametrize("program", NEEDS)
@@ -84,7 +84,7 @@ def test_spread_is_half_the_distance_of_the_quartiles_over_the_median() -> None:
 def test_every_program_steps_lanes(program: str, task: Any) -> None:
     needed(program)
     lanes = 1 if program == "scalar" else 5
-    drive = measure.ours(taskspec.load(task), program, lanes).make()
+    drive = ours(taskspec.load(task), program, lanes).make()
     steps = drive()
     assert steps > 0 and steps % lanes == 0
     assert drive() == steps
@@ -103,10 +103,10 @@ def test_a_scalar_drive_takes_the_steps_that_it_counts() -> None:
 
 
 def test_clocks_count_the_time_of_the_processor_unless_several_things_work_at_once() -> None:
-    assert [measure.clock_for(*x)[0] for x in ((None, 1), ("cpu", 1), ("cpu", 2), ("gpu", 1))] == [
+    assert [clock_for(*x)[0] for x in ((None, 1), ("cpu", 1), ("cpu", 2), ("gpu", 1))] == [
         "processor", "processor", "wall", "wall",
     ]  # fmt: skip
-    assert measure.jax_device(["numpy", "gymnax"]) is None
+    assert jax_device(["numpy", "gymnax"]) is None
 
 
 # -- what there is to measure -------------------------------------------------------------------------------------
@@ -114,32 +114,27 @@ def test_clocks_count_the_time_of_the_processor_unless_several_things_work_at_on
 
 def test_names_of_programs_are_those_of_the_help() -> None:
     assert tuple(NEEDS) == PROGRAMS
-    assert set(PROGRAMS) < set(bench_chart.MARKS)
+    assert set(PROGRAMS) < set(chart.MARKS)
 
 
 def test_pairs_cover_every_task_of_the_suite() -> None:
     twins = {entry.name for entry in taskspec.registry.shipped().values() if entry.name.endswith("Seals")}
-    assert {pair.ours for pair in measure.PAIRS} == twins
-
-
-def test_games_are_the_specs_that_the_tests_compare_with_their_sources() -> None:
-    for path in tables.GAMES.iterdir():
-        assert path.read_text(encoding="utf-8") == (SPECS / path.name).read_text(encoding="utf-8")
+    assert {pair.ours for pair in tables.PAIRS} == twins
 
 
 def test_the_own_table_has_a_group_for_each_task_and_its_targets() -> None:
-    groups = measure.own(taskspec.load)
+    groups = tables.own()
     assert [{c.task for c in group} for group in groups] == [{name} for name in tables.SUITE]
     aimed = {(c.task, c.program, c.lanes): c.target for group in groups for c in group if c.target}
     assert aimed[("RiskyPath", "numpy", 1024)] == tables.TARGETS["numpy", 1024]["tabular"]
     assert not any(task == "LargestSum" for task, _, _ in aimed)
-    assert measure.target_of(taskspec.load("Branching"), "numpy", 1024) == tables.TARGETS["numpy", 1024]["tabular"]
-    assert measure.target_of(taskspec.load("Branching", L=20), "numpy", 1024) is None
-    assert measure.target_of(taskspec.load("Branching"), "numpy", 1023) is None
+    assert tables.target_of(taskspec.load("Branching"), "numpy", 1024) == tables.TARGETS["numpy", 1024]["tabular"]
+    assert tables.target_of(taskspec.load("Branching", L=20), "numpy", 1024) is None
+    assert tables.target_of(taskspec.load("Branching"), "numpy", 1023) is None
 
 
 def test_whoever_has_the_same_task_is_compared_with_a_program_that_runs_beside_it() -> None:
-    for group in measure.games(taskspec.load):
+    for group in tables.games():
         ours = {(c.program, c.lanes) for c in group if c.rival is None}
         assert all((c.rival, c.lanes) in ours or ("numpy", c.lanes) in ours for c in group if c.rival)
 
@@ -166,7 +161,7 @@ def test_others_step_as_many_lanes(package: str) -> None:
 
 def test_a_process_that_takes_no_step_is_reported() -> None:
     with pytest.raises(TaskspecError, match="E713"):
-        measure.start_times(taskspec.load("RiskyPath"), "abacus", 1)
+        start_times(taskspec.load("RiskyPath"), "abacus", 1)
 
 
 @pytest.mark.slow
@@ -179,6 +174,6 @@ def test_memory_is_that_of_the_arrays_and_of_what_goes_with_them(name: str, back
     task = taskspec.load(name)
     lanes = 20_000
     arrays = VectorEnvironment(task, lanes, backend=backend, autoreset_mode="SameStep").nbytes
-    found = measure.memory(task, backend, lanes)
+    found = memory(task, backend, lanes)
     assert arrays < found.bytes < 5 * arrays
-    assert measure.memory(task, backend, 2 * lanes).per_lane == pytest.approx(found.per_lane, rel=0.5)
+    assert memory(task, backend, 2 * lanes).per_lane == pytest.approx(found.per_lane, rel=0.5)

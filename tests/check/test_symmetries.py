@@ -82,7 +82,7 @@ PRINTED: dict[str, tuple[Map, Map]] = {
 def test_what_the_twin_shows_and_what_its_actions_do(task_id: str, name: str) -> None:
     """Episodes of a task and of its twin, with actions that correspond: the same rewards, and what was said is seen."""
     seen, done = PRINTED[name]
-    one, other = task_of(task_id).make(), twin_of(task_id, name).make()
+    one, other = taskspec.make(task_of(task_id)), taskspec.make(twin_of(task_id, name))
     first, second = one.reset(seed=3)[0], other.reset(seed=3)[0]
     one.action_space.seed(1)
     for _ in range(40):

@@ -181,7 +181,7 @@ def test_a_listed_permutation_of_actions_is_undone() -> None:
     task = spec("{s: {action: {i: '(i + j) % 3'}}}")
     twin = taskspec.modify(task, "symmetry=s")
     for i, j in product(range(3), repeat=2):
-        one, other = task.make(), twin.make()
+        one, other = taskspec.make(task), taskspec.make(twin)
         one.reset(seed=0), other.reset(seed=0)
         one.step([i, j]), other.step([(i + j) % 3, j])
         assert str(one.state) == str(other.state)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from taskspec import source
-from taskspec.check.table import sense
+from taskspec.check.warnings import warnings
 from taskspec.scores import returns
 from taskspec.task.build import build
 from taskspec.task.task import Task
@@ -63,8 +63,8 @@ FAULTS = [
 @pytest.mark.parametrize(("code", "section", "parts", "message"), FAULTS, ids=lambda x: str(x)[:30])
 def test_each_fault(code: str, section: str, parts: dict[str, str], message: str) -> None:
     made = task(**parts)
-    found = [d for d in sense(made) if d.code == code]
-    assert len(found) == 1, sense(made)
+    found = [d for d in warnings(made) if d.code == code]
+    assert len(found) == 1, warnings(made)
     assert message in found[0].message
     assert found[0].severity == "warning"
     assert found[0].span is not None
@@ -81,24 +81,24 @@ def test_random_actions_are_sampled_as_gymnasium_does(ends: str, mean: float) ->
     made = task(
         action=f"{{a: {{type: real{ends}}}}}", dynamics="{s': s}", reward="-a * a", horizon="1", expert="{a: 9}"
     )
-    [found] = [d for d in sense(made) if d.code == "W507"]
+    [found] = [d for d in warnings(made) if d.code == "W507"]
     random = float(found.message.split()[-1])
     assert random == pytest.approx(-mean, abs=0.35 * mean)
     assert abs(random) < 81
 
 
 def test_a_sensible_task_has_no_warnings() -> None:
-    assert sense(task()) == ()
+    assert warnings(task()) == ()
 
 
 def test_a_constant_reward_makes_sense_where_episodes_may_end() -> None:
     parts = {"reward": "1", "terminal": "s' == n", "expert": "{a: stay}"}
-    assert sense(task(**parts)) == ()
+    assert warnings(task(**parts)) == ()
 
 
 def test_a_claim_about_the_expert_is_intent() -> None:
     parts = {"expert": "{a: stay}", "claims": "[expert_return < optimal_return]"}
-    assert sense(task(**parts)) == ()
+    assert warnings(task(**parts)) == ()
 
 
 def test_noise_tells_nothing_and_a_named_goal_tells_all() -> None:
@@ -109,9 +109,9 @@ def test_noise_tells_nothing_and_a_named_goal_tells_all() -> None:
         "expert": "optimal",
         "horizon": "n",
     }
-    assert "W509" in {d.code for d in sense(task(**two, observation="{s: s, z: 'Normal(mean=0, std=1)'}"))}
-    assert "W509" not in {d.code for d in sense(task(**two, observation="{s: s, side: side}"))}
-    assert "W509" not in {d.code for d in sense(task(**two, observation="{s: s, z: 'Normal(mean=side, std=1)'}"))}
+    assert "W509" in {d.code for d in warnings(task(**two, observation="{s: s, z: 'Normal(mean=0, std=1)'}"))}
+    assert "W509" not in {d.code for d in warnings(task(**two, observation="{s: s, side: side}"))}
+    assert "W509" not in {d.code for d in warnings(task(**two, observation="{s: s, z: 'Normal(mean=side, std=1)'}"))}
 
 
 @pytest.mark.parametrize(
@@ -137,14 +137,14 @@ def test_two_first_states_are_named_that_have_no_best_action_in_common(good: lis
         "horizon": "1",
         "expert": "optimal",
     }
-    found = [d.message for d in sense(task(**parts)) if d.code == "W509"]
+    found = [d.message for d in warnings(task(**parts)) if d.code == "W509"]
     assert len(found) == (pair is not None) and all(pair in message for message in found if pair)
 
 
 @pytest.mark.parametrize("made", tasks(SHIPPED), ids=lambda t: t.id)
-def test_shipped_tasks_make_sense(made: Task) -> None:
+def test_shipped_tasks_make_warnings(made: Task) -> None:
     accepted = made.spec.accept
-    assert [d for d in sense(made) if d.code not in accepted] == []
+    assert [d for d in warnings(made) if d.code not in accepted] == []
 
 
 def test_random_actions_that_do_not_end_are_not_simulated_twice(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,5 +157,5 @@ def test_random_actions_that_do_not_end_are_not_simulated_twice(monkeypatch: pyt
 
     monkeypatch.setattr(returns, "simulate", counted)
     rarely = {"state": "{s: {type: real, low: 0}}", "dynamics": "{s': s + 1 if a == go else 0}", "terminal": "s' > 30"}
-    sense(task(**rarely, horizon="none", reward="s > 30"))
+    warnings(task(**rarely, horizon="none", reward="s > 30"))
     assert len(made) == 2  # the expert, and random actions once

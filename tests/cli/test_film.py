@@ -16,9 +16,8 @@ from taskspec.cli import film
 from taskspec.cli.app import app
 from taskspec.envs import window
 from taskspec.figures import Overlay, raster, scene
-from taskspec.figures.bars import table
 from taskspec.figures.scene import Box, Label
-from taskspec.figures.values import expert_path
+from taskspec.figures.values import expert_path, state_table
 from taskspec.printers.text import plain
 from taskspec.registry import load
 
@@ -134,7 +133,7 @@ def test_films_leave_nothing_out_and_their_window_stays(name: str, values: dict[
     """What does not move is at one place in all frames, and there are no dots for what is left out."""
     one = load(name, **values)
     states = expert_path(one, 12) if name != "seals/RandomTransition-v0" else [{"s": s} for s in range(5)]
-    shown = [scene(one, Overlay(here=state)) or table(one, state) for state in states]
+    shown = [scene(one, Overlay(here=state)) or state_table(one, state) for state in states]
     assert len({(x.width, x.height) for x in shown}) == 1
     assert not any(plain(x.text) in ("…", "⋮") for found in shown for x in found.items if isinstance(x, Label))
     assert all(a.items != b.items for a, b in itertools.pairwise(shown[:3])) or "Sort" in name

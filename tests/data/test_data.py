@@ -120,7 +120,7 @@ def test_an_expert_that_remembers_acts_on_what_it_saw() -> None:
     task = tiger(DRAWN)
     data = demonstrations(task, episodes=60)
     assert data.metadata["content_hash"] == task.content_hash
-    env = task.make()
+    env = taskspec.make(task)
     for i, found in enumerate(data.trajectories):
         env.reset(seed=i)
         lead = 0

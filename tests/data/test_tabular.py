@@ -40,7 +40,7 @@ def best(found: Tabular) -> float:
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: Path(task).stem)
 def test_planning_on_the_arrays_gives_the_optimal_return(task: str) -> None:
     loaded = taskspec.load(task)
-    found = loaded.tabular()
+    found = taskspec.data.tabular(loaded)
     assert found.P.shape == (found.n_states, found.n_actions, found.n_states) and found.R.shape == found.P.shape[:2]
     assert np.allclose(found.P.sum(axis=2), 1) and np.isclose(found.p0.sum(), 1) and (found.P >= 0).all()
     optimal = scores(loaded).optimal

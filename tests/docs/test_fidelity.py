@@ -64,7 +64,7 @@ def test_the_learners_start_of_the_code() -> None:
     theirs = original("InitShiftTest").unwrapped
     assert theirs.initial_state() == 1
     assert theirs.initial_state_dist.tolist() == [1, 0, 0, 0, 0, 0, 0]
-    assert taskspec.load("derail/InitShiftLearner").make().reset(seed=0)[0] == 1
+    assert taskspec.make(taskspec.load("derail/InitShiftLearner")).reset(seed=0)[0] == 1
 
 
 def test_what_the_code_tells_of_horizons_and_takes_as_options() -> None:

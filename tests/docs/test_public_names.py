@@ -8,9 +8,9 @@ import importlib
 import pytest
 
 import taskspec
+from docs.tools.markdown import docstring
+from docs.tools.names import definition, names, public_modules, public_names
 from taskspec.base.extras import is_installed
-from taskspec.cli.manual.docstrings import markdown
-from taskspec.cli.manual.public import definition, public, public_modules, public_names
 from tests.docs.test_snippets import PAGES, blocks
 
 FOR_CONTRIBUTORS = ("architecture.md", "extending.md", "correctness.md")
@@ -64,7 +64,7 @@ def imported(program: str) -> list[tuple[str, str]]:
 
 def test_the_page_tells_what_docstrings_say() -> None:
     """Arguments and errors of functions, and members of classes, each of them once."""
-    page = public()
+    page = names()
     assert [line for line in page.splitlines() if line == "### taskspec.load"] == ["### taskspec.load"]
     assert "### taskspec.envs.Environment" not in page  # told under `taskspec` already
     for cls in (taskspec.Environment, taskspec.Task):
@@ -100,4 +100,4 @@ TOLD = """More of it.
 
 
 def test_sections_of_docstrings_are_lists() -> None:
-    assert markdown(GIVEN) == TOLD
+    assert docstring(GIVEN) == TOLD

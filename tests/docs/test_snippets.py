@@ -33,10 +33,9 @@ from typing import Any
 import pytest
 from gymnasium.envs.registration import registry as gym_registry
 
+from docs.tools import pages
 from taskspec import registry
-from taskspec.cli import manual
 from taskspec.cli.checking import check_file, check_other
-from taskspec.cli.manual.commands import commands
 from taskspec.cli.targets import files_of
 from taskspec.learners import learner
 from tests.conftest import needs_vectors
@@ -45,12 +44,7 @@ from tests.shared.scripts import script
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 GENERATED: dict[str, Callable[[], str]] = {
-    "language.md": manual.language,
-    "errors.md": manual.errors,
-    "modifiers.md": manual.modifiers,
-    "difficulty.md": manual.difficulty,
-    "names.md": manual.public,
-    "commands.md": commands,
+    **{f"{name}.md": page for name, page in pages.PAGES.items()},
     "beside.md": lambda: str(script("beside").beside()),
 }
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]

@@ -17,6 +17,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import taskspec
 from taskspec import draws
 from taskspec.backends.interpreter import Interpreter
 from taskspec.envs.conformance import Agreement
@@ -184,7 +185,7 @@ def test_order(name: str) -> None:
 def test_order_in_environments(name: str) -> None:
     """The scalar environment gives every draw the words that the interpreter gives it, and NumPy those of the scalar one."""
     task = spec(ORDER[name].sections)
-    program, env = Interpreter(task, SEED), task.make()
+    program, env = Interpreter(task, SEED), taskspec.make(task)
     seen, (first, _) = program.reset(), env.reset(seed=SEED)
     for _ in range(STEPS):
         assert np.array_equal(np.ravel(first), np.concatenate([np.float32(s) for s in seen]))

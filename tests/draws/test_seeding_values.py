@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec.backends.interpreter import Interpreter
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -136,7 +137,7 @@ reward: 0
 @pytest.mark.parametrize("written", VALUES)
 def test_values(written: str) -> None:
     task = valued(written)
-    program, env = Interpreter(task, SEED), task.make()
+    program, env = Interpreter(task, SEED), taskspec.make(task)
     program.reset(), env.reset(seed=SEED)
     for n in range(60):
         y = program.state[0][0]
@@ -215,7 +216,7 @@ reward: 0
     seed = 9063343
     (w,) = words(seed, STEP, 0, 1)
     assert uniform(w) < F(1 / 3) < Fraction(w, 2**32) + Fraction(1, 2**24)
-    program, env = Interpreter(task, seed), task.make()
+    program, env = Interpreter(task, seed), taskspec.make(task)
     program.reset(), env.reset(seed=seed)
     program.step([(1,)]), env.step(1)
     assert outcome(w, [Fraction(1, 3), Fraction(2, 3)]) == 1

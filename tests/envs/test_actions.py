@@ -55,7 +55,7 @@ def test_the_space_is_that_of_gymnasiums_own_tasks() -> None:
 
 @pytest.mark.parametrize("action", ["{type: real, low: -2, high: 2}", "{type: real, low: -2, high: 2, shape: []}"])
 def test_a_float_an_array_without_an_axis_and_one_with_an_axis_are_one_action(action: str) -> None:
-    env = push(action).make()
+    env = taskspec.make(push(action))
     forms: list[Any] = [0.25, np.float32(0.25), np.array(0.25), np.array([0.25]), np.array([0.25], np.float32), [0.25]]
     taken = []
     for form in forms:
@@ -77,7 +77,7 @@ def test_lanes_take_batches_of_the_space(backend: Any, action: str) -> None:
     task = push(action)
     lanes = taskspec.make_vec(task, num_envs=3, backend=backend)
     seen, _ = lanes.reset(seed=7)
-    alone = [task.make() for _ in range(3)]
+    alone = [taskspec.make(task) for _ in range(3)]
     first = [env.reset(seed=7 + i)[0] for i, env in enumerate(alone)]
     np.testing.assert_allclose(seen, first, rtol=1e-6)
     lanes.action_space.seed(0)

@@ -64,7 +64,7 @@ USES: dict[str, Callable[[Any, Path], Any]] = {
     "score": lambda x, _: exact.score(x, returns=[4.0]).normalised,
     "extract": lambda x, _: exact.extract(x).start.tolist(),
     "verdicts": lambda x, _: [v.status for v in exact.verdicts(x)],
-    "sense": lambda x, _: exact.sense(x),
+    "warnings": lambda x, _: exact.warnings(x),
     "examine": lambda x, _: exact.examine(x),
     "soundness": lambda x, _: exact.soundness(x),
     "check_ranges": lambda x, _: exact.check_ranges(x),

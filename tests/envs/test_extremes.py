@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec.backends.interpreter import Interpreter
 from taskspec.base.diagnostics import SpecError
 from taskspec.exact import soundness
@@ -19,7 +20,7 @@ from tests.shared.walks import written
 def test_what_a_one_hot_vector_cannot_show_shows_nothing() -> None:
     observation = "\n  o: {value: s, low: 1, high: 3}\n  b: s > 4\n  space: one_hot"
     task = written(observation=observation)
-    env = task.make()
+    env = taskspec.make(task)
     env.reset(seed=0, options={"state": {"s": 0}})
     shown = [env.step(1)[0].argmax() for _ in range(3)]
     assert shown == [0, 1, 2]
@@ -33,7 +34,7 @@ def test_what_a_one_hot_vector_cannot_show_shows_nothing() -> None:
 def test_reals_beyond_float32_are_seen_as_infinite(observation: str) -> None:
     task = written(state="\n  x: {type: real}\n  v: {type: real, shape: [2]}", initial=' {x: 1e30, v: "(1, 1e30)"}',
                    dynamics='\n  x\': x * 1e30\n  v\': v * 1e20', observation=f" {observation}", reward=" 1")  # fmt: skip
-    env: Any = task.make()
+    env: Any = taskspec.make(task)
     env.reset(seed=0, options={"state": {"x": 1e300}})
     seen = env.step(0)[0]
     assert np.isinf(np.hstack([*seen.values()] if isinstance(seen, dict) else [seen])).any()
@@ -44,7 +45,7 @@ def test_reals_beyond_float32_are_seen_as_infinite(observation: str) -> None:
 
 def steps(task: Task, count: int) -> list[Any]:
     """Rewards, the same in the interpreter."""
-    env, reference = task.make(), Interpreter(task, 0)
+    env, reference = taskspec.make(task), Interpreter(task, 0)
     env.reset(seed=0)
     reference.reset()
     rewards = []
@@ -62,7 +63,7 @@ def test_ints_without_bounds_stop() -> None:
 
 def test_a_counter_that_cannot_get_far_is_not_stopped() -> None:
     task = written(state="\n  s: {type: int}", dynamics=" {s': s + a}", horizon=" 200")
-    assert str(2**31 - 1) not in task.make()._program.source  # type: ignore[attr-defined]
+    assert str(2**31 - 1) not in taskspec.make(task)._program.source  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ lakes = pytest.mark.parametrize("lake", LAKES)
 
 
 def make(name: str, **parameters: Any) -> Any:
-    return taskspec.load(str(SPECS / f"{name}.yaml"), **parameters).make()
+    return taskspec.make(taskspec.load(str(SPECS / f"{name}.yaml"), **parameters))
 
 
 def put(env: Any, **state: Any) -> Any:
@@ -50,7 +50,7 @@ def frozen_lake(tmp_path: Path, desc: list[str], slippery: bool) -> tuple[Any, A
     source = source.replace(grid, f"grid: {json.dumps(desc)}")
     path.write_text(source.replace("- states == 16\n", "- states > 1\n"))
     theirs = gym.make("FrozenLake-v1", desc=desc, is_slippery=slippery).unwrapped
-    return theirs, taskspec.load(str(path), slippery=slippery).make()
+    return theirs, taskspec.make(taskspec.load(str(path), slippery=slippery))
 
 
 def outcomes(row: list[tuple[float, int, float, bool]]) -> dict[tuple[int, float, bool], float]:

@@ -40,7 +40,7 @@ MISUSED = [(form, action) for form, (_, actions) in NOT_ACTIONS.items() for acti
 
 @pytest.mark.parametrize(("form", "action"), MISUSED, ids=repr)
 def test_what_is_no_action_is_refused_and_changes_nothing(form: str, action: Any) -> None:
-    env: Any = written(action=NOT_ACTIONS[form][0], dynamics=" {s': (s + 1) % 10}").make()
+    env: Any = taskspec.make(written(action=NOT_ACTIONS[form][0], dynamics=" {s': (s + 1) % 10}"))
     env.reset(seed=0)
     with pytest.raises(ActionError, match="E706"):
         env.step(action)
@@ -52,7 +52,7 @@ def test_what_is_no_action_is_refused_and_changes_nothing(form: str, action: Any
 @pytest.mark.parametrize("action", [[1, 0], (1, 0), np.array([1, 0]), np.array([True, False]), np.array([1, 0], np.uint8),
                                     np.array([1, 0], np.float16), [np.float32(1), 0], [True, False]], ids=repr)  # fmt: skip
 def test_numbers_of_any_kind_are_real_actions(action: Any) -> None:
-    env = written(action=REAL_ACTION, dynamics=" {s': s}", reward=" u[0]").make()
+    env = taskspec.make(written(action=REAL_ACTION, dynamics=" {s': s}", reward=" u[0]"))
     env.reset(seed=0)
     reward = env.step(action)[1]
     assert (reward, type(reward)) == (1.0, float)
@@ -65,7 +65,7 @@ def test_every_point_of_a_box_is_an_action(backend: str) -> None:
     action += "\n  c: {type: choice, values: [x, y, z]}\n  n: {type: int}"
     task = written(action=action, dynamics=" {s': s}", horizon=" 1000",
                    reward=" u + 10 * i[0] + 100 * i[1] + 1000 * b + 10000 * (c == z) + 100000 * n")  # fmt: skip
-    env, lanes = task.make(), engine(task, 3, backend, Options())
+    env, lanes = taskspec.make(task), engine(task, 3, backend, Options())
     env.reset(seed=0)
     lanes.seed(np.zeros(3, np.uint64))
     lanes.reset()
@@ -92,7 +92,7 @@ def test_whatever_is_sampled_is_taken(action: str, backend: str) -> None:
     pytest.importorskip(backend)
     vector = pytest.importorskip("taskspec.envs.vector", exc_type=SpecError)
     task = written(action=f"\n  {action}", dynamics=" {s': s}", reward=" a % 7", horizon=" 1000")
-    env, lanes = task.make(), vector.VectorEnvironment(task, 3, backend=backend)
+    env, lanes = taskspec.make(task), vector.VectorEnvironment(task, 3, backend=backend)
     for each in (env, lanes):
         each.reset(seed=0)
         each.action_space.seed(0)
@@ -111,20 +111,20 @@ OPTIONS = [5, "x", [("state", {})], {"stat": {}}, {"state": 5}, {"state": [1]}, 
 @pytest.mark.parametrize("options", OPTIONS, ids=repr)
 def test_wrong_options_of_reset_are_refused(options: Any) -> None:
     with pytest.raises(StateError, match=r"E709|E713"):
-        written().make().reset(seed=0, options=options)
+        taskspec.make(written()).reset(seed=0, options=options)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2**32, 2**63, 2**64 - 1, np.int64(5), np.uint32(7)], ids=repr)
 def test_seeds(seed: Any) -> None:
     task = written(initial=" {s: 'UniformInt(0, 9)'}")
-    first = [task.make().reset(seed=seed)[0] for _ in range(2)]
-    assert first[0] == first[1] == task.make().reset(seed=int(seed))[0]
+    first = [taskspec.make(task).reset(seed=seed)[0] for _ in range(2)]
+    assert first[0] == first[1] == taskspec.make(task).reset(seed=int(seed))[0]
 
 
 @pytest.mark.parametrize("seed", [-1, 2**64, 1.5, "x", [1], np.int32(-3), float("nan")], ids=repr)
 def test_wrong_seeds_are_refused(seed: Any) -> None:
     with pytest.raises((gym.error.Error, ValueError), match=r"[Ss]eed"):
-        written().make().reset(seed=seed)
+        taskspec.make(written()).reset(seed=seed)
 
 
 @pytest.mark.parametrize(
@@ -166,7 +166,7 @@ WRONG_VECTOR_OPTIONS: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("options", "message"), WRONG_OPTIONS, ids=repr)
 def test_wrong_options_of_environments_say_what_is_allowed(options: dict[str, Any], message: str) -> None:
     with pytest.raises(SpecError, match=message):
-        written().make(**options)
+        taskspec.make(written(), **options)
 
 
 @pytest.mark.parametrize(("options", "message"), WRONG_VECTOR_OPTIONS, ids=repr)
@@ -197,7 +197,7 @@ def test_lanes_are_not_copied(copied: Any) -> None:
 
 @pytest.mark.parametrize("state", ["x", None, 5, [1]])
 def test_a_state_is_a_mapping(state: Any) -> None:
-    env: Any = written().make()
+    env: Any = taskspec.make(written())
     env.reset(seed=0)
     with pytest.raises(StateError, match="E709"):
         env.state = state

@@ -267,7 +267,7 @@ def taskspec_state(seed: int) -> dict[str, object]:
 
 @pytest.mark.parametrize("task", TASKS, ids=name_of)
 def test_scalar_environments_conform(task: tuple[str, str | None]) -> None:
-    check_environment(lambda: load(task).make())
+    check_environment(lambda: taskspec.make(load(task)))
 
 
 class Unseeded(gym.Wrapper):

@@ -50,10 +50,10 @@ def test_the_reward_is_withheld_from_those_who_are_not_entitled_to_it() -> None:
 
 
 WAYS: dict[str, Callable[[Case], Any]] = {
-    "the model": lambda case: case.task.tabular().R.tolist(),
-    "the model of the task as written": lambda case: case.task.unmodified.tabular().R.tolist(),
+    "the model": lambda case: taskspec.data.tabular(case.task).R.tolist(),
+    "the model of the task as written": lambda case: taskspec.data.tabular(case.task.unmodified).R.tolist(),
     "the task with another parameter": lambda case: taskspec.load(case.task, p=0.5).reward,
-    "an environment of the task": lambda case: walk(case.task.make(), 1),
+    "an environment of the task": lambda case: walk(taskspec.make(case.task), 1),
     "the environment inside": lambda case: walk(case.env().unwrapped, 1),
     "environments inside": lambda case: walk(case.make_vec(2).unwrapped, np.ones(2, int)),
     "the expression": lambda case: (case.task.reward, case.task.absorbing_reward, case.task.unmodified.reward),
@@ -108,7 +108,7 @@ def test_nothing_that_is_not_granted_is_found_in_what_a_case_gives(tmp_path: Pat
 
 def test_demonstrations_say_nothing_of_rewards() -> None:
     shown = case("derail/RiskyPath", 9, "demonstrations").demonstrations
-    assert shown.task is not None and not shown.task.tabular().R.any() and shown.task.expert is None
+    assert shown.task is not None and not taskspec.data.tabular(shown.task).R.any() and shown.task.expert is None
     assert "return" not in shown.metadata
 
 
@@ -283,7 +283,7 @@ class Foresees:
     def __init__(self, task: Any, episodes: int) -> None:
         self.coins, self.asked = [], 0
         for seed in range(episodes):
-            env = task.make()
+            env = taskspec.make(task)
             env.reset(seed=seed)
             self.coins.append([env.step(0)[0] for _ in range(4)])
 

@@ -17,7 +17,7 @@ from taskspec import registry
 from taskspec.base.diagnostics import SpecError
 from taskspec.exam.findings import evaluate, html, markdown
 from taskspec.exam.results import LIMIT
-from taskspec.exam.rules import read_findings
+from taskspec.rules.books import read_findings
 from taskspec.task.schema.experiments import findings_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, exam
@@ -126,7 +126,7 @@ def test_results_of_copies_count_and_scores_are_cut_and_drawn() -> None:
         score["deterministic"] = 1.0  # what it would earn by its best actions does not count
     found = {each.name: each for each in evaluate("derail", {"s": both}).results}["F01"]
     assert found.outcome("s") == "confirmed"
-    assert [each.value for each in found.judged["s"].seen] == [-1.0, -1.0]
+    assert [each.value for each in found.truths["s"].evidence] == [-1.0, -1.0]
 
 
 def test_sets_of_results_stand_beside_each_other_on_the_page() -> None:

@@ -51,20 +51,20 @@ def discounted() -> Task:
 
 def paid(task: Task) -> Array:
     """The true reward as (S, A, S)."""
-    known = task.tabular()
+    known = taskspec.data.tabular(task)
     return np.broadcast_to(known.R[:, :, None], (*known.R.shape, known.n_states)).copy()
 
 
 def shaping(task: Task, potential: Array) -> Array:
     """What is gained in a potential (S,), as (S, A, S)."""
-    known = task.tabular()
+    known = taskspec.data.tabular(task)
     gained = known.discount * potential[None, :] - potential[:, None]
     return np.broadcast_to(gained[:, None, :], (len(potential), known.n_actions, len(potential)))
 
 
 def redistributed(task: Task, rng: np.random.Generator) -> Array:
     """Something that is 0 on average over what a step leads to."""
-    chances = task.tabular().P
+    chances = taskspec.data.tabular(task).P
     paid = rng.normal(size=chances.shape)
     return paid - (chances * paid).sum(axis=2, keepdims=True)
 
@@ -85,7 +85,7 @@ def test_shaping_scale_and_redistribution_make_no_difference() -> None:
 def test_with_a_horizon_potentials_have_to_end_at_nothing() -> None:
     """States of a tree are those of one time: a potential that the leaves have none of is shaping, another one is not."""
     task, rng = taskspec.load("derail/InitShiftExpert"), np.random.default_rng(1)
-    known = task.tabular()
+    known = taskspec.data.tabular(task)
     inner = known.P.argmax(axis=2) != np.arange(known.n_states)[:, None]  # its actions lead on
     potential = np.where(inner.all(axis=1), rng.normal(size=known.n_states), 0.0)
     assert np.count_nonzero(potential) >= 3
@@ -116,7 +116,7 @@ def test_a_constant_matters_where_episodes_may_end_early(name: str, constant: fl
 
 def test_a_reward_that_tells_no_actions_apart_is_half_way() -> None:
     task = taskspec.load("derail/RiskyPath")
-    nothing = reward_distance(task, np.zeros(task.tabular().n_states))
+    nothing = reward_distance(task, np.zeros(taskspec.data.tabular(task).n_states))
     assert nothing.starc == pytest.approx(0.5)
     measured = scores(task)
     assert measured.optimal is not None and measured.random is not None
@@ -128,7 +128,7 @@ def test_a_reward_that_tells_no_actions_apart_is_half_way() -> None:
 def test_what_no_episode_comes_to_does_not_count() -> None:
     """Of RiskyPath's trap, goal and detour, the detour alone is left by an action that matters."""
     task = taskspec.load("derail/InitShiftExpert")
-    known = task.tabular()
+    known = taskspec.data.tabular(task)
     changed = paid(task)
     never = np.setdiff1d(np.arange(known.n_states), _entered(task))
     assert len(never)
@@ -137,7 +137,7 @@ def test_what_no_episode_comes_to_does_not_count() -> None:
 
 
 def _entered(task: Task) -> Array:
-    known = task.tabular()
+    known = taskspec.data.tabular(task)
     assert known.horizon is not None
     here, found = known.p0 > 0, known.p0 > 0
     for _ in range(known.horizon - 1):
@@ -161,7 +161,7 @@ def test_on_a_bandit_the_distance_is_a_function_of_the_correlation() -> None:
 @pytest.mark.parametrize("horizon", ["horizon: 4", "horizon: none\ndiscount: 0.9", "horizon: 6\ndiscount: 0.5"])
 def test_the_distance_is_that_of_advantages_worked_out_one_by_one(horizon: str) -> None:
     task, rng = maze(horizon), np.random.default_rng(5)
-    known = task.tabular()
+    known = taskspec.data.tabular(task)
     for _ in range(3):
         learned = rng.normal(size=(5, 3, 5))
         one, other = (_advantages(known, r) for r in (paid(task), learned))
@@ -195,7 +195,7 @@ def _advantages(known: Any, reward: Array) -> Array:
 
 def test_it_is_a_distance() -> None:
     task, rng = maze("horizon: 4"), np.random.default_rng(6)
-    chain = _Chain(task.tabular())
+    chain = _Chain(taskspec.data.tabular(task))
     for a, b, c in rng.normal(size=(10, 3, 5, 3)):
         assert chain.apart(a, b) == pytest.approx(chain.apart(b, a))
         assert chain.apart(a, a) == 0
@@ -206,7 +206,7 @@ def test_it_is_a_distance() -> None:
 def test_what_is_lost_is_what_the_plan_for_the_learned_reward_earns_less(horizon: str) -> None:
     """The learned reward in the place of the true one, planned by the package; its policy followed step by step."""
     task, rng = maze(horizon), np.random.default_rng(8)
-    known = task.tabular()
+    known = taskspec.data.tabular(task)
     for _ in range(3):
         learned = rng.normal(size=(5, 3))
         steps, values, plans = known.horizon or 400, np.zeros(5), []
@@ -227,7 +227,7 @@ def test_what_is_lost_is_what_the_plan_for_the_learned_reward_earns_less(horizon
 
 def test_functions_of_observations_are_asked_for_the_steps_that_there_are() -> None:
     task = taskspec.load("derail/RiskyPath")
-    known = task.tabular()
+    known = taskspec.data.tabular(task)
     table = np.random.default_rng(2).normal(size=(known.n_states, known.n_actions, known.n_states))
     asked: list[tuple[Any, Any, Any]] = []
 
@@ -239,7 +239,7 @@ def test_functions_of_observations_are_asked_for_the_steps_that_there_are() -> N
     steps = np.concatenate([np.stack(each, axis=1) for each in asked])
     assert all(known.P[s, a, n] > 0 for s, a, n in steps)
     twin = taskspec.modify(task, "permuted_actions=3,per_state=true", "relabelled=2")  # other names for the same
-    shown = {tuple(row): i for i, row in enumerate(twin.tabular().observations.reshape(-1, 1))}
+    shown = {tuple(row): i for i, row in enumerate(taskspec.data.tabular(twin).observations.reshape(-1, 1))}
     assert len(shown) == known.n_states
     negative = reward_distance(twin, lambda obs, action, following: -paid(twin)[[shown[o,] for o in obs], action, 0])
     assert negative.starc == pytest.approx(1)
@@ -248,7 +248,7 @@ def test_functions_of_observations_are_asked_for_the_steps_that_there_are() -> N
 def test_rewards_after_the_end_are_not_asked() -> None:
     """EarlyTermPos ends in a state; whatever a network says of what follows, no episode is paid for it."""
     task = taskspec.load("derail/EarlyTermPos")
-    known = task.tabular()
+    known = taskspec.data.tabular(task)
     assert known.absorbed.any()
     beyond = np.where(known.absorbed[:, None, None], 100.0, paid(task))
     assert reward_distance(task, beyond) == reward_distance(task, paid(task))

@@ -107,7 +107,7 @@ def test_what_is_told_of_a_learned_reward_is_in_the_results(sign: float, starc: 
     """EarlyTermPos pays 1 a step; who wants the opposite ends it in the second step and gets 2 of 10; random gets 3.875."""
 
     def learner(case: Case) -> Learned:
-        paid = case.task.tabular().R[:, :, None] * np.ones(case.task.tabular().n_states)
+        paid = taskspec.data.tabular(case.task).R[:, :, None] * np.ones(taskspec.data.tabular(case.task).n_states)
         return Learned(lambda observation: 0, sign * paid)
 
     found = examine(learner, tasks=["EarlyTermPos"], seeds=1, twins=1, learns_from=["reward"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,10 @@ import taskspec
 from taskspec import experiments
 from taskspec.base import limits
 from taskspec.experiments import picture, sweep
+from taskspec.figures import chart
+from taskspec.figures.scene import Label, Line
 from taskspec.jobs.store import Store
+from taskspec.printers.text import plain
 from taskspec.scores.difficulty import MEASURES
 from tests.shared.commands import Done
 
@@ -149,15 +151,19 @@ def test_mistakes_in_the_file_stop_the_sweep_before_it_begins(file: Path) -> Non
 def test_the_picture_has_curves_over_one_parameter_and_maps_over_two(file: Path, tmp_path: Path) -> None:
     found = sweep(experiments.read(file), tmp_path / "s.sqlite", workers=2)
     drawn = picture.figure(found.experiment, found.rows)
-    titles = [axes.get_title() for axes in drawn.axes if axes.get_title()]
-    assert titles == ["derail/NoisyObs-v0", "derail/Branching-v0: random"]
-    curves, grid = (axes for axes in drawn.axes if axes.get_title())
-    lines = {line.get_label(): list(line.get_ydata()) for line in curves.lines}
-    assert lines["optimal"] == [16, 16, 16] and curves.get_xscale() == "log"
-    cells = grid.images[0].get_array()
-    for i, b in enumerate((2, 3)):
-        for j, n in enumerate((2, 4)):
-            assert math.isclose(cells[i][j], b**-n)
+    texts = [plain(item.text) for item in drawn.items if isinstance(item, Label)]
+    assert [text for text in texts if text.startswith("derail/")] == [
+        "derail/NoisyObs-v0",
+        "derail/Branching-v0: random",
+    ]
+    optimal = [
+        item for item in drawn.items if isinstance(item, Line) and item.color == chart.GREEN and len(item.points) == 3
+    ]
+    ((first, second, third),) = (item.points for item in optimal)
+    assert first[1] == second[1] == third[1]
+    assert second[0] - first[0] == pytest.approx(third[0] - second[0])  # 5, 50 and 500 on a logarithmic axis
+    numbers = [plain(item.text) for item in drawn.items if isinstance(item, Label) and item.size == picture.NUMBER]
+    assert numbers == [f"{b**-n:.3g}" for b in (2, 3) for n in (2, 4)]
 
 
 POLICY = """

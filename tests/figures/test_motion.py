@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec import load, make_vec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.window import Frames
 from taskspec.figures import Overlay, render_frame, scene, undrawn
 from taskspec.figures.scene import Box, Circle, Label, Line, Scene
-from taskspec.figures.series import followed
+from taskspec.figures.series import episode_series
 from taskspec.printers.text import plain
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -138,7 +139,7 @@ def test_frames_of_numbers_without_a_figure_and_without_bounds() -> None:
     assert np.array_equal(
         first, render_frame(one, {"x": 130.0, "v": -0.03}, "Spring, step 0 of 30", seen={0: {"x": 130.0, "v": -0.03}})
     )
-    found = followed(
+    found = episode_series(
         one, Overlay(here={"x": 140.0, "v": -0.03}, seen={0: {"x": 130.0, "v": -0.03}, 1: {"x": 140.0, "v": -0.03}})
     )
     assert found is not None
@@ -153,7 +154,7 @@ def test_a_lane_draws_the_series_of_its_own_episode(tmp_path: Path) -> None:
     path = tmp_path / "spring.yaml"
     path.write_text(f"{SPRING}figure: {{kind: series}}\n", encoding="utf-8")
     lanes = make_vec(path, num_envs=2, render_mode="rgb_array", autoreset_mode="Disabled")
-    single = load(path).make(render_mode="rgb_array")
+    single = taskspec.make(load(path), render_mode="rgb_array")
     lanes.reset(seed=0)
     single.reset(seed=1)
     for number in range(4):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Discrete
 
+import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.vector import VectorEnvironment
 from taskspec.lang.builder import Builder
@@ -67,7 +68,7 @@ def test_the_space_of_observations_has_room_for_what_every_backend_shows(backend
     ],
 )
 def test_ends_that_single_floats_hold_give_no_room_for_more(seen: str, values: int) -> None:
-    space = build(read_text(SPEC.format(high="1", reward=0, seen=seen))).make().observation_space
+    space = taskspec.make(build(read_text(SPEC.format(high="1", reward=0, seen=seen)))).observation_space
     assert isinstance(space, Discrete) and space.n == values
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import check, scores
@@ -120,7 +121,7 @@ def nothing(text: str, **given: Any) -> Task:
 
 @pytest.mark.parametrize(("reward", "value"), VALUES)
 def test_values_of_nothing(reward: str, value: float) -> None:
-    env: Any = nothing(spec(reward)).make()
+    env: Any = taskspec.make(nothing(spec(reward)))
     env.reset(seed=1)
     assert env.step(0)[1] == value
 
@@ -142,7 +143,7 @@ def test_backends_agree_on_nothing(backend: Any, space: str) -> None:
 
 
 def test_nothing_is_seen_as_nothing() -> None:
-    env: Any = nothing(DISTRACTED, M=0).make()
+    env: Any = taskspec.make(nothing(DISTRACTED, M=0))
     seen, _ = env.reset(seed=0)
     assert env.observation_space.shape == (1,) == seen.shape
     assert env.action_space.nvec.tolist() == [2]
@@ -155,11 +156,11 @@ def test_nothing_is_seen_as_nothing() -> None:
 @pytest.mark.parametrize("space", ["one_hot", "multi_discrete"])
 def test_nothing_adds_nothing_to_spaces_of_finite_components(space: str) -> None:
     text = DISTRACTED.replace("observation: {s: s, noise: noise, ", f"observation: {{space: {space}, s: s, ")
-    env: Any = nothing(text, M=0).make()
+    env: Any = taskspec.make(nothing(text, M=0))
     env.reset(seed=0)
     seen = env.step([1])[0]
     assert seen.tolist() == ([0, 1, 0, 0] if space == "one_hot" else [1])
-    assert nothing(text, M=2).make().observation_space.shape == ((16,) if space == "one_hot" else (7,))
+    assert taskspec.make(nothing(text, M=2)).observation_space.shape == ((16,) if space == "one_hot" else (7,))
 
 
 @pytest.mark.parametrize("backend", ["numpy", "numba", "jax"])

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import scores
@@ -45,7 +46,7 @@ def depth(d: int, sign: int) -> int:
 
 def test_folds_are_those_of_python() -> None:
     """And the reward is paid in the step that ends the episode, whatever ends it."""
-    env: Any = build(read_text(BRACKETS)).make()
+    env: Any = taskspec.make(build(read_text(BRACKETS)))
     ends = 0
     for seed, word in enumerate(itertools.product(range(3), repeat=4)):
         seen, _ = env.reset(seed=seed)

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement
 from taskspec.envs.options import StateError
@@ -66,7 +67,7 @@ def task_of(reward: str, **parameters: Any) -> Task:
 
 def rewards(task: Task) -> list[float]:
     """What an episode pays in the scalar environment: s is 0, 1, 2, 3, 4, and x is 0, -1, ..."""
-    env = task.make()
+    env = taskspec.make(task)
     env.reset(seed=0)
     return [env.step(0)[1] for _ in range(5)]
 
@@ -152,7 +153,7 @@ reward: {reward}
 @pytest.mark.parametrize("name", LEAVES)
 def test_a_state_keeps_to_its_range(name: str) -> None:
     task, expected = leaving(name)
-    env = task.make()
+    env = taskspec.make(task)
     env.reset(seed=0)
     assert [env.step(0)[1] for _ in expected] == expected
 
@@ -183,7 +184,7 @@ def test_a_state_that_leaves_its_range_is_reported(name: str) -> None:
 def test_a_state_is_not_set_outside_its_range(value: int) -> None:
     task, _ = leaving("below")
     with pytest.raises(StateError, match="E709"):
-        task.make().reset(options={"state": {"s": value}})
+        taskspec.make(task).reset(options={"state": {"s": value}})
 
 
 # -- the time ---------------------------------------------------------------------------------------------------------
@@ -236,7 +237,7 @@ dynamics: {v': v}
 reward: table[floor(sum(v))]
 """
     task = build(read_text(text, "floors.yaml"))
-    env = task.make()
+    env = taskspec.make(task)
     env.reset(seed=0)
     assert env.step(0)[1] == 28.0
     Agreement(task, backend, 3, "SameStep").run(12)

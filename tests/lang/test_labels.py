@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.exact import examine
@@ -42,7 +43,7 @@ horizon: 30
 
 def test_turns_and_steps() -> None:
     """Beside a few lines of Python."""
-    env: Any = build(read_text(TURTLE)).make()
+    env: Any = taskspec.make(build(read_text(TURTLE)))
     rng = random.Random(1)
     labels = ["north", "east", "south", "west"]
     for seed in range(20):
@@ -146,7 +147,7 @@ reward: REWARD
     ],
 )
 def test_labels_inside_vectors_are_those_of_their_choice(reward: str, holds: Any) -> None:
-    env: Any = build(read_text(PAIRS.replace("REWARD", f'"{reward}"'))).make()
+    env: Any = taskspec.make(build(read_text(PAIRS.replace("REWARD", f'"{reward}"'))))
     seen = set()
     for seed in range(60):
         env.reset(seed=seed)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec.base.diagnostics import SpecError
 from taskspec.envs.conformance import Agreement, ReferenceEnv
 from taskspec.source import read_text
@@ -90,7 +91,7 @@ def split(task: Task, seen: Any) -> list[Any]:
 
 def test_parts_are_those_of_numpy() -> None:
     task = matrices()
-    env: Any = task.make()
+    env: Any = taskspec.make(task)
     seen, _ = env.reset(seed=0)
     m, w, i = np.arange(-2, 4).reshape(2, 3), np.array([0.5, -1, 2]), 0
     for a in itertools.islice(itertools.cycle((0, 1, 1, 0, 1)), 30):

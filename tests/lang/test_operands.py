@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec.envs.conformance import ReferenceEnv
 from taskspec.envs.vector import VectorEnvironment
 from tests.verification.operands.forms import FORMS, LAST_DIGIT, ORIGINS, PLAIN, SHAPES, expressions
@@ -34,7 +35,7 @@ class Walk:
     def run(self) -> list[str]:
         """Steps of more than an episode; gives what is wrong."""
         env = (
-            self.task.make()
+            taskspec.make(self.task)
             if self.backend == "scalar"
             else VectorEnvironment(self.task, self.lanes, backend=self.backend)
         )

@@ -10,6 +10,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec import draws, source
 from taskspec.backends.table import BACKENDS
 from taskspec.envs.conformance import Agreement
@@ -90,7 +91,7 @@ def test_a_new_entry_runs_alike_on_all_backends(task: Task, backend: Any) -> Non
 
 
 def test_its_values_are_those_of_its_formula(task: Task) -> None:
-    env = task.make()
+    env = taskspec.make(task)
     env.reset(seed=3)
     (logit,) = [d for d in task.step_draws if d.base == "logistic"]
     place = task.step_words.first[logit.site]

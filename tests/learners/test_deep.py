@@ -14,7 +14,6 @@ from taskspec.exact import score
 from taskspec.learners import learner
 from taskspec.learners.case import Vectors
 from taskspec.learners.settings import Ppo
-from taskspec.task.spaces import action_layout, observation_layout
 from tests.shared.cases import Granted
 
 jax = pytest.importorskip("jax")
@@ -36,13 +35,13 @@ TASKS = ("RiskyPath", "EarlyTermNeg", "NoisyObs", "Parabola", "Sort", "ProcGoal"
 
 
 def head(task: str) -> ActionHead:
-    return ActionHead(Vectors.of(action_layout(taskspec.load(task))))
+    return ActionHead(Vectors.of(taskspec.load(task).action_layout))
 
 
 @pytest.mark.parametrize("task", ["RiskyPath", "Branching", "ProcGoal?D=3"])
 def test_vectors_of_observations_are_the_features_of_the_exact_model(task: str) -> None:
-    found = taskspec.load(task).tabular()
-    made = Vectors.of(observation_layout(taskspec.load(task)))(np.asarray(found.observations))
+    found = taskspec.data.tabular(taskspec.load(task))
+    made = Vectors.of(taskspec.load(task).observation_layout)(np.asarray(found.observations))
     assert made.dtype == np.float32 and np.array_equal(made, found.features)
 
 
@@ -56,7 +55,7 @@ def test_steps_of_a_world_are_those_of_the_environment(name: str) -> None:
     _, steps = jax.lax.scan(lambda w, n: world.step(w, world.head.uniform(n)), begun, noise)
     words = np.asarray(begun.state.key, np.uint64)
     for lane in range(3):
-        env = task.make()
+        env = taskspec.make(task)
         seen, _ = env.reset(seed=int(words[0, lane] << np.uint64(32) | words[1, lane]))
         for t in range(40):
             assert np.allclose(world.seen(np.asarray(seen)[None])[0], steps.seen[t, lane], atol=1e-4)
@@ -182,7 +181,7 @@ def test_policies_in_numpy_say_what_nets_say(task: str) -> None:
 def test_ties_are_drawn() -> None:
     from taskspec.learners.learned import NetPolicy
 
-    vectors = Vectors.of(observation_layout(taskspec.load("RiskyPath")))
+    vectors = Vectors.of(taskspec.load("RiskyPath").observation_layout)
     flat = NetPolicy(vectors, head("RiskyPath").vectors, [(np.zeros((4, 2)), np.zeros(2))], np.zeros(0))
     chosen = flat.predict(np.zeros(200, int), deterministic=True)[0]
     assert 50 < chosen.sum() < 150

@@ -208,7 +208,7 @@ horizon: 8
 
 
 def test_lines_of_initial_share_a_noise() -> None:
-    env = build(read_text(APART)).make()
+    env = taskspec.make(build(read_text(APART)))
     starts = set()
     for seed in range(300):
         seen, _ = env.reset(seed=seed)
@@ -221,7 +221,7 @@ def test_lines_of_initial_share_a_noise() -> None:
 
 
 def test_a_noise_of_the_start_is_drawn_anew_in_steps() -> None:
-    env = build(read_text(APART)).make()
+    env = taskspec.make(build(read_text(APART)))
     first, _ = env.reset(seed=1)
     orders = {tuple(env.step(0)[0][3:9]) for _ in range(8)} | {tuple(first[3:9])}
     assert len(orders) == 9

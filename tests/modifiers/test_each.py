@@ -47,7 +47,7 @@ def returns(task: Task) -> tuple[float, ...]:
 
 def episode(task: Task, actions: list[int], seed: int = 0) -> tuple[list[Any], list[float], int]:
     """States, rewards and the number of steps of an episode."""
-    env = task.make()
+    env = taskspec.make(task)
     env.reset(seed=seed)
     states, rewards = [], []
     for action in actions:
@@ -116,13 +116,13 @@ def test_episodes_are_longer_shorter_or_absorbed() -> None:
 
 def test_observations_hide_and_add() -> None:
     def seen(*modifiers: Any) -> Any:
-        return walk(*modifiers).make().reset(seed=1)[0]
+        return taskspec.make(walk(*modifiers)).reset(seed=1)[0]
 
     assert seen("dropout=1", "time_observed").tolist() == [0, 0]
     assert seen("distractors=3,kind=uniform").shape == (4,)
     assert seen("time_observed", "hidden=s") == 0
     assert seen("observation_noise=1") != 0
-    labels = [int(walk("relabelled=5").make().reset(options={"state": {"s": s}})[0]) for s in range(-9, 10)]
+    labels = [int(taskspec.make(walk("relabelled=5")).reset(options={"state": {"s": s}})[0]) for s in range(-9, 10)]
     assert sorted(labels) == list(range(19)) != labels
 
 

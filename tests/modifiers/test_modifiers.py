@@ -282,7 +282,7 @@ def test_the_draws_of_the_task_stay_as_they_are(task_id: str, name: str) -> None
     task = modified(task_id, name)
     if task is None:
         return
-    one, other = small(task_id).make(), task.make()
+    one, other = taskspec.make(small(task_id)), taskspec.make(task)
     one.action_space.seed(1)
     one.reset(seed=4)
     other.reset(seed=4)

@@ -12,7 +12,7 @@ import pytest
 
 from taskspec import registry
 from taskspec.base.diagnostics import SpecError
-from taskspec.figures import Overlay, figure, overlays, render_frame, scene
+from taskspec.figures import Overlay, figure, overlay, render_frame, scene
 from taskspec.figures.layout import drawings
 from taskspec.figures.machine import explore
 from taskspec.figures.scene import Box, Circle, Item, Label, Line, Scene
@@ -133,7 +133,7 @@ def test_overlays() -> None:
 
 
 def test_overlays_from_the_exact_model() -> None:
-    found = overlays(task("RiskyPath"), ["values", "expert", "occupancy"])
+    found = overlay(task("RiskyPath"), ["values", "expert", "occupancy"])
     assert found.values[0] == 4
     assert found.policy[0] == (0,)
     assert found.occupancy[2] == 1
@@ -142,7 +142,7 @@ def test_overlays_from_the_exact_model() -> None:
 
 def test_overlays_on_a_grid() -> None:
     one = task("NoisyObs")
-    found = scene(one, overlays(one, ["values", "policy"]))
+    found = scene(one, overlay(one, ["values", "policy"]))
     assert found is not None
     assert "12" in labels(found)
     assert len([x for x in found.items if isinstance(x, Line) and x.arrow]) > 20
@@ -161,7 +161,7 @@ def arrows(found: Scene) -> set[tuple[int, int, int, int]]:
 def test_arrows_on_a_grid_show_what_is_chosen_and_not_what_chance_makes_of_it() -> None:
     """The optimal policy of FrozenLake as Gymnasium's own tutorial has it, for as long a horizon."""
     lake = registry.load(ROOT / "tests" / "specs" / "frozen_lake.yaml")
-    found = scene(lake, overlays(lake, ["policy"]))
+    found = scene(lake, overlay(lake, ["policy"]))
     assert found is not None
     assert {(0, 0, -1, 0), (1, 0, 0, -1), (0, 1, -1, 0), (1, 2, 0, 1), (1, 3, 1, 0), (2, 3, 0, 1)} <= arrows(found)
     ends = {(1, 1), (3, 1), (3, 2), (0, 3), (3, 3)}  # nobody acts in holes and in the goal
@@ -171,7 +171,7 @@ def test_arrows_on_a_grid_show_what_is_chosen_and_not_what_chance_makes_of_it() 
 
 def test_a_terminal_state_has_no_value() -> None:
     one = task("EarlyTermPos")
-    over = overlays(one, ["values", "policy"])
+    over = overlay(one, ["values", "policy"])
     assert over.values == {0: 10, 1: 10}
     assert set(over.policy) == {0, 1}
     found = scene(one, over)
@@ -181,7 +181,7 @@ def test_a_terminal_state_has_no_value() -> None:
 
 def test_unknown_overlay() -> None:
     with pytest.raises(SpecError, match="E713"):
-        overlays(task("RiskyPath"), ["colour"])
+        overlay(task("RiskyPath"), ["colour"])
 
 
 @pytest.mark.parametrize("name", IDS)

@@ -21,7 +21,7 @@ from taskspec.data import demonstrations
 from taskspec.exact import Expert, Results, check, score, scores
 from taskspec.pages.page import page
 from taskspec.rollout.rollout import by_expert
-from taskspec.scores.returns import simulate
+from taskspec.rollout.simulate import simulate
 from taskspec.source import read_text
 from taskspec.task.build import build
 from taskspec.task.invariants import broken
@@ -117,10 +117,10 @@ def test_its_return_is_exact(observation: str) -> None:
 def test_it_acts_on_what_it_was_shown(observation: str) -> None:
     task = tiger(observation)
     expert, whole = Expert(task), task.remembering()
-    own = [episode(task.make(), expert, seed) for seed in range(60)]
+    own = [episode(taskspec.make(task), expert, seed) for seed in range(60)]
     assert own == simulate(whole, by_expert(whole), episodes=60).tolist()
     assert len(set(own)) > 2
-    env = task.make()
+    env = taskspec.make(task)
     following = [episode(env, expert, seed) for seed in (0, *[None] * 59)]
     run = CliRunner().invoke(app, ["run", _written(task), "--policy", "expert", "--episodes", "60", "--json"])
     assert json.loads(run.output)["returns"] == following
@@ -155,7 +155,7 @@ def test_the_task_is_the_same_for_everyone_else() -> None:
     mine, other = scores(task), scores(without)
     assert (mine.optimal, mine.random, mine.states) == (other.optimal, other.random, other.states)
     for seed in range(5):
-        assert task.make().reset(seed=seed)[0] == without.make().reset(seed=seed)[0]
+        assert taskspec.make(task).reset(seed=seed)[0] == taskspec.make(without).reset(seed=seed)[0]
 
 
 def test_it_travels() -> None:
@@ -354,7 +354,7 @@ def test_an_expert_remembers_what_its_actions_and_observations_mean(modifiers: l
     assert found is not None and found.is_exact and found.low == 4
     if "reward_noise=1" not in modifiers:
         assert demonstrations(twin, episodes=5).returns().tolist() == [4] * 5
-        env = twin.make()
+        env = taskspec.make(twin)
         assert [episode(env, Expert(twin), seed) for seed in range(4)] == [4] * 4
 
 

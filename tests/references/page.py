@@ -11,7 +11,7 @@ import numpy as np
 
 from taskspec.exam import Exam
 from taskspec.exam.report.rows import decimal, interval, named
-from taskspec.exam.statistics import estimate, mean
+from taskspec.rollout.statistics import estimate, mean
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE, PICTURE = DOCS / "learners.md", DOCS / "references.svg"

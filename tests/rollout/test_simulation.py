@@ -13,7 +13,8 @@ from taskspec.exact import extract
 from taskspec.model.cost import Cost
 from taskspec.registry import load
 from taskspec.rollout.rollout import _affordable, at_random
-from taskspec.scores.returns import Results, simulate
+from taskspec.rollout.simulate import simulate
+from taskspec.scores.returns import Results
 from taskspec.solve import solve
 from taskspec.source import read_text
 from taskspec.task.build import build

@@ -15,12 +15,13 @@ import yaml
 from taskspec import registry
 from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
 from taskspec.exam import findings
-from taskspec.exam.rules import Judge, Judged, SeedScores, read_exam
-from taskspec.exam.rules.check import FIXED, FUNCTIONS, NUMBERS, QUANTIFIERS, SIDES, RuleChecker, RuleNames
-from taskspec.exam.rules.judge import ONE
-from taskspec.exam.statistics import estimate, mean
 from taskspec.lang import syntax as s
 from taskspec.lang.parse import parse
+from taskspec.rollout.statistics import estimate, mean
+from taskspec.rules.books import read_exam
+from taskspec.rules.evaluator import Truth
+from taskspec.rules.scores import FIXED, FUNCTIONS, NUMBERS, QUANTIFIERS, SIDES, RuleNames, ScoreChecker
+from taskspec.rules.seeds import ONE, Comparison, ScoreEvaluator, SeedScores
 from taskspec.task.schema.experiments import exam_schema
 from tests.shared.commands import Done
 from tests.shared.exams import TITLES, entry, exam
@@ -35,11 +36,11 @@ def expression(text: str) -> s.Expr:
     return parse(s.SourceText(text, lambda start, end: Span(origin, 1, start + 1, 1, end + 1)))
 
 
-def judged(rule: str, results: dict[str, Any], names: RuleNames | None = None) -> Judged:
+def judged(rule: str, results: dict[str, Any], names: RuleNames | None = None) -> Truth[Comparison]:
     names, collector = names or RuleNames(TASKS), Collector()
-    RuleChecker(names, collector).condition(expression(rule), {})
+    ScoreChecker(names, collector).truth(expression(rule))
     assert not collector.diagnostics, collector.diagnostics
-    return Judge(SeedScores({ONE: results}), names).condition(expression(rule))
+    return ScoreEvaluator(SeedScores({ONE: results}), names).truth(expression(rule))
 
 
 # -- intervals --------------------------------------------------------------------------------------------------------
@@ -56,7 +57,7 @@ def test_intervals_are_those_of_scipy() -> None:
 
 def test_intervals_of_differences_are_those_of_two_samples_that_do_not_go_together() -> None:
     results = exam({"Sort": (a := [0.1, 0.9, 0.4, 0.6, 0.2]), "Parabola": (b := [0.5, 0.9, 0.3, 0.4, 0.8])})
-    (seen,) = judged("score(Sort) > score(Parabola)", results).seen
+    (seen,) = judged("score(Sort) > score(Parabola)", results).evidence
     theirs = scipy.stats.bootstrap(
         (np.array(a), np.array(b)), lambda x, y, axis: x.mean(axis) - y.mean(axis), n_resamples=100_000, vectorized=True,
         method="percentile", rng=np.random.default_rng(5),
@@ -117,14 +118,14 @@ def test_one_seed_decides_nothing() -> None:
 
 def test_results_that_failed_do_not_count() -> None:
     results = exam({"Sort": 1.0}) | {"scores": [entry("Sort", i, 1.0 if i < 9 else None) for i in range(15)]}
-    (seen,) = judged("score(Sort) == 1", results).seen
+    (seen,) = judged("score(Sort) == 1", results).evidence
     assert seen.value == 1.0
 
 
 def test_the_evidence_is_what_decides() -> None:
     found = judged("any(score(t) < 0.5 for t in tasks)", exam(MASTERED | {"Sort": 0.2, "ProcGoal": 0.1}))
-    assert found.tasks == ("ProcGoal", "Sort")
-    assert [str(each) for each in found.seen] == ["score(ProcGoal) = 0.10", "score(Sort) = 0.20"]
+    assert [each.tasks for each in found.evidence] == [("ProcGoal",), ("Sort",)]
+    assert [str(each) for each in found.evidence] == ["score(ProcGoal) = 0.10", "score(Sort) = 0.20"]
 
 
 # -- the diagnoses of the suite ---------------------------------------------------------------------------------------

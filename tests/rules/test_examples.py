@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import taskspec
 from taskspec import pages, source
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.cli.app import app
@@ -187,7 +188,7 @@ def is_deterministic(task: Task) -> bool:
 
 @pytest.mark.parametrize("task", [t for t in tasks(*EVERY) if is_deterministic(t)], ids=lambda t: t.id)
 def test_steps_of_environments_are_examples(task: Task) -> None:
-    env, rng = task.make(), np.random.default_rng(1)
+    env, rng = taskspec.make(task), np.random.default_rng(1)
     env.reset(seed=1)
     examples: list[dict[str, Any]] = []
     for t in range(6):

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec import exact, load
 from taskspec.base import limits
 from taskspec.base.diagnostics import SpecError
@@ -80,7 +81,7 @@ def test_the_solution_is_the_shortest_of_all_optimal_policies(written_out: tuple
 
 def outcomes(task: Task) -> Iterator[tuple[float, float, bool, int]]:
     """For every sequence of actions: its probability, the return, whether any reward is not 0, and the steps taken."""
-    env, horizon = task.make(), task.horizon or 0
+    env, horizon = taskspec.make(task), task.horizon or 0
     actions = range(int(env.action_space.n))  # type: ignore[attr-defined]
     for chosen in product(actions, repeat=horizon):
         env.reset(seed=0)

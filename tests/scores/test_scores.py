@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import taskspec
 from taskspec import exact, source
 from taskspec.abstraction.abstraction import abstraction
 from taskspec.abstraction.faithful import unfaithful
@@ -185,7 +186,7 @@ EXPERTS = [
 @pytest.mark.parametrize(("name", "variant"), EXPERTS)
 def test_experts_as_policy_objects_walk_through_the_environment(name: str, variant: str | None) -> None:
     task = shipped(name, variant)
-    expert, env = exact.Expert(task), task.make()
+    expert, env = exact.Expert(task), taskspec.make(task)
     returns = []
     for seed in range(5):
         observation, _ = env.reset(seed=seed)
@@ -203,7 +204,7 @@ def test_experts_as_policy_objects_walk_through_the_environment(name: str, varia
 
 def test_planned_experts_count_their_steps() -> None:
     task = build(source.read(ROOT / "tests" / "specs" / "frozen_lake.yaml"), None, {"slippery": False})
-    expert, env = exact.Expert(task), task.make()
+    expert, env = exact.Expert(task), taskspec.make(task)
     observation, _ = env.reset(seed=0)
     state, total, over = None, 0.0, False
     while not over:
@@ -221,7 +222,7 @@ def test_simulation_walks_the_trajectories_of_the_environment() -> None:
     from taskspec.rollout.rollout import Rollout
 
     for task in (shipped("noisy_obs"), shipped("proc_goal"), shipped("sort"), shipped("risky_path")):
-        rollout, env = Rollout(task, 4, seed=11), task.make()
+        rollout, env = Rollout(task, 4, seed=11), taskspec.make(task)
         rng = np.random.default_rng(0)
 
         actions, state, rewards = at_random(task), rollout.start(), []

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import taskspec
 from taskspec import source
 from taskspec.base.diagnostics import CODES, Diagnostic, SpecError
 from taskspec.cli.checking import check_file
@@ -341,5 +342,5 @@ initial: {}
 dynamics: {}
 reward: a
 """
-    env = build(source.read_text(text)).make()
+    env = taskspec.make(build(source.read_text(text)))
     assert env.reset(seed=0)[0].tolist() == [0, 3, 3, 2]

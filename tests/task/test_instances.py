@@ -129,7 +129,7 @@ def test_constants_are_read_from_python(path: Path) -> None:
     assert task.constants["half"] == 2
     assert sorted(task.constants["meaning"].tolist()) == [0, 1, 2, 3]
     assert task.constants["walls"].shape == (3, 4) and task.constants["walls"].dtype == bool
-    env = task.make()
+    env = taskspec.make(task)
     goes_on = [
         a
         for a in range(4)

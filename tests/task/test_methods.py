@@ -77,7 +77,7 @@ def test_an_alias_is_a_name_of_its_own(alias: str, code: str) -> None:
 def test_infos_are_flat_and_say_what_is_asked_for() -> None:
     task = build(read(ALIASED.replace("ALIAS", "alias: length")), None, {"length": 5}, "")
     assert task.values == {"L": 5}
-    env = task.make()
+    env = taskspec.make(task)
     env.reset(seed=0)
     env.step(0)
     info = env.step(1)[4]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+import taskspec
 from taskspec import source
 from taskspec.task.build import build
 
@@ -23,7 +24,7 @@ observation: {y: y}
 
 @pytest.mark.parametrize("horizon", ["none", "1500"])
 def test_what_depends_on_something_that_still_moves_may_move_later(horizon: str) -> None:
-    env = build(source.read_text(TEXT.replace("HORIZON", horizon))).make()
+    env = taskspec.make(build(source.read_text(TEXT.replace("HORIZON", horizon))))
     env.reset(seed=0)
     seen = [env.step(0)[0] for _ in range(1200)]
     assert max(seen) == 5
@@ -31,5 +32,5 @@ def test_what_depends_on_something_that_still_moves_may_move_later(horizon: str)
 
 
 def test_what_settles_within_the_horizon_is_bounded() -> None:
-    env = build(source.read_text(TEXT.replace("HORIZON", "7"))).make()
+    env = taskspec.make(build(source.read_text(TEXT.replace("HORIZON", "7"))))
     assert env.observation_space.n == 1  # type: ignore[attr-defined]

@@ -352,7 +352,9 @@ def test_reading_a_spec_does_not_import_pydantic() -> None:
     assert run.stdout.split() == ["False", "False"]
 
 
-@pytest.mark.parametrize("wrong", ["reward: s ==", "reward: [1]", "state: {s: {kind: int}}", "reward: f(s)\nunknown: 1"])
+@pytest.mark.parametrize(
+    "wrong", ["reward: s ==", "reward: [1]", "state: {s: {kind: int}}", "reward: f(s)\nunknown: 1"]
+)
 def test_a_document_that_is_trusted_is_checked_where_its_build_fails(wrong: str) -> None:
     """Shipped specs are built without a look at their shape; mistakes are reported in the same words all the same."""
     section = wrong.partition(":")[0]

@@ -10,7 +10,7 @@ import pytest
 import taskspec
 from taskspec import registry
 from taskspec.lang.types import Kind
-from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, pack_many
+from taskspec.task.spaces import SpaceLayout, pack, pack_many
 
 ROWS = 9
 
@@ -29,7 +29,7 @@ def columns(layout: SpaceLayout) -> list[np.ndarray[Any, Any]]:
 @pytest.mark.parametrize("name", sorted(registry.known()))
 def test_a_batch_is_its_rows_stacked(name: str) -> None:
     task = taskspec.load(name)
-    for layout in (observation_layout(task), action_layout(task)):
+    for layout in (task.observation_layout, task.action_layout):
         given = columns(layout)
         rows = [pack(layout, [tuple(c[i].tolist()) for c in given]) for i in range(ROWS)]
         batch = pack_many(layout, given)

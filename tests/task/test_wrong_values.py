@@ -238,8 +238,8 @@ def outcome(text: str, variant: str | None = None, whole: bool = False) -> tuple
     """What is said about a spec: all that is done with it, from reading to a step, raises SpecError or nothing."""
     try:
         task = build(read_text(text, "walk.yaml"), variant)
-        found = check(task, ranges=bool(task.parameters), with_sense=whole, claims=whole).diagnostics
-        env = task.make()
+        found = check(task, ranges=bool(task.parameters), with_warnings=whole, claims=whole).diagnostics
+        env = taskspec.make(task)
         env.reset(seed=0)
         env.step(env.action_space.sample())
     except SpecError as error:
@@ -319,7 +319,7 @@ def test_wrong_parameters(feature: str, tmp_path: FilePath) -> None:
         for value in GIVEN:
             try:
                 task = taskspec.load(path, **{name: value})
-                task.make().reset(seed=0)
+                taskspec.make(task).reset(seed=0)
                 assert task.values[name] in (value, float(value) if isinstance(value, Fraction) else value)
             except SpecError as error:
                 assert {d.code for d in error.diagnostics} <= {"E314", "E702", "E703", "E704", "E407"}, (name, value)

@@ -9,7 +9,7 @@ from tests.shared.seals import ALPHA, stats
 
 
 def test_bounds_of_the_proc_goal_start() -> None:
-    ours = taskspec.load("derail/ProcGoalSeals", B=2, D=1).make()
+    ours = taskspec.make(taskspec.load("derail/ProcGoalSeals", B=2, D=1))
     ours.reset(seed=0)
     seen = {tuple(int(v) for v in ours.reset()[0]) for _ in range(1500)}
     assert {(x, y) for x, y, *_ in seen} == {(x, y) for x in range(-2, 2) for y in range(-2, 2)}
@@ -17,7 +17,7 @@ def test_bounds_of_the_proc_goal_start() -> None:
 
 
 def test_noise_is_fresh_and_standard_normal() -> None:
-    ours = taskspec.load("derail/NoisyObsSeals").make()
+    ours = taskspec.make(taskspec.load("derail/NoisyObsSeals"))
     noise = [ours.reset(seed=0)[0][2:]]
     for _ in range(400):
         noise.extend(ours.step(4)[0][2:] for _ in range(5))

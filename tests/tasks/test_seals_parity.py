@@ -31,7 +31,7 @@ class Case:
     state: Callable[[Any], State]
 
     def pair(self) -> tuple[Any, Any]:
-        return original(self.seals).unwrapped, taskspec.load(f"derail/{self.ours}").make()
+        return original(self.seals).unwrapped, taskspec.make(taskspec.load(f"derail/{self.ours}"))
 
 
 def _single(state: Any) -> State:
@@ -90,7 +90,7 @@ def test_spaces_are_equal(case: Case) -> None:
 @each
 def test_episodes_have_the_registered_length(case: Case) -> None:
     theirs = original(case.seals)
-    ours = taskspec.load(f"derail/{case.ours}").make()
+    ours = taskspec.make(taskspec.load(f"derail/{case.ours}"))
     theirs.reset(seed=0)
     ours.reset(seed=0)
     action = _actions(ours.action_space)[0]
@@ -322,7 +322,7 @@ def test_largest_sum_takes_the_whole_length(length: int) -> None:
     from seals.diagnostics.largest_sum import LargestSumEnv
 
     theirs = LargestSumEnv(length=length)
-    ours = taskspec.load("derail/LargestSumSeals", length=length).make()
+    ours = taskspec.make(taskspec.load("derail/LargestSumSeals", length=length))
     assert ours.observation_space == theirs.observation_space
     case = Case("LargestSum", "LargestSumSeals", _list)
     ours.reset(seed=0)
@@ -337,7 +337,7 @@ def test_branching_at_other_sizes(branching: int, length: int) -> None:
     from seals.diagnostics.branching import BranchingEnv
 
     theirs = BranchingEnv(branch_factor=branching, length=length)
-    ours = taskspec.load("derail/BranchingSeals", B=branching, L=length).make()
+    ours = taskspec.make(taskspec.load("derail/BranchingSeals", B=branching, L=length))
     assert ours.observation_space == theirs.observation_space
     assert ours.action_space == theirs.action_space
     case = Case("Branching", "BranchingSeals", _single)

@@ -237,7 +237,7 @@ def test_the_tables_of_seals_make_its_process(tmp_path: Path) -> None:
     path.write_text(yaml.safe_dump({k: v for k, v in spec.items() if k not in ("claims", "accept", "errata")}))
     task = taskspec.load(path)
     assert_tables_agree(task, theirs, 1e-7)
-    us = task.make()
+    us = taskspec.make(task)
     us.reset(seed=0)
     for state, action in np.ndindex(theirs.state_dim, theirs.action_dim):
         assert fits([step(theirs, us, state, action) for _ in range(40)], theirs.transition_matrix[state, action])

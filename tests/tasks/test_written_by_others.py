@@ -21,7 +21,7 @@ SPECS = Path(__file__).parents[1] / "specs"
 
 
 def make(name: str, **parameters: Any) -> Any:
-    return taskspec.load(str(SPECS / f"{name}.yaml"), **parameters).make()
+    return taskspec.make(taskspec.load(str(SPECS / f"{name}.yaml"), **parameters))
 
 
 @pytest.mark.parametrize("entry", list(entries(SPECS)), ids=lambda e: e.name)
@@ -234,7 +234,7 @@ def test_choices_of_several_components_and_labels_that_are_no_names() -> None:
 def test_variants_of_variants() -> None:
     offset = taskspec.load(str(SPECS / "two_goals.yaml"), "TwoGoalsOffset")
     assert (offset.expert, offset.claims, offset.values) == (None, (), {"L": 5})
-    env = offset.make()
+    env = taskspec.make(offset)
     starts = {int(env.reset(seed=s)[0]) for s in range(200)}
     assert starts == {k for k in range(-5, 6) if k != 0}
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from taskspec.rules.evaluator import Evaluator
+from taskspec.rules.results import ClaimEvaluator
 from taskspec.scores.returns import Results
 from taskspec.solve import enclosure
 from taskspec.solve.enclosure import Enclosure
@@ -61,7 +61,7 @@ MISTAKES: dict[str, Any] = {
     "equality is absolute": (5051, enclosure, "_equal", nearly),
     "errors are forgotten": (5004, Enclosure, "around", classmethod(lambda cls, value, error: cls.exactly(value))),
     "abstractions are believed": (5011, Results, "faith", property(lambda results: None)),
-    "decimals are read in one way": (5045, Evaluator, "ambiguous", property(lambda evaluator: False)),
+    "decimals are read in one way": (5045, ClaimEvaluator, "ambiguous", property(lambda evaluator: False)),
 }
 """With the number of a model that shows it."""
 

@@ -12,7 +12,7 @@ from typing import Any
 from taskspec.backends.emit.source import literal, tuple_of
 from taskspec.lang.batch import network
 from taskspec.lang.ir import Apply, Const, Draw, Node, Read, Role, children, plain, walk
-from taskspec.lang.operators import OPERATORS, Operator
+from taskspec.lang.operators import OPERATORS, Elements, Operator, entry_of
 from taskspec.lang.operators.structure import strided
 from taskspec.lang.types import Kind
 from taskspec.lang.variates import VARIATES
@@ -397,5 +397,5 @@ class LaneEmitter(LaneValues):
 
 def _shown(roots: Sequence[Node], order: Sequence[Node]) -> set[int]:
     """The ids of what is read by something other than comparisons, for which 0.0 is -0.0."""
-    users = [n for n in order if not (isinstance(n, Apply) and n.op in ("eq", "ne", "lt", "le"))]
+    users = [n for n in order if not (isinstance(n, Apply) and entry_of(n.op).elements is Elements.RANKED)]
     return {*map(id, roots), *(id(c) for n in users for c in children(n))}

@@ -25,7 +25,7 @@ from taskspec.lang.types import INF, INT_MAX, Kind, Range
 from taskspec.lang.variates import VARIATES
 from taskspec.lang.variates.sample import WordLayout, words_of
 from taskspec.task.reach import over, reach, widest
-from taskspec.task.spaces import Segment, SpaceLayout, action_layout, observation_layout
+from taskspec.task.spaces import Segment, SpaceLayout
 from taskspec.task.task import Component, Task
 
 # ---------- pack
@@ -195,8 +195,8 @@ def compile_jax(task: Task) -> JaxProgram:
     return JaxProgram(
         task,
         source,
-        observation_layout(task),
-        action_layout(task),
+        task.observation_layout,
+        task.action_layout,
         namespace["start"],
         namespace["step"],
         start_words.count,

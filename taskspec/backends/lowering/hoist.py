@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from taskspec.base.records import dataclass
 from taskspec.draws import NEVER
@@ -14,8 +14,23 @@ from taskspec.lang.variates.choices import row_table
 from taskspec.lang.variates.sample import WordLayout, words_of
 from taskspec.task.task import Task
 
-# ---------- invariant
-# What stays the same for a whole episode: expressions over components that no step changes, computed once at reset.
+
+def everywhere(roots: Sequence[Node], own: Callable[[Node], bool]) -> dict[int, bool]:
+    """For every node, by id, whether `own` is true of it and of all nodes below it."""
+    found: dict[int, bool] = {}
+    for node in walk(roots):
+        found[id(node)] = own(node) and all(found[id(c)] for c in children(node))
+    return found
+
+
+def maximal(roots: Sequence[Node], inside: dict[int, bool], wanted: Callable[[Node], bool]) -> list[Node]:
+    """Return the wanted nodes inside (by id) that are roots or arguments of nodes outside, in the order of the roots."""
+    outside = [node for node in walk(roots) if not inside[id(node)]]
+    referred = [*roots, *(c for node in outside for c in children(node))]
+    return list({id(n): n for n in referred if inside[id(n)] and wanted(n)}.values())
+
+
+# -- values that stay the same for a whole episode: functions of components that no step changes ------------------
 
 
 @dataclass(frozen=True)
@@ -92,39 +107,29 @@ def frozen_components(task: Task) -> frozenset[str]:
 
 
 def _fixed(roots: Sequence[Node], frozen: frozenset[str]) -> dict[int, bool]:
-    """For every node, whether it draws nothing and reads frozen components only."""
-    fixed: dict[int, bool] = {}
-    for node in walk(roots):
-        match node:
-            case Draw():
-                own = False
-            case Read(role=role, name=name):
-                own = role is Role.STATE and name in frozen
-            case _:
-                own = True
-        fixed[id(node)] = own and all(fixed[id(c)] for c in children(node))
-    return fixed
+    """For every node, by id, whether it draws nothing and reads frozen components only."""
+
+    def own(node: Node) -> bool:
+        if isinstance(node, Read):
+            return node.role is Role.STATE and node.name in frozen
+        return not isinstance(node, Draw)
+
+    return everywhere(roots, own)
 
 
 def _maximal_fixed(roots: Sequence[Node], fixed: dict[int, bool]) -> list[Node]:
-    """The largest fixed operations that the rest refers to; a bare read or constant is not worth a variable.
+    """Return the largest fixed operations that the rest refers to; a bare read or constant is not worth a variable.
 
     Rows of a table that a draw looks up stay as they are: their probabilities are exact only while they are known as such.
     """
-    found: dict[int, Node] = {}
-    rows = {id(d.args[0]): d.args[0] for d in walk(roots) if isinstance(d, Draw) and d.args and row_table(d.args[0])}
-    users = [*roots, *(c for n in walk(roots) if not fixed[id(n)] or id(n) in rows for c in children(n))]
-    for node in users:
-        if fixed[id(node)] and isinstance(node, Apply) and id(node) not in rows:
-            found[id(node)] = node
-    return list(found.values())
+    rows = {id(d.args[0]) for d in walk(roots) if isinstance(d, Draw) and d.args and row_table(d.args[0])}
+    outside = dict.fromkeys(rows, False)
+    return maximal(roots, fixed | outside, lambda node: isinstance(node, Apply))
 
 
-# ---------- hoist
-# What a vector program takes out of its steps: values that depend on draws alone, and draws as comparisons of words.
+# -- values that depend on draws alone ----------------------------------------------------------------------------
 #
-# Both rewrite core nodes into core nodes, so that every backend gains: what draws give becomes a read of a named
-# value with bounds that are certain.
+# Nodes are rewritten into nodes, so that every backend gains: a draw becomes a read of a variable with certain bounds.
 
 
 @dataclass(frozen=True)
@@ -150,8 +155,8 @@ class Hoisted:
 
 def hoist(b: Builder, roots: Sequence[Node], layout: WordLayout, bias: int = 0) -> Hoisted:
     """Take out of the roots whatever depends on draws alone, and write the other draws as comparisons if possible."""
-    free = _free(roots)
-    values = _maximal(roots, free)
+    free = everywhere(roots, lambda node: not isinstance(node, Read))
+    values = maximal_draws(roots, free)
     names = {id(n): f"h{i}" for i, n in enumerate(values)}
 
     def leaf(node: Node) -> Node | None:
@@ -185,21 +190,10 @@ def word_names(draw: Draw) -> tuple[str, ...]:
     return tuple(f"w{draw.site}_{k}" for k in range(words_of(draw)))
 
 
-def _free(roots: Sequence[Node]) -> dict[int, bool]:
-    """For every node, whether it reads nothing."""
-    free: dict[int, bool] = {}
-    for node in walk(roots):
-        free[id(node)] = not isinstance(node, Read) and all(free[id(c)] for c in children(node))
-    return free
-
-
-def _maximal(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
-    """The largest free nodes that hold a draw."""
-    random: dict[int, bool] = {}
-    for node in walk(roots):
-        random[id(node)] = isinstance(node, Draw) or any(random[id(c)] for c in children(node))
-    users = (*roots, *(c for n in walk(roots) if not free[id(n)] for c in children(n)))
-    return list({id(n): n for n in users if free[id(n)] and random[id(n)]}.values())
+def maximal_draws(roots: Sequence[Node], free: dict[int, bool]) -> list[Node]:
+    """Return the largest free nodes that hold a draw."""
+    drawless = everywhere(roots, lambda node: not isinstance(node, Draw))
+    return maximal(roots, free, lambda node: not drawless[id(node)])
 
 
 # -- draws as comparisons -----------------------------------------------------------------------------------------

@@ -15,14 +15,13 @@ from taskspec.backends.numba.loops import BAD, CHECK, CHECKED_STEP, GAP, RESET, 
 from taskspec.backends.numba.step import generate
 from taskspec.backends.vector import Episodes, LanesNotRunningError, Mode, Options
 from taskspec.base.arrays import Array
-from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
 
 
 @lru_cache(maxsize=64)
 def compile_numba(task: Task, mode: Mode, actions: str) -> tuple[str, Program, LoadedKernel]:
     """Source, memory and kernel of a task, for actions of a type: "i" (int64), "f" (float32) or "d" (float64)."""
-    source, program = generate(task, observation_layout(task), action_layout(task), mode, actions)
+    source, program = generate(task, task.observation_layout, task.action_layout, mode, actions)
     return source, program, load(source)
 
 
@@ -31,7 +30,7 @@ class NumbaEngine:
 
     def __init__(self, task: Task, lanes: int, options: Options) -> None:
         self._task, self._mode = task, options.mode
-        whole = action_layout(task).parts[0].is_whole
+        whole = task.action_layout.parts[0].is_whole
         self._dtype = np.dtype(np.int64 if whole else np.float32)
         self.source, program, kernel = compile_numba(task, options.mode, "i" if whole else "f")
         self._kernels = [kernel]  # their functions do not keep them

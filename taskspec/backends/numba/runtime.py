@@ -1,4 +1,4 @@
-"""Functions that generated kernels call: selects, operators, and lanes whose episodes end."""
+"""How kernels are compiled, and the functions that they call: selects, operators, and lanes whose episodes end."""
 
 from __future__ import annotations
 
@@ -6,22 +6,61 @@ import math
 from math import inf, nan  # noqa: F401  # for generated code
 from typing import Any
 
+import llvmlite.binding as llvm
+import numba
 import numpy as np
 from numba import njit, types
 from numba.extending import intrinsic
 
-# ---------- basics
-# Building blocks of generated kernels: selects without branches, and numbers at addresses.
+from taskspec.backends.emit.source import run
 
 f32, f64, i32, i64, u32, u64 = np.float32, np.float64, np.int32, np.int64, np.uint32, np.uint64
 
+# -- compilation --------------------------------------------------------------------------------------------------
+
+
+def machine_code(source: str, machine: llvm.TargetMachine) -> bytes:
+    """Compile a generated module to an object file, in which CPython can call the function `kernel`.
+
+    The code raises no exceptions: what would report them is missing when it is loaded without Numba.
+    """
+    namespace: dict[str, Any] = {}
+    run(source, "<taskspec kernel>", namespace)
+    compiled = numba.cfunc(types.uint64(types.uint64, types.uint64), error_model="numpy")(namespace["kernel"])
+    text = compiled.inspect_llvm()
+    if "picklebuf" in text:  # Numba's name for the arguments of an exception
+        raise AssertionError(f"a kernel that may raise an exception:\n{source}")
+    module = llvm.parse_assembly(text)
+    module.get_function(compiled.native_name).name = "kernel"
+    return machine.emit_object(module)  # type: ignore[no-any-return]
+
+
 inner = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-"""Compile a function that kernels call, and nothing else does."""
+"""Compile a function that only kernels call."""
+
+
+def apart(function: Any) -> Any:
+    """Compile with the promise that no two array arguments share memory, so that loops need not check."""
+    compiled = inner(function)
+    compiler: Any = getattr(compiled, "_compiler", None)
+    default_flags = getattr(compiler, "_customize_flags", None)
+    if default_flags is not None:  # private to Numba, hence optional
+
+        def without_aliases(flags: Any) -> Any:
+            flags = default_flags(flags)
+            flags.noalias = True
+            return flags
+
+        compiler._customize_flags = without_aliases
+    return compiled
+
+
+# -- building blocks: selects without branches, and numbers at addresses ------------------------------------------
 
 
 @intrinsic
 def select(typing: Any, condition: Any, a: Any, b: Any) -> Any:
-    """`a if condition else b`, both worked out: no branch."""
+    """Return `a if condition else b` without a branch: both are evaluated."""
     a, b = types.unliteral(a), types.unliteral(b)
     result = typing.unify_types(a, b)
 
@@ -82,8 +121,7 @@ def numbers_of(array: Any) -> Any:
     return u64s(array, i64(_HEAD))[0]
 
 
-# ---------- operators
-# Operators in generated kernels that are more than one expression; sine and cosine are polynomials, for speed.
+# -- operators of more than one expression; sine and cosine are polynomials, for speed ----------------------------
 
 INT_MAX = 2147483647.0
 
@@ -208,8 +246,7 @@ def cos(x: Any) -> Any:
     return select((q == 1.0) | (q == 2.0), -value, value)
 
 
-# ---------- lanes
-# What generated kernels do with lanes whose episodes end.
+# -- lanes whose episodes end -------------------------------------------------------------------------------------
 
 
 @inner

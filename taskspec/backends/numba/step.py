@@ -48,13 +48,10 @@ def generate(
     return "\n".join([*head, *_blank([checking, advancing, beginning, running])]), p
 
 
-_IMPORT = (
-    "\n".join(
-        f"from taskspec.backends.numba.{module} import *  # noqa: F403"
-        for module in ("basics", "draws", "operators", "lanes")
-    )
-    + f"\nfrom math import {', '.join(sorted({name for operator in OPERATORS.values() for name in operator.kernel.names}))}"
-)
+_MATH = sorted({name for operator in OPERATORS.values() for name in operator.kernel.names})
+_IMPORT = f"""from taskspec.backends.numba.runtime import *  # noqa: F403
+from taskspec.backends.numba.draws import *  # noqa: F403
+from math import {", ".join(_MATH)}"""
 
 
 def _blank(functions: Sequence[Sequence[str]]) -> list[str]:

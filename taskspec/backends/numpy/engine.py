@@ -26,7 +26,7 @@ from taskspec.lang import batch
 from taskspec.lang.ir import Node
 from taskspec.lang.ir import draws as draws_below
 from taskspec.lang.variates.sample import WordLayout
-from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout
+from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Task
 
 BLOCK = 16_384
@@ -56,7 +56,7 @@ class Module:
 @lru_cache(maxsize=64)
 def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
     """Generate and compile the array form of a task."""
-    b, observation = task.builder, observation_layout(task)
+    b, observation = task.builder, task.observation_layout
     roots = task.step_roots
     hoisted = hoist(b, roots, task.step_words)
     table = tabulate(b, hoisted.roots)
@@ -68,7 +68,7 @@ def compile_numpy(task: Task, mode: Mode = "same_step") -> Module:
         namespace["FIRST"] = (*again.state, *again.seen)
     run(source, f"<taskspec {task.id} {task.content_hash[:12]} numpy {mode}>", namespace)
     bind, begins, never_terminates = namespace["lanes"], again is not None, never(table[len(task.state) + 1])
-    return Module(task, source, bind, observation, action_layout(task), hoisted, start, begins, never_terminates)
+    return Module(task, source, bind, observation, task.action_layout, hoisted, start, begins, never_terminates)
 
 
 def _again(start: tuple[Node, ...], states: int, observation: SpaceLayout) -> Again | None:

@@ -13,7 +13,7 @@ import numpy as np
 from taskspec.backends.emit.lane import UNROLLED, LaneEmitter, LaneValue
 from taskspec.backends.emit.source import literal
 from taskspec.backends.lowering.phase import Phase, is_filled
-from taskspec.draws.variates import stream
+from taskspec.backends.scalar.stream import stream
 from taskspec.lang.ir import Node, Read
 from taskspec.lang.types import Kind
 from taskspec.task.spaces import FLOAT_MAX, SpaceLayout

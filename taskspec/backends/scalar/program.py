@@ -18,11 +18,12 @@ from taskspec.backends.lowering.hoist import Invariants, changing, cold_componen
 from taskspec.backends.lowering.phase import Phase
 from taskspec.backends.scalar.emit import row_names, sees_state
 from taskspec.backends.scalar.module import Parts, generate
+from taskspec.backends.scalar.stream import phase_stream
 from taskspec.base.records import dataclass
 from taskspec.lang.evaluate import evaluate
 from taskspec.lang.operators import OPERATORS
 from taskspec.lang.variates.sample import sampler
-from taskspec.task.spaces import SpaceLayout, action_layout, observation_layout, pack, singles
+from taskspec.task.spaces import SpaceLayout, pack, singles
 from taskspec.task.task import Task
 
 # ---------- scalars
@@ -88,8 +89,8 @@ class ScalarProgram:
 
     def start(self, seed: int, failures: Failures, clock: Clock = _ZERO) -> Lane:
         """Functions of one environment, whose draws go on from where a clock stands."""
-        first = self.reset_phase.stream(seed, draws.RESET, clock.episodes)
-        later = self.step_phase.stream(seed, draws.STEP, clock.past + clock.time)
+        first = phase_stream(self.reset_phase, seed, draws.RESET, clock.episodes)
+        later = phase_stream(self.step_phase, seed, draws.STEP, clock.past + clock.time)
         parts = self._namespace["lane"](first, later, failures.action, failures.not_running)
         return Lane(*parts)
 
@@ -121,7 +122,7 @@ class Lane:
 @lru_cache(maxsize=64)
 def compile_scalar(task: Task) -> ScalarProgram:
     """Generate and compile the scalar program of a task."""
-    observation, action = observation_layout(task), action_layout(task)
+    observation, action = task.observation_layout, task.action_layout
     invariants = Invariants.of(task, observation.form == "box" and bool(observation.shape))
     roots = invariants.replaced(task, (*task.next, task.reward, task.terminal))
     seen = () if invariants.observation else invariants.replaced(task, task.next_observation)

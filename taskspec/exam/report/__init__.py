@@ -11,6 +11,7 @@ from taskspec.base.files import write_text
 from taskspec.exam.report import pictures
 from taskspec.exam.report.page import page
 from taskspec.exam.report.rows import write_scores
+from taskspec.figures import save
 
 
 def _html(exam: Mapping[str, Any], path: Path) -> None:
@@ -18,7 +19,7 @@ def _html(exam: Mapping[str, Any], path: Path) -> None:
 
 
 def _picture(exam: Mapping[str, Any], path: Path) -> None:
-    pictures.save(pictures.of_exam(exam), path)
+    save(pictures.of_exam(exam), path)
 
 
 def _parquet(exam: Mapping[str, Any], path: Path) -> None:
@@ -46,7 +47,8 @@ def write(exam: Mapping[str, Any], folder: Path | str, formats: Iterable[str] = 
         The files written, in order.
 
     Raises:
-        SpecError: E713 for another format; E705 without matplotlib, or pyarrow; E716 for a file that cannot be written.
+        SpecError: E713 for another format; E705 for PNG and PDF without matplotlib, for tables without pyarrow; E716 for a file
+            that cannot be written.
     """
     written = []
     for name in _known(formats, FORMATS):
@@ -75,7 +77,7 @@ def write_several(exams: Mapping[str, Mapping[str, Any]], folder: Path | str, fo
         if name == "parquet":
             written.append(write_scores(exams, place / "scores.parquet"))
         else:
-            written += [pictures.save(drawn, place / f"{stem}.{name}") for stem, drawn in pictures.of_several(exams)]
+            written += [save(scene, place / f"{stem}.{name}") for stem, scene in pictures.of_several(exams)]
     return written
 
 

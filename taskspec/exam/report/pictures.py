@@ -1,4 +1,4 @@
-"""Pictures of exams: one learner's heat map beside its seeds, learning curves, and the paper's table of several learners."""
+"""Charts of exams: one learner's heat map beside its seeds, learning curves, and the paper's charts of several learners."""
 
 from __future__ import annotations
 
@@ -6,193 +6,236 @@ import math
 import re
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from io import BytesIO
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
-from taskspec.base.extras import need
-from taskspec.base.files import safe_name, write_bytes
+from taskspec.base.files import safe_name
 from taskspec.exam.report import rows as told
 from taskspec.exam.report.rows import SeedCell, TaskRow
+from taskspec.figures import chart
+from taskspec.figures.chart import Axis, Entry, Plot, Rgb, Sample
+from taskspec.figures.scene import Anchor, Box, Hex, Item, Label, Line, Paint, Scene
+from taskspec.printers import tree as m
 
-PRINTED, TWINS, QUIET = "#0072B2", "#CC79A7", "#6b7785"
-"""Colours of Okabe and Ito: of tasks as printed, of twins; and of what stands beside."""
-GRADES = {"masters": "#0072B2", "unsure": QUIET, "fails": "#B8400A"}
-SETTINGS = {
-    "font.family": "DejaVu Sans", "font.size": 9, "axes.linewidth": 0.6, "axes.edgecolor": "#9aa3ad", "pdf.fonttype": 42,
-    "svg.hashsalt": "taskspec", "svg.fonttype": "path",
-}  # fmt: skip
-METADATA: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}
+PRINTED = chart.BLUE
+TWINS = chart.PURPLE
+GRADES: dict[str, Paint] = {"masters": chart.BLUE, "unsure": "muted", "fails": Hex("#B8400A")}
+ROW = 0.92
+"""The height of a row of a heat map, in centimetres."""
 ACROSS = 5
 """Panels of learning curves side by side."""
+PANEL = (4.05, 2.9)
+"""Width and height of such a panel, in centimetres."""
+TITLE = 0.34
 
 
-def save(drawn: Any, path: Path) -> Path:
-    """Write a figure as SVG, PNG or PDF, by the name of the file; the same figure gives the same bytes."""
-    kind, picture = path.suffix[1:].lower(), BytesIO()
-    with need("matplotlib", "figures").rc_context(SETTINGS):
-        drawn.savefig(picture, format=kind, dpi=160, metadata=METADATA[kind], facecolor="white")
-    write_bytes(path, picture.getvalue())
-    return path
+# ---------- one learner
 
 
-# -- one learner ------------------------------------------------------------------------------------------------------
-
-
-def of_exam(exam: Mapping[str, Any]) -> Any:
-    """A heat map (as printed, twins, the best constant action) beside the scores of every seed, and learning curves.
-
-    Raises:
-        SpecError: E705 without matplotlib.
-    """
-    matplotlib, figures = need("matplotlib", "figures"), need("matplotlib.figure", "figures")
+def of_exam(exam: Mapping[str, Any]) -> Scene:
+    """Draw a heat map (as printed, twins, the best constant action) beside the scores of every seed, and learning curves."""
     rows = told.rows(exam)
-    curves = [row for row in rows if row.curves]
-    top, low = 0.36 * len(rows) + 1.4, 1.75 * math.ceil(len(curves) / ACROSS)
-    with matplotlib.rc_context(SETTINGS):
-        drawn = figures.Figure(figsize=(9.6, top + low), layout="constrained")
-        upper, *lower = drawn.subfigures(2, 1, height_ratios=[top, low]) if curves else [drawn]
-        sentence = textwrap.fill(told.finding(exam), 118)
-        upper.suptitle(f"{exam['learner']}: {told.headline(exam)}\n{sentence}", fontsize=9.5, x=0.01, ha="left")
-        cells, seeds = upper.subplots(1, 2, width_ratios=[1.0, 2.1], sharey=True)
-        _cells(cells, rows)
-        _seeds(seeds, rows)
-        if lower:
-            _curves(lower[0], curves)
-    return drawn
-
-
-def _cells(axes: Any, rows: Sequence[TaskRow]) -> None:
-    columns = ("as printed", "twins", "constant\naction")
-    values = [[row.printed, row.twins, _constant(row)] for row in rows]
-    _heat(axes, values, columns, [row.name for row in rows])
+    names = max(chart.breadth(row.name) for row in rows) + 0.75
+    cell = 2.2
+    seeds = Plot(
+        names + 3 * cell + 0.3, 0.0, 22.6 - names - 3 * cell, ROW * len(rows), _score_axis(rows, 0.08), _lanes(rows)
+    )
+    items: list[Item] = [*_title(exam)]
     for i, row in enumerate(rows):
+        y = ROW * (i + 0.5)
+        items += chart.words(row.name, (names - 0.6, y), anchor="end")
         if row.grade:
-            axes.annotate(told.SIGNS[row.grade], (-0.5, i), xytext=(-4, 0), textcoords="offset points", ha="right",
-                          va="center", color=GRADES[row.grade], fontweight="bold", fontsize=10)  # fmt: skip
-    axes.tick_params(axis="y", pad=16)
+            items.append(
+                Label((names - 0.3, y), m.Words(told.SIGNS[row.grade]), 0.34, color=GRADES[row.grade], bold=True)
+            )
+    cells = [[row.printed, row.twins, _constant(row)] for row in rows]
+    items += _heat(names, cell, cells, ("as printed", "twins", "constant\naction"))
+    items += _seeds(seeds, rows)
+    curves = [row for row in rows if row.curves]
+    if curves:
+        items += _panels(curves, seeds.bottom + 2.2)
+    return chart.chart(items, f"Scores of {exam['learner']} on {len(rows)} tasks")
+
+
+def _title(exam: Mapping[str, Any]) -> Iterator[Item]:
+    lines = [f"{exam['learner']}: {told.headline(exam)}", *textwrap.wrap(told.finding(exam), 115)]
+    for i, line in enumerate(lines):
+        yield Label((0.0, -1.05 - 0.48 * (len(lines) - i)), m.Words(line), TITLE, "start")
 
 
 def _constant(row: TaskRow) -> SeedCell:
     return SeedCell(() if row.constant is None else (row.constant,))
 
 
-def _heat(axes: Any, values: Sequence[Sequence[SeedCell]], across: Sequence[str], down: Sequence[str]) -> None:
-    """Cells with their numbers; grey ones were not run."""
-    colours = [[told.NOT_RUN if c.mean is None else told.colour(c.mean) for c in line] for line in values]
-    axes.imshow(np.array(colours, np.uint8), aspect="auto", interpolation="nearest")
-    for i, line in enumerate(values):
-        for j, cell in enumerate(line):
-            axes.text(j, i, cell.words, ha="center", va="center", fontsize=8, color=told.ink(colours[i][j]))
-    axes.set_xticks(range(len(across)), across, fontsize=8)
-    axes.set_yticks(range(len(down)), down)
-    axes.xaxis.tick_top()
-    axes.set_xticks(np.arange(len(across) + 1) - 0.5, minor=True)
-    axes.set_yticks(np.arange(len(down) + 1) - 0.5, minor=True)
-    axes.grid(which="minor", color="white", linewidth=1.5)
-    axes.tick_params(which="both", length=0)
-    axes.spines[:].set_visible(False)
+def _heat(left: float, width: float, cells: Sequence[Sequence[SeedCell]], across: Sequence[str]) -> Iterator[Item]:
+    """Yield cells with their mean scores, grey if one was not run, below the names of their columns."""
+    colors = [[background(cell) for cell in line] for line in cells]
+    yield from chart.heat_map(left, 0.0, (width, ROW), colors, [[cell.words for cell in line] for line in cells])
+    for j, name in enumerate(across):
+        lines = name.count("\n") + 1
+        yield from chart.words(name, (left + width * (j + 0.5), -0.1 - 0.17 * lines), chart.SMALL)
 
 
-def _seeds(axes: Any, rows: Sequence[TaskRow]) -> None:
-    """Every seed a dot; a box from end to end of the 95 % interval of the mean, a line at the mean, whiskers to the range."""
+def background(cell: SeedCell) -> Rgb:
+    """Return the colour of a cell of a heat map."""
+    return told.NOT_RUN if cell.mean is None else told.colour(cell.mean)
+
+
+def _score_axis(rows: Sequence[TaskRow], margin: float = 0.0) -> Axis:
+    """Return an axis for the scores of all seeds, which includes random actions and the expert."""
+    shown = told.cut([score for row in rows for cell in (row.printed, row.twins) for score in cell.scores])
+    return Axis(min([0.0, *shown]) - margin, max([1.0, *shown]) + margin)
+
+
+def _lanes(rows: Sequence[TaskRow]) -> Axis:
+    """Return an axis with a place for each row, the first at the top."""
+    return Axis(len(rows) - 0.5, -0.5)
+
+
+def _seeds(plot: Plot, rows: Sequence[TaskRow]) -> Iterator[Item]:
+    """Yield a box plot for each task, and one for its twins, on one scale."""
+    for i in range(1, len(rows), 2):
+        yield Box((plot.left, ROW * i), plot.width, ROW, chart.STRIPE, None)
+    for score, word in ((0, "random"), (1, "expert")):
+        yield chart.upright(plot, score)
+        yield from chart.words(f"{score}\n{word}", (plot.at(score, 0)[0], -0.45), chart.SMALL)
+    yield Line(((plot.left, 0.0), (plot.right, 0.0)), color=chart.EDGE, width=0.02)
+    for tick in range(math.ceil(plot.x.low * 4), math.floor(plot.x.high * 4) + 1):
+        x, _ = plot.at(tick / 4, 0)
+        yield Line(((x, -0.07), (x, 0.0)), color=chart.EDGE, width=0.02)
     for i, row in enumerate(rows):
-        both = bool(row.twins.scores)
-        box(axes, row.printed, i - 0.2 * both, PRINTED)
-        box(axes, row.twins, i + 0.2, TWINS)
-        if i % 2:
-            axes.axhspan(i - 0.5, i + 0.5, color="#f3f4f5", zorder=0, linewidth=0)
-    for x in (0, 1):
-        axes.axvline(x, color="#4a545e", linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
-    shown = [s for row in rows for s in told.cut((*row.printed.scores, *row.twins.scores))]
-    low, high = min([0.0, *shown]), max([1.0, *shown])
-    axes.set_xlim(low - 0.08, high + 0.08)
-    axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_xticks([0, 1], ["0\nrandom", "1\nexpert"], fontsize=8)
-    axes.set_xticks(np.arange(math.ceil(low * 4) / 4, high + 0.01, 0.25), minor=True)
-    axes.xaxis.tick_top()
-    axes.tick_params(axis="y", which="both", length=0, labelleft=False)
-    axes.spines[["left", "right", "bottom"]].set_visible(False)
-    lines = need("matplotlib.lines", "figures")
-    handles = [
-        lines.Line2D([], [], color=c, marker="o", linewidth=3, alpha=0.8, markersize=4) for c in (PRINTED, TWINS)
+        beside = 0.2 if row.twins.scores else 0.0
+        yield from chart.box_plot(plot, sample(row.printed), i - beside, PRINTED)
+        yield from chart.box_plot(plot, sample(row.twins), i + beside, TWINS)
+    entries = [
+        Entry("as printed", PRINTED, shape="circle", filled=True),
+        Entry("twins", TWINS, shape="circle", filled=True),
     ]
-    axes.legend(
-        handles,
-        ["as printed", "twins"],
-        loc="upper center",
-        bbox_to_anchor=(0.5, 0),
-        ncols=2,
-        frameon=False,
-        fontsize=8,
-    )
+    yield from chart.legend(entries, plot.left + plot.width / 2 - 2.4, plot.bottom + 0.3, 8.0)
 
 
-def box(axes: Any, cell: SeedCell, at: float, colour: str, upright: bool = False) -> None:
-    """One box: along the x-axis at a height, or upright along the y-axis."""
-    if not cell.scores:
-        return
-    scores, (low, high) = told.cut(cell.scores), told.cut(cell.interval)
-    middle = max(cell.mean or 0.0, told.FLOOR)
-
-    def place(along: Any, across: Any) -> tuple[Any, Any]:
-        return (across, along) if upright else (along, across)
-
-    axes.plot(*place([min(scores), max(scores)], [at, at]), color=colour, linewidth=1, zorder=2, solid_capstyle="butt")
-    corners = place([low, high, high, low, low], [at - 0.13, at - 0.13, at + 0.13, at + 0.13, at - 0.13])
-    axes.fill(*corners, facecolor=colour, alpha=0.28, edgecolor=colour, linewidth=0.8, zorder=3)
-    axes.plot(
-        *place([middle, middle], [at - 0.17, at + 0.17]), color=colour, linewidth=2.2, zorder=5, solid_capstyle="butt"
-    )
-    axes.plot(
-        *place(scores, at + _spread(scores)), "o", color=colour, markersize=3, alpha=0.75, zorder=4, markeredgewidth=0
-    )
+def sample(cell: SeedCell) -> Sample:
+    """Return scores as charts show them, cut off below `FLOOR`."""
+    low, high = told.cut(cell.interval)
+    return Sample(told.cut(cell.scores), (low, high), max(cell.mean or 0.0, told.FLOOR))
 
 
-def _spread(scores: Sequence[float]) -> Any:
-    """How far dots of about the same score stand to the sides, so that each can be seen."""
-    found = np.zeros(len(scores))
-    groups: dict[int, list[int]] = {}
-    for i, score in enumerate(scores):
-        groups.setdefault(round(score / 0.04), []).append(i)
-    for members in groups.values():
-        reach = min(0.12, 0.02 * (len(members) - 1))
-        found[members] = np.linspace(-reach, reach, len(members))
-    return found
+# ---------- learning curves
 
 
-def _curves(part: Any, rows: Sequence[TaskRow]) -> None:
-    """Scores over steps: every seed thin, their mean thick, with lines at the optimum, the expert and random actions."""
-    ticks, down = need("matplotlib.ticker", "figures"), math.ceil(len(rows) / ACROSS)
-    grid = np.atleast_1d(part.subplots(down, ACROSS, squeeze=False, sharey=True)).ravel()
-    for axes, row in zip(grid, rows, strict=False):
-        levels = [(row.optimum, "#009E73", ":"), (1.0, "#4a545e", "--"), (0.0, "#D55E00", "-.")]
-        for level, colour, dashes in levels:
-            if level is not None:
-                axes.axhline(level, color=colour, linewidth=0.9, linestyle=dashes)
-        for curve in row.curves:
-            xs, ys = zip(*curve, strict=True)
-            axes.plot(xs, told.cut(ys), color=PRINTED, linewidth=0.6, alpha=0.3)
-        axes.plot(*told.mean_curve(row.curves), color=PRINTED, linewidth=1.8)
-        axes.set_title(row.name, fontsize=8)
-        axes.tick_params(labelsize=7, width=0.5)
-        axes.xaxis.set_major_locator(ticks.MaxNLocator(3))
-        axes.xaxis.set_major_formatter(ticks.FuncFormatter(lambda x, _: told.steps(x)))
-        axes.spines[["top", "right"]].set_visible(False)
-    for axes in grid[len(rows) :]:
-        axes.set_visible(False)
-    part.supxlabel(
-        "steps; lines at the optimum (dotted), the expert (dashed) and random actions (dash-dotted)", fontsize=8
-    )
+@dataclass(frozen=True)
+class CurveStyle:
+    """Colours of a panel of learning curves."""
+
+    own: Paint = PRINTED
+    optimum: Paint = chart.GREEN
+    expert: Paint = chart.RULE
+    random: Paint = chart.VERMILION
 
 
-# -- several learners -------------------------------------------------------------------------------------------------
+def _panels(rows: Sequence[TaskRow], top: float) -> Iterator[Item]:
+    """Yield a panel with axes for each task, on one scale of scores."""
+    width, height = PANEL
+    values = [y for row in rows for y in _levels(row)]
+    scale = chart.axis(values, most=5)
+    for i, row in enumerate(rows):
+        left = 0.9 + (i % ACROSS) * (width + 0.4)
+        upper = top + (i // ACROSS) * (height + 1.5)
+        steps = chart.axis([x for curve in row.curves for x, _ in curve], most=3)
+        steps = replace(steps, ticks=tuple((x, told.steps(x)) for x, _ in steps.ticks))
+        y = scale if i % ACROSS == 0 else replace(scale, ticks=tuple((y, "") for y, _ in scale.ticks))
+        plot = Plot(left, upper, width, height, steps, y)
+        yield from chart.frame(plot)
+        yield from learning_curves(plot, row, CurveStyle())
+        yield from chart.words(row.name, (left + width / 2, upper - 0.3))
+    bottom = top + math.ceil(len(rows) / ACROSS) * (height + 1.5)
+    key = "steps; lines at the optimum (dotted), the expert (dashed) and random actions (dash-dotted)"
+    yield from chart.words(key, (0.9 + ACROSS * (width + 0.4) / 2, bottom - 0.4))
 
 
-def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Any]]:
-    """The heat map of several learners, and a box plot for each task and each learner, by names for their files."""
+def _levels(row: TaskRow) -> list[float]:
+    """Return the scores that a panel has to have room for."""
+    levels = [0.0, 1.0] if row.optimum is None else [0.0, 1.0, row.optimum]
+    return [*told.cut([y for curve in row.curves for _, y in curve]), *levels]
+
+
+def learning_curves(plot: Plot, row: TaskRow, style: CurveStyle) -> Iterator[Item]:
+    """Yield scores over steps: every seed thin, their mean thick, with lines at the optimum, the expert and random actions."""
+    if row.optimum is not None:
+        yield chart.level(plot, row.optimum, style.optimum, "dotted")
+    yield chart.level(plot, 1.0, style.expert, "dashed")
+    yield chart.level(plot, 0.0, style.random, "dashdot")
+    for curve in row.curves:
+        steps = [x for x, _ in curve]
+        yield from chart.polyline(plot, steps, told.cut([y for _, y in curve]), style.own, 0.02, shade=0.4)
+    steps, means = told.mean_curve(row.curves)
+    yield from chart.polyline(plot, steps, means, style.own, 0.06)
+
+
+# ---------- pieces of a page
+
+
+STRIP = (8.9, 0.45)
+"""Width of a strip of seeds and height of a lane in it, in centimetres."""
+SIDE = 0.21
+"""Margin on both sides."""
+
+
+def strip_axis(rows: Sequence[TaskRow]) -> Axis:
+    """Return the axis that the strips of all tasks share."""
+    return _score_axis(rows)
+
+
+def strip(row: TaskRow, scores: Axis) -> Scene:
+    """Draw the seeds of a task in one lane, and those of its twins in another below it."""
+    lanes = [(cell, kind) for cell, kind in ((row.printed, "printed"), (row.twins, "twins")) if cell.scores]
+    plot = _strip_plot(scores, max(len(lanes), 1))
+    items: list[Item] = [
+        chart.upright(plot, 0.0, "muted", "dashdot", 0.021),
+        chart.upright(plot, 1.0, "muted", "dashed", 0.021),
+    ]
+    for i, (cell, kind) in enumerate(lanes):
+        items += chart.box_plot(plot, sample(cell), i, PRINTED if kind == "printed" else TWINS)
+    parts = [f"{kind}: mean {told.decimal(cell.mean)} {told.interval(*cell.interval)}".strip() for cell, kind in lanes]
+    return Scene(STRIP[0], plot.bottom, tuple(items), f"{row.name}, {'; '.join(parts) or 'not run'}", font="sans")
+
+
+def strip_head(scores: Axis) -> Scene:
+    """Draw the line above the strips: where random actions and the expert are."""
+    width, _ = STRIP
+    plot = _strip_plot(scores, 1)
+    items: list[Item] = []
+    for score, text in ((0.0, "random 0"), (1.0, "expert 1")):
+        x, _ = plot.at(score, 0)
+        anchor: Anchor = "middle"
+        if x < 0.8:
+            anchor = "start"
+        if width - x < 0.8:
+            anchor = "end"
+        items += chart.words(text, (x, 0.2), 0.22, anchor, "muted")
+    return Scene(width, 0.37, tuple(items), "scores: random actions 0, expert 1", font="sans")
+
+
+def _strip_plot(scores: Axis, lanes: int) -> Plot:
+    width, height = STRIP
+    return Plot(SIDE, 0.0, width - 2 * SIDE, height * lanes + 0.1, scores, Axis(lanes - 0.5, -0.5))
+
+
+def small_curves(row: TaskRow) -> Scene:
+    """Draw learning curves without axes, for a row of small pictures."""
+    last = max(1.0, *(x for curve in row.curves for x, _ in curve))
+    values = _levels(row)
+    plot = Plot(0.1, 0.13, 4.27, 2.26, Axis(0.0, last), Axis(min(values), max(values)))
+    style = CurveStyle(PRINTED, "muted", "muted", "muted")
+    alt = f"Learning curves of {row.name}, up to {told.steps(last)} steps"
+    return Scene(4.47, 2.53, tuple(learning_curves(plot, row, style)), alt, font="sans")
+
+
+# ---------- several learners
+
+
+def of_several(exams: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Scene]]:
+    """Yield charts of several learners by the stems of their files: `table`, and box plots `task-NAME` and `learner-NAME`."""
     found = {name: {row.name: row.printed for row in told.rows(exam)} for name, exam in exams.items()}
     tasks = dict.fromkeys(task for cells in found.values() for task in cells)
     yield "table", table(exams)
@@ -206,56 +249,47 @@ def _stem(name: str) -> str:
     return safe_name(re.sub(r"[^\w.=-]+", "-", name).strip("-"))
 
 
-def table(exams: Mapping[str, Mapping[str, Any]], title: str = "") -> Any:
-    """The paper's heat map: mean scores, learners across and tasks down; grey where one was not run.
-
-    Raises:
-        SpecError: E705 without matplotlib.
-    """
-    matplotlib, figures = need("matplotlib", "figures"), need("matplotlib.figure", "figures")
+def table(exams: Mapping[str, Mapping[str, Any]], title: str = "") -> Scene:
+    """Draw the paper's heat map: mean scores, learners across and tasks down; grey if one was not run."""
     found = {name: {row.id: row for row in told.rows(exam)} for name, exam in exams.items()}
-    tasks = {task: row.name for each in found.values() for task, row in each.items()}
-    values = [[_cut(by[task].printed) if task in by else SeedCell(()) for by in found.values()] for task in tasks]
-    with matplotlib.rc_context(SETTINGS):
-        drawn = figures.Figure(figsize=(1.8 + 0.62 * len(found), 1.5 + 0.36 * len(tasks)), layout="constrained")
-        axes = drawn.subplots()
-        names = _without_family(list(found))
-        _heat(axes, values, names, list(tasks.values()))
-        axes.set_xticks(range(len(found)), names, rotation=45, ha="left", rotation_mode="anchor", fontsize=8)
-        if title:
-            drawn.suptitle(title, fontsize=11, x=0.01, ha="left")
-    return drawn
+    tasks = {task: row.name for by_task in found.values() for task, row in by_task.items()}
+    cells = [[_cut(by[task].printed) if task in by else SeedCell(()) for by in found.values()] for task in tasks]
+    width = 1.58
+    items: list[Item] = [*_heat(0.0, width, cells, ())]
+    for i, name in enumerate(tasks.values()):
+        items += chart.words(name, (-0.2, ROW * (i + 0.5)), anchor="end")
+    learners = _without_family(list(found))
+    for j, name in enumerate(learners):
+        items += chart.words(name, (width * (j + 0.5) - 0.1, -0.2), anchor="start", angle=45)
+    if title:
+        left = -0.2 - max(map(chart.breadth, tasks.values()))
+        top = -0.9 - 0.71 * max(map(chart.breadth, learners))
+        items.append(Label((left, top), m.Words(title), 0.38, "start"))
+    return chart.chart(items, title or f"Mean scores of {len(found)} learners on {len(tasks)} tasks")
 
 
 def _without_family(learners: Sequence[str]) -> list[str]:
-    """What learners are called among those of one family, or of one folder."""
+    """Return the names of learners, without the family or folder if all are in one."""
     parts = [name.rpartition("/") for name in learners]
-    return [own for _, _, own in parts] if len({family for family, _, _ in parts}) == 1 else list(learners)
+    families = {family for family, _, _ in parts}
+    return [own for _, _, own in parts] if len(families) == 1 else list(learners)
 
 
 def _cut(cell: SeedCell) -> SeedCell:
     return SeedCell(tuple(told.cut(cell.scores)), cell.failed)
 
 
-def boxes(cells: Mapping[str, SeedCell], title: str) -> Any:
-    """The paper's box plots: learners, or tasks, side by side, upright; the mean stands under each name.
-
-    Raises:
-        SpecError: E705 without matplotlib.
-    """
-    matplotlib, figures = need("matplotlib", "figures"), need("matplotlib.figure", "figures")
-    colours = (PRINTED, "#D55E00", "#009E73", TWINS, "#E69F00", "#56B4E9")
-    with matplotlib.rc_context(SETTINGS):
-        drawn = figures.Figure(figsize=(1.2 + 0.62 * len(cells), 3.0), layout="constrained")
-        axes = drawn.subplots()
-        for i, cell in enumerate(cells.values()):
-            box(axes, cell, i, colours[i % len(colours)], upright=True)
-        for y in (0, 1):
-            axes.axhline(y, color="#4a545e", linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
-        names = [f"{name}\n{cell.words or 'not run'}" for name, cell in cells.items()]
-        axes.set_xticks(range(len(cells)), names, fontsize=7, rotation=30 if len(cells) > 6 else 0)
-        axes.set_xlim(-0.6, len(cells) - 0.4)
-        axes.set_ylabel("score: 0 random, 1 expert", fontsize=8)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.set_title(title, fontsize=10, loc="left")
-    return drawn
+def boxes(cells: Mapping[str, SeedCell], title: str) -> Scene:
+    """Draw the paper's box plots: learners, or tasks, side by side, with the mean below each name."""
+    colors = (PRINTED, chart.VERMILION, chart.GREEN, TWINS, chart.ORANGE, chart.SKY)
+    names = tuple((i, f"{name}\n{cell.words or 'not run'}") for i, (name, cell) in enumerate(cells.items()))
+    x = Axis(-0.6, len(cells) - 0.4, names, angle=30 if len(cells) > 6 else 0)
+    y = chart.axis(
+        [0.0, 1.0, *(score for cell in cells.values() for score in told.cut(cell.scores))], "score: 0 random, 1 expert"
+    )
+    plot = Plot(0.0, 0.0, max(1.6 * len(cells), 3.0), 5.2, x, y)
+    items: list[Item] = [*chart.frame(plot), chart.level(plot, 0.0), chart.level(plot, 1.0)]
+    for i, cell in enumerate(cells.values()):
+        items += chart.box_plot(plot, sample(cell), i, colors[i % len(colors)], is_upright=True, half=0.2)
+    items.append(Label((0.0, -0.35), m.Words(title), 0.36, "start"))
+    return chart.chart(items, f"Scores: {title}")

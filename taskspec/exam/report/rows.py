@@ -12,8 +12,10 @@ import numpy as np
 from taskspec.base import ids
 from taskspec.base.files import whole
 from taskspec.data.files import write_table
-from taskspec.exam.statistics import estimate, mean
-from taskspec.exam.verdicts import grade, side
+from taskspec.exam.verdicts import grade
+from taskspec.figures.chart import Rgb, blend
+from taskspec.rollout.statistics import estimate, mean
+from taskspec.rules.seeds import side
 
 # ---------- tables
 # Scores of exams as a table in Parquet: a row for each seed on each task.
@@ -43,11 +45,10 @@ def write_scores(exams: Mapping[str, Mapping[str, Any]], path: Path) -> Path:
 FLOOR = -1.0
 """Where pictures cut scores off, as the paper does; numbers are told as they are."""
 SIGNS = {"masters": "✓", "unsure": "?", "fails": "✗"}
-Colour = tuple[int, int, int]
-_EXPERT: Colour = (0, 114, 178)
-_WORST: Colour = (213, 94, 0)
-_RANDOM: Colour = (247, 247, 244)
-NOT_RUN: Colour = (196, 200, 205)
+_EXPERT: Rgb = (0, 114, 178)
+_WORST: Rgb = (213, 94, 0)
+_RANDOM: Rgb = (247, 247, 244)
+NOT_RUN: Rgb = (196, 200, 205)
 """Colours of Okabe and Ito, which all eyes tell apart: of the expert, of who does worse than random, and between them."""
 
 
@@ -217,27 +218,9 @@ def interval(low: float | None, high: float | None) -> str:
     return "" if low is None or high is None or low == high else f"{decimal(low)} to {decimal(high)}"
 
 
-def colour(score: float) -> Colour:
-    """From that of who is worse than random by as much as the expert is better, over nearly white, to that of the expert."""
-    share = min(max(score, FLOOR), 1.0)
-    end = _EXPERT if share >= 0 else _WORST
-    red, green, blue = (round(a + (b - a) * abs(share)) for a, b in zip(_RANDOM, end, strict=True))
-    return red, green, blue
-
-
-def ink(background: Colour) -> str:
-    """Black or white: what can be read better on a colour."""
-    return "#ffffff" if _luminance(background) < 0.1791 else "#000000"
-
-
-def _luminance(background: Colour) -> float:
-    """Relative luminance, as contrast is defined by WCAG 2: above 0.1791 black has more of it than white."""
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (x / 255 for x in background)]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-def hexadecimal(value: Colour) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*value)
+def colour(score: float) -> Rgb:
+    """Return the colour of a score: vermilion at -1, nearly white at 0 (random), blue at 1 (expert)."""
+    return blend((_WORST, _RANDOM, _EXPERT), (score - FLOOR) / (1 - FLOOR))
 
 
 def cut(scores: Sequence[float]) -> list[float]:

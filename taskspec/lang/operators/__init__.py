@@ -17,9 +17,12 @@ from __future__ import annotations
 
 from taskspec.lang.operators import arithmetic, composed, elementary, logic, reductions, structure
 from taskspec.lang.operators import arithmetic as rounding
+from taskspec.lang.operators.entry import Elements as Elements
 from taskspec.lang.operators.entry import Function as Function
 from taskspec.lang.operators.entry import Infix as Infix
 from taskspec.lang.operators.entry import Operator as Operator
+from taskspec.lang.operators.structure import STRUCTURES as STRUCTURES
+from taskspec.lang.operators.structure import Structure as Structure
 
 TABLE: tuple[Operator, ...] = (
     *arithmetic.TABLE, *elementary.TABLE, *rounding.ROUNDING, *logic.TABLE, *reductions.TABLE, *structure.TABLE,
@@ -32,3 +35,8 @@ FUNCTIONS: dict[str, Function] = {
 """The functions that authors write: each names one operator or composes several."""
 INFIX: dict[str, Infix] = {i.symbol: i for i in (*(o.infix for o in TABLE if o.infix is not None), *composed.INFIX)}
 """What authors write between or before operands."""
+
+
+def entry_of(op: str) -> Operator | Structure:
+    """Return the entry of an operator, or of one that moves elements."""
+    return OPERATORS[op] if op in OPERATORS else STRUCTURES[op]

@@ -16,6 +16,7 @@ from taskspec.lang.operators.entry import (
     ZEROS,
     Array,
     Brackets,
+    Elements,
     Function,
     Infix,
     Kernel,
@@ -86,7 +87,7 @@ def max2(a: Number, b: Number) -> Number:
 
 TABLE = (
     Operator(
-        name="add", rule=arithmetic, reference=lambda a, b: a + b, samples=PAIRS + NANS,
+        name="add", commutative=True, rule=arithmetic, reference=lambda a, b: a + b, samples=PAIRS + NANS,
         scalar=Scalar("({0} + {1})"), array=Array("({0} + {1})"),
         bounds=lambda a, n: (a[0].low + a[1].low, a[0].high + a[1].high), finite=bounding.bounded,
         linear=signatures.every, rational=True, whole=True, wraps=True,
@@ -100,7 +101,7 @@ TABLE = (
         infix=Infix("-", "sub", 5, "{0} - {1}", "Difference.", Brackets(Level.SUM, (Level.SUM, Level.BIG), lead=True)),
     ),
     Operator(
-        name="mul", rule=arithmetic, reference=lambda a, b: a * b, samples=PAIRS + NANS,
+        name="mul", commutative=True, rule=arithmetic, reference=lambda a, b: a * b, samples=PAIRS + NANS,
         scalar=Scalar("({0} * {1})"), array=Array("({0} * {1})"),
         bounds=bounding.product, finite=bounding.bounded, linear=signatures.one, rational=True, whole=True, wraps=True,
         infix=Infix(
@@ -171,6 +172,7 @@ TABLE = (
     ),
     Operator(
         name="min2", rule=arithmetic, reference=min2, samples=PAIRS + NANS,
+        elements=Elements.CHOSEN, commutative=True,
         scalar=Scalar("({0} if {0} <= {1} else {1})", real="({0} if {0} <= {1} or {1} != {1} else {1})"),
         array=Array("xp.minimum({0}, {1})", real="rt.min2({0}, {1})", nonzero="xp.fmin({0}, {1})"),
         kernel=Kernel(real="min2({0}, {1})", whole="select({0} <= {1}, {0}, {1})"),
@@ -178,6 +180,7 @@ TABLE = (
     ),
     Operator(
         name="max2", rule=arithmetic, reference=max2, samples=PAIRS + NANS,
+        elements=Elements.CHOSEN, commutative=True,
         scalar=Scalar("({0} if {0} >= {1} else {1})", real="({0} if {0} >= {1} or {1} != {1} else {1})"),
         array=Array("xp.maximum({0}, {1})", real="rt.max2({0}, {1})", nonzero="xp.fmax({0}, {1})"),
         kernel=Kernel(real="max2({0}, {1})", whole="select({0} >= {1}, {0}, {1})"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
-from enum import IntEnum
+from enum import Enum, IntEnum
 from typing import Any, Protocol
 
 from taskspec.base.records import dataclass
@@ -208,12 +208,27 @@ def never(below: Sequence[bool]) -> bool:
     return False
 
 
+class Elements(Enum):
+    """What the elements of an operator's value have to do with those of its arguments, `indices` apart."""
+
+    COMPUTED = "new values"
+    MOVED = "elements of the arguments, at places that their values do not decide"
+    CHOSEN = "elements of the arguments, chosen by how these compare"
+    RANKED = "a function of how the elements compare, in which 0.0 is -0.0"
+
+
+FromCount = Callable[[NodeMaker, Node, int], Node]
+"""The value of a reduction of `size` conditions, from how many of them hold."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operator:
     """One operator of the core.
 
     `bounds` gives bounds of the value from what is known of the arguments, and `finite` whether the value is a finite number;
-    both must hold for the run time's own arithmetic. `linear` tells the exact model which draws may be replaced by their mean.
+    both must hold for the run time's own arithmetic. `linear` tells the exact model which draws may be replaced by their mean,
+    `from_count` which conditions may be replaced by their count. `elements` and `indices` (the arguments that only say which
+    elements are meant) serve proofs about permutations and rank orders.
 
     A kernel takes the template of scalar code where it has none of its own; kernels write reductions out themselves
     (`backends.kernel`).
@@ -231,6 +246,11 @@ class Operator:
     bounds: Callable[[Args, Apply], Interval] = everything
     finite: Callable[[Args, Interval], bool] = stays_finite
     linear: Linear = never
+    from_count: FromCount | None = None
+    elements: Elements = Elements.COMPUTED
+    indices: tuple[int, ...] = ()
+    commutative: bool = False
+    """Whether operands may change places; not two reals among which one is `CHOSEN`, which may be 0.0 and -0.0."""
     rational: bool = False
     """Whether it is worked out in fractions where all arguments are exact constants."""
     whole: bool = False

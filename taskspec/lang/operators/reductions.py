@@ -18,6 +18,7 @@ from taskspec.lang.operators.entry import (
     Array,
     Brackets,
     Build,
+    Elements,
     Function,
     Level,
     NodeMaker,
@@ -87,7 +88,8 @@ _SEVERAL = ((3, 2), (1.5, -2, 4), (INTS,), (MIXED,))
 
 TABLE = (
     Operator(
-        name="sum", rule=reduction(number), reference=sum_,
+        name="sum", rule=reduction(number), from_count=lambda b, total, size: total,
+        reference=sum_,
         samples=VECTORS, elementwise=False,
         scalar=Scalar("sum_({0})", chain=(" + ", "0"), names={"sum_": sum_}), array=Array("rt.sum({0})"),
         bounds=bounding.total, finite=bounding.bounded, linear=signatures.every, whole=True, wraps=True,
@@ -103,21 +105,24 @@ TABLE = (
                           applies("prod"), brackets=_BIG, axes=no_axes, whole=True),
     ),
     Operator(
-        name="any", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=any,
+        name="any", rule=reduction(conditions(Kind.BOOL)), from_count=lambda b, total, size: b.apply("lt", b.scalar(0), total),
+        promote=as_they_are, reference=any,
         samples=MASKS, elementwise=False,
         scalar=Scalar("any({0})", chain=(" or ", "False")), array=Array("rt.any({0})"),
         function=Function("any", ("x",), r"\exists\,{0}", "Whether any element is true.", (((True, False),),), applies("any"),
                           brackets=_QUANTIFIED, axes=no_axes, whole=True),
     ),
     Operator(
-        name="all", rule=reduction(conditions(Kind.BOOL)), promote=as_they_are, reference=all,
+        name="all", rule=reduction(conditions(Kind.BOOL)), from_count=lambda b, total, size: b.apply("eq", total, b.scalar(size)),
+        promote=as_they_are, reference=all,
         samples=MASKS, elementwise=False,
         scalar=Scalar("all({0})", chain=(" and ", "True")), array=Array("rt.all({0})"),
         function=Function("all", ("x",), r"\forall\,{0}", "Whether all elements are true.", (((True, False),), ((True, True),)),
                           applies("all"), brackets=_QUANTIFIED, axes=no_axes, whole=True),
     ),
     Operator(
-        name="count", rule=reduction(conditions(Kind.INT)), promote=as_they_are, reference=sum_,
+        name="count", rule=reduction(conditions(Kind.INT)), from_count=lambda b, total, size: total,
+        promote=as_they_are, reference=sum_,
         samples=MASKS, elementwise=False,
         scalar=Scalar("sum_({0})", chain=(" + ", "0")), array=Array("rt.count({0})"),
         bounds=lambda args, node: (0, node.args[0].type.size),
@@ -125,7 +130,7 @@ TABLE = (
                           axes=no_axes, whole=True),
     ),
     Operator(
-        name="min", rule=reduction(number, empty=False), reference=min_,
+        name="min", elements=Elements.CHOSEN, rule=reduction(number, empty=False), reference=min_,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("min_({0})", whole="min({0})", names={"min_": min_}), array=Array("rt.min({0})"),
         bounds=bounding.same, whole=True,
@@ -133,7 +138,7 @@ TABLE = (
                           _SEVERAL, _extreme("min2", "min"), axes=_of_several),
     ),
     Operator(
-        name="max", rule=reduction(number, empty=False), reference=max_,
+        name="max", elements=Elements.CHOSEN, rule=reduction(number, empty=False), reference=max_,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("max_({0})", whole="max({0})", names={"max_": max_}), array=Array("rt.max({0})"),
         bounds=bounding.same, whole=True,
@@ -141,7 +146,7 @@ TABLE = (
                           _SEVERAL, _extreme("max2", "max"), axes=_of_several),
     ),
     Operator(
-        name="argmin", rule=reduction(lambda k: Kind.INT, empty=False), reference=argmin,
+        name="argmin", elements=Elements.RANKED, rule=reduction(lambda k: Kind.INT, empty=False), reference=argmin,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("argmin({0})", names={"argmin": argmin}), array=Array("rt.argmin({0})"), bounds=bounding.place,
         function=Function("argmin", ("x",), r"\operatorname{arg\,min}({0})",
@@ -149,7 +154,7 @@ TABLE = (
                           axes=no_axes, whole=True),
     ),
     Operator(
-        name="argmax", rule=reduction(lambda k: Kind.INT, empty=False), reference=argmax,
+        name="argmax", elements=Elements.RANKED, rule=reduction(lambda k: Kind.INT, empty=False), reference=argmax,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("argmax({0})", names={"argmax": argmax}), array=Array("rt.argmax({0})"), bounds=bounding.place,
         function=Function("argmax", ("x",), r"\operatorname{arg\,max}({0})",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from itertools import accumulate
-from typing import Any
+from typing import Any, ClassVar
 
 from taskspec.base.records import dataclass
 from taskspec.lang.ir import Apply
@@ -16,6 +16,7 @@ from taskspec.lang.operators.entry import (
     NAN_VECTORS,
     VECTORS,
     Array,
+    Elements,
     Function,
     Linear,
     Operator,
@@ -23,6 +24,7 @@ from taskspec.lang.operators.entry import (
     applies,
     never,
     of_first,
+    stays_finite,
 )
 from taskspec.lang.operators.signatures import as_they_are, number, vector
 from taskspec.lang.types import Args, Interval, Kind, Type, join
@@ -49,7 +51,8 @@ def strided(shape: tuple[int, ...]) -> int:
 class Structure:
     """One operator: result type from argument types and static values; reference on flat row-major tuples.
 
-    `samples` are arguments (numbers, or tuples nested by rows) and static values on which every form is tested.
+    `samples` are arguments (numbers, or tuples nested by rows) and static values on which every form is tested. The other fields
+    are those of `Operator`; `commutative` is about the `indices`.
     """
 
     name: str
@@ -58,6 +61,13 @@ class Structure:
     samples: tuple[tuple[tuple[Any, ...], tuple[int, ...]], ...]
     bounds: Callable[[Args, Apply], Interval] = bounding.same
     linear: Linear = signatures.every
+    indices: tuple[int, ...] = ()
+    commutative: bool = False
+    finite: ClassVar[Callable[[Args, Interval], bool]] = staticmethod(stays_finite)
+    elements: ClassVar[Elements] = Elements.MOVED
+    whole: ClassVar[bool] = True
+    wraps: ClassVar[bool] = False
+    rounds: ClassVar[bool] = False
 
 
 def _row(flat: Flat, shape: tuple[int, ...], i: int) -> Flat:
@@ -151,15 +161,16 @@ STRUCTURES: dict[str, Structure] = {
         Structure("index", _index_type, _index,
                   (((_V, 3), ()), ((_R, 2), ()), ((_M, 1), ()), ((_V, (3, 0, 0)), ()), ((_M, (2, 0)), ()), ((_LONG, 19), ()),
                    ((_LONG, (1, 19)), ()), ((_WIDE, 2), ()), ((_WIDE, (0, 2)), ()), ((_LONG, tuple(range(20))), ())),
-                  linear=signatures.unless_second),
+                  linear=signatures.unless_second, indices=(1,)),
         # The vector with the element at an index replaced.
         Structure("put", _put_type, _put,
                   (((_V, 1, 9), ()), ((_R, 0, math.nan), ()), ((_M, 2, (8, 9)), ()), ((_LONG, 19, -1), ()),
-                   ((_WIDE, 1, _LONG), ())), lambda args, node: bounding.union((args[0], args[2]), node), never),
+                   ((_WIDE, 1, _LONG), ())), lambda args, node: bounding.union((args[0], args[2]), node), never,
+                  indices=(1,)),
         # The vector with two elements exchanged.
         Structure("swap", lambda t, s: t[0], _swap,
                   (((_V, 0, 3), ()), ((_R, 1, 1), ()), ((_M, 0, 2), ()), ((_LONG, 19, 0), ()), ((_WIDE, 0, 2), ())),
-                  linear=never),
+                  linear=never, indices=(1, 2), commutative=True),
     )
 }  # fmt: skip
 
@@ -194,7 +205,7 @@ def _quick_argsort(x: Vector) -> list[int]:
 
 TABLE = (
     Operator(
-        name="sort", rule=vector(lambda k: k), promote=as_they_are, reference=sort,
+        name="sort", elements=Elements.CHOSEN, rule=vector(lambda k: k), promote=as_they_are, reference=sort,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("sort({0})", whole="sorted({0})", names={"sort": _quick_sort}), array=Array("rt.sort({0})"),
         bounds=bounding.same, whole=True,
@@ -202,7 +213,7 @@ TABLE = (
                           applies("sort"), axes=of_first, whole=True),
     ),
     Operator(
-        name="argsort", rule=vector(lambda k: Kind.INT), promote=as_they_are, reference=argsort,
+        name="argsort", elements=Elements.RANKED, rule=vector(lambda k: Kind.INT), promote=as_they_are, reference=argsort,
         samples=VECTORS + NAN_VECTORS, elementwise=False,
         scalar=Scalar("argsort({0})", names={"argsort": _quick_argsort}), array=Array("rt.argsort({0})"), bounds=bounding.place,
         function=Function("argsort", ("x",), r"\operatorname{argsort}({0})", "Indices that sort the vector.",

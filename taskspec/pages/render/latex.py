@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import assert_never
 from urllib.parse import quote
 
-from taskspec import __version__
+from taskspec.base import __version__
 from taskspec.figures import tikz
 from taskspec.figures.tikz import colors as tikz_colors
 from taskspec.pages.notation import notation

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, create_model, model_validator
 from pydantic.fields import FieldInfo
 
+from taskspec.task.figure_kinds import FIGURE_KINDS
 from taskspec.task.schema import problems
 from taskspec.task.schema.problems import Problem
 from taskspec.task.schema.typed import (
@@ -152,12 +153,16 @@ class Highlight(Strict):
     second: Expression | None = Field(None, description="Another part of the vector.")
 
 
+if TYPE_CHECKING:
+    FigureKindName = str
+else:
+    FigureKindName = Literal[tuple(FIGURE_KINDS)]
+
+
 class FigureEntry(Strict):
     """How to draw the task; what is needed besides depends on the kind."""
 
-    kind: Literal["graph", "matrix", "grid", "curve", "bars", "swaps", "vector", "portrait", "series", "arm"] = Field(
-        description="Kind of figure."
-    )
+    kind: FigureKindName = Field(description="Kind of figure.")
     at: Expression | None = Field(
         None, description="Column and row on a grid, a point beside a curve, or the two numbers of a portrait."
     )

@@ -20,7 +20,6 @@ from taskspec.backends.numba import loading, loops
 from taskspec.backends.numba.loops import Program
 from taskspec.lang.types import INT_MAX, Kind
 from taskspec.lang.variates.sample import words_of
-from taskspec.task.spaces import action_layout, observation_layout
 from taskspec.task.task import Task
 
 Array = Any
@@ -97,7 +96,7 @@ class Kernel:
 
     def __init__(self, task: Task, seed: int, compiled: bool = False) -> None:
         self.task, self.seed, self.steps, self.time = task, seed, 0, 0
-        self._program = Program(task, observation_layout(task), action_layout(task), "disabled", "i")
+        self._program = Program(task, task.observation_layout, task.action_layout, "disabled", "i")
         text, self._rows, _ = loops.advance(self._program)
         source = "\n".join(line for line in text if not line.startswith("@"))
         self._advance = (_compiled if compiled else _as_python)(source, self._program.constants)

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+import taskspec
 from taskspec import pages
 from taskspec.base.diagnostics import CODES, Diagnostic, SpecError, TaskspecError, render
 from taskspec.cli.checking import check_file
@@ -203,7 +204,7 @@ def assigned(run: Run, document: Document) -> list[dict[str, Any]]:
 
 
 def stepped(run: Run, task: Task) -> None:
-    env = task.make()
+    env = taskspec.make(task)
     env.action_space.seed(1)
     seen = [env.reset(seed=1)[0]]
     for _ in range(STEPS):

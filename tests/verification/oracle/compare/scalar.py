@@ -6,6 +6,7 @@ import warnings
 from dataclasses import replace
 from typing import Any
 
+import taskspec
 from tests.verification.oracle.compare.cases import Case, Difference
 from tests.verification.oracle.compare.lanes import Lane, Link, check_observation, check_state, close
 from tests.verification.oracle.reference import spaces
@@ -18,7 +19,7 @@ def walk(case: Case, lane: Lane, **options: Any) -> int:
     """Walk one seed's chain; the number of steps compared. `Difference`: the first thing that is not as expected."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        env = case.task.make(**options)
+        env = taskspec.make(case.task, **options)
         for i, link in enumerate(lane.links):
             where = f"scalar {options or ''} seed {lane.seed}, event {i} ({describe(link)})"
             if link.action is None:

@@ -1,0 +1,70 @@
+"""The page of commands, from the functions behind them: their docstrings, arguments and options."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from itertools import groupby
+from typing import Any, get_type_hints
+
+from typer.models import ArgumentInfo, OptionInfo
+
+from docs.tools.markdown import code, table
+from taskspec.cli.app import COMMANDS
+from taskspec.cli.options import flowed
+
+HEAD = """# Commands
+
+Generated from the program: the output of `taskspec COMMAND --help`. The exit status is 0 on success, 1 if a problem was found or
+something failed, 2 for wrong usage, and 70 for an internal error, which is a bug in taskspec.
+"""
+MARKED = re.compile(r"\[(green|cyan|bold)\](.*?)\[/(?:\1)?\]")
+
+
+def commands() -> str:
+    """The page."""
+    panels = list(dict.fromkeys(panel for _, _, panel in COMMANDS))
+    parts = [HEAD.rstrip("\n")]
+    for panel, group in groupby(sorted(COMMANDS, key=lambda row: panels.index(row[2])), key=lambda row: row[2]):
+        parts += [f"## {panel}", *(part for name, function, _ in group for part in _told(name, function))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _told(name: str, function: Callable[..., Any]) -> Iterator[str]:
+    """A command's heading, what it does, and its arguments and options."""
+    hints = get_type_hints(function, include_extras=True)
+    found = inspect.signature(function).parameters.values()
+    parameters = [(p, hints[p.name].__metadata__[0], hints[p.name].__origin__) for p in found]
+    written = [_argument(p, info) for p, info, _ in parameters if isinstance(info, ArgumentInfo)]
+    yield f"### taskspec {name}"
+    yield f"```text\ntaskspec {' '.join([name, *written, '[OPTIONS]'])}\n```"
+    yield from (_plain(paragraph) for paragraph in flowed(function.__doc__ or "").split("\n\n"))
+    rows = [(_called(p, info, kind), _plain(info.help or "") + _default(p, info)) for p, info, kind in parameters]
+    yield table(("argument or option", "what it is"), rows)
+
+
+def _argument(p: inspect.Parameter, info: ArgumentInfo) -> str:
+    name = info.metavar or p.name.upper()
+    return name if p.default is p.empty else f"[{name}]"
+
+
+def _called(p: inspect.Parameter, info: ArgumentInfo | OptionInfo, kind: Any) -> str:
+    """How it is written on the command line, in every way that there is."""
+    if isinstance(info, ArgumentInfo):
+        return code(info.metavar or p.name.upper())
+    declared = [d for d in (info.default, *(info.param_decls or ())) if isinstance(d, str)]  # the first stands there
+    names = [part for d in declared or [f"--{p.name.replace('_', '-')}"] for part in d.split("/")]
+    if kind is bool:
+        return ", ".join(map(code, names))
+    return ", ".join(map(code, names)) + f" {code(info.metavar or p.name.upper())}"
+
+
+def _default(p: inspect.Parameter, info: ArgumentInfo | OptionInfo) -> str:
+    shown = info.show_default is not False and p.default not in (p.empty, None, True, False, "")
+    return f" Default: {code(str(p.default))}." if shown else ""
+
+
+def _plain(text: str) -> str:
+    """Help without the marks of colours; what they mark is code."""
+    return MARKED.sub(lambda found: code(found[2]), text).strip()

@@ -1,0 +1,308 @@
+"""The language reference: prose from `language.md` beside this file, its tables from those that the compiler runs on."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from docs.tools.markdown import code, table
+from taskspec.base import limits
+from taskspec.base.diagnostics import Collector, Origin, Span, SpecError
+from taskspec.lang import dists
+from taskspec.lang.builder import Builder
+from taskspec.lang.check import Checker
+from taskspec.lang.ir import Const
+from taskspec.lang.operators import FUNCTIONS, INFIX
+from taskspec.lang.parse import parse
+from taskspec.lang.scope import Scope
+from taskspec.lang.syntax import SourceText
+from taskspec.rules import vocabulary
+from taskspec.scores import saved
+from taskspec.source import read_text
+from taskspec.source.scan import EXTENDS, REQUIRED
+from taskspec.task.build import build
+from taskspec.task.figure_kinds import FIGURE_KINDS
+from taskspec.task.schema.export import json_schema
+from taskspec.task.spaces import space
+from taskspec.task.task import Task
+
+_MARK = re.compile(r"<!-- (\w+)(?: (\w+))? -->")
+
+
+def language() -> str:
+    """`docs/language.md`.
+
+    Raises:
+        KeyError: when the prose asks for a table that does not exist.
+    """
+    prose = Path(__file__).with_name("language.md").read_text(encoding="utf-8")
+    return _MARK.sub(lambda mark: _TABLES[mark[1]](*filter(None, [mark[2]])), prose)
+
+
+# Sections and keys, from the JSON Schema that checks and completes them.
+
+FIRST = ("taskspec", "name")
+LAST = ("variants", EXTENDS)
+NEEDED = "required"
+
+
+def _sections() -> str:
+    """What stands at the top of a spec, in canonical order."""
+    spec, extension = (json_schema()["$defs"][kind] for kind in ("Spec", "Extension"))
+    properties: dict[str, Any] = {**spec["properties"], EXTENDS: extension["properties"][EXTENDS]}
+    middle = [key for key in properties if key not in FIRST + LAST]
+    needed = {*spec["required"], *REQUIRED}
+    rows = ((key, properties[key]) for key in (*FIRST, *middle, *LAST))
+    return table(
+        ("section", "", "what it holds"),
+        ((code(key), NEEDED if key in needed else "", about["description"]) for key, about in rows),
+    )
+
+
+def _keys(definition: str) -> str:
+    """The keys of one kind of entry; those that are needed come first."""
+    schema = json_schema()["$defs"][definition]
+    needed = schema.get("required", ())
+    properties: dict[str, Any] = schema["properties"]
+    ordered = sorted(properties, key=lambda key: key not in needed)
+    return table(
+        ("key", "", "what it is"),
+        ((code(key), NEEDED if key in needed else "", properties[key]["description"]) for key in ordered),
+    )
+
+
+# Expressions.
+
+
+def _operators() -> str:
+    rows = [(i.precedence, code(i.symbol), i.doc) for i in INFIX.values()]
+    rows += [(0, "`x if c else y`", "x where the condition c holds, else y."), (7, "`-x`, `+x`", "Negation; identity.")]
+    rows += [(9, "`x[i]`, `f(x)`", "Element, call.")]
+    # The table of operators has no entry for what is grammar; a stable sort keeps the rest in its order.
+    rows.sort(key=lambda row: row[0])
+    return table(("binds", "operator", "meaning"), ((str(level), symbol, doc) for level, symbol, doc in rows))
+
+
+def _functions() -> str:
+    return table(
+        ("function", "value", "example"),
+        ((code(f.signature), f.doc, _example(f.name, f.samples[0])) for f in FUNCTIONS.values()),
+    )
+
+
+def _example(name: str, sample: tuple[Any, ...]) -> str:
+    expression = f"{name}({', '.join(map(_literal, sample))})"
+    return f"{code(expression)} is {code(_value(expression))}"
+
+
+def _literal(item: Any) -> str:
+    if isinstance(item, tuple):
+        return f"({', '.join(map(_literal, item))}{',' * (len(item) == 1)})"
+    return str(item)
+
+
+def _distributions() -> str:
+    entries = (dists.CATEGORICAL, *dists.DISTS.values())
+    return table(("distribution", "what is drawn"), ((code(_signature(d)), d.doc) for d in entries))
+
+
+def _signature(dist: dists.Dist) -> str:
+    arguments = [a.name if a.default is None else f"{a.name}={a.default}" for a in dist.arguments]
+    return f"{dist.name}({', '.join([*arguments, *(['shape=()'] if dist.shaped else [])])})"
+
+
+AWKWARD = (
+    "1 / 0", "-1 / 0", "0 / 0", "7 // 0", "7 % 0", "7 // 2", "-7 // 2", "-7 % 2", "7 % -2", "1 / 3 + 1 / 6", "2**-2",
+    "0**0", "(-8.0)**0.5", "sqrt(-1)", "log(0)", "exp(1000)", "min(0/0, 1)", "max((0/0, 2))", "argmax((1, 3, 3))",
+    "argmin((0/0, 0/0))", "sort((2, 0/0, 1))", "argsort((1, 0, 1, 0))", "round(2.5)", "round(3.5)", "floor(1 / 0)",
+    "floor(-1 / 0)", "floor(0 / 0)", "sign(0 / 0)", "0 / 0 == 0 / 0", "True + True", "clip(5, 3, 0)", "put((1, 2, 3), 9, 0)",
+    "put((1, 2, 3), -1, 0)", "onehot(5, 3)", "sum(())", "prod(())", "all(())",
+)  # fmt: skip
+
+
+def _awkward() -> str:
+    return table(("expression", "value"), ((code(each), code(_value(each))) for each in AWKWARD))
+
+
+# Places.
+
+PLACES = (
+    ("`constants`", "constants", '{"k": 2, "c": "@"}'),
+    ("`low`, `high`, `shape`", "state", '{"x": {"type": "int", "low": -99, "high": "@"}, "y": {"type": "real"}}'),
+    ("`horizon`", "horizon", '"5 + @"'),
+    ("`discount`", "discount", '"(@) / 9"'),
+    ("`noise`", "noise", '{"n": "UniformInt(0, 1)", "m": "@"}'),
+    ("`initial`", "initial", '{"x": 0, "y": "@"}'),
+    ("`dynamics`", "dynamics", """{"x'": "x + a", "y'": "@"}"""),
+    ("`reward`", "reward", '"@"'),
+    ("`terminal`", "terminal", '"(@) == 1"'),
+    ("`observation`", "observation", '{"o": "@"}'),
+    ("`next` of `memory`", "memory", '{"m": {"type": "real", "initial": 0, "next": "@"}}'),
+    ("`expert`", "expert", '{"a": "@"}'),
+    ("`absorbing_reward`", "absorbing_reward", '"@"'),
+)
+NAMES = (
+    ("parameter", "L"), ("constant", "k"), ("state `x`", "x"), ("action", "a"), ("`x'`", "x'"), ("noise", "n"),
+    ("draw", "UniformInt(0, 1)"), ("`t`", "t"), ("`T`", "T"),
+)  # fmt: skip
+
+
+def _visibility() -> str:
+    rows = (
+        (place, *("✓" if _fits(section, template, expression) else "" for _, expression in NAMES))
+        for place, section, template in PLACES
+    )
+    return table(("in", *(heading for heading, _ in NAMES)), rows)
+
+
+# Spaces.
+
+_CELL = {"type": "int", "low": 0, "high": 4}
+_REAL = {"type": "real", "low": 0, "high": 1}
+DECLARED: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("`{type: int, low: 0, high: 4}`", {"x": _CELL}),
+    ("`{type: int, low: 1, high: 4}`", {"x": {**_CELL, "low": 1}}),
+    ("`{type: bool}`", {"x": {"type": "bool"}}),
+    ("`{type: choice, values: [left, right]}`", {"x": {"type": "choice", "values": ["left", "right"]}}),
+    ("two of them, with 5 and 2 values", {"x": _CELL, "y": {"type": "bool"}}),
+    ("`{type: int, low: 0, high: 4, shape: [2]}`", {"x": {**_CELL, "shape": [2]}}),
+    ("`{type: real, low: 0, high: 1}`", {"x": _REAL}),
+    ("`{type: real, low: 0, high: 1, shape: []}`", {"x": {**_REAL, "shape": []}}),
+    ("`{type: real, low: 0, high: 1, shape: [3]}`", {"x": {**_REAL, "shape": [3]}}),
+    ("`{type: int, low: 0, high: 4}` and `{type: real, low: 0, high: 1}`", {"x": _CELL, "y": _REAL}),
+)
+
+
+def _state(components: dict[str, Any]) -> dict[str, Any]:
+    first = {name: "left" if c["type"] == "choice" else c.get("low", False) for name, c in components.items()}
+    return {"state": components, "initial": first, "dynamics": {"x'": "x"}, "noise": {}}
+
+
+def _spaces() -> str:
+    rows = []
+    for words, components in DECLARED:
+        action = {f"to_{name}": component for name, component in components.items()}
+        observed, acted = _probe_spaces({**_state(components), "action": action})
+        rows.append((words, code(observed), code(acted)))
+    return table(("declared", "as observation", "as action"), rows)
+
+
+def _space_kinds() -> str:
+    components = {"x": _CELL, "y": {"type": "bool"}}
+    kinds = ("box", "multi_discrete", "one_hot", "dict")
+    spaces = ((k, {**_state(components), "observation": {"space": k, "x": "x", "y": "y"}}) for k in kinds)
+    return table(("`space:`", "observation space"), ((code(k), code(_probe_spaces(s)[0])) for k, s in spaces))
+
+
+# Values, visibility and spaces are found out by trying.
+
+
+def _value(expression: str) -> str:
+    """The value of a constant expression, written as the language writes values."""
+    origin = Origin("<manual>", expression)
+    text = SourceText(expression, lambda start, end: Span(origin, 1, start + 1, 1, end + 1))
+    collector = Collector()
+    found = Checker(Builder(), collector).check(parse(text), Scope({}))
+    collector.raise_if_errors()
+    assert found is not None and isinstance(found.node, Const)
+    return _written(found.node.flat, found.node.type.shape)
+
+
+def _written(flat: tuple[Any, ...], shape: tuple[int, ...]) -> str:
+    if not shape:
+        return _number(flat[0])
+    step = len(flat) // shape[0]
+    rows = (flat[i * step : (i + 1) * step] for i in range(shape[0]))
+    return f"({', '.join(_written(row, shape[1:]) for row in rows)})"
+
+
+def _number(item: Any) -> str:
+    if isinstance(item, Fraction):
+        return str(item) if item.denominator <= 100 else f"{float(item):.6g}"
+    return f"{item:.6g}" if isinstance(item, float) else str(item)
+
+
+PROBE: dict[str, Any] = {
+    "taskspec": 1,
+    "name": "Probe",
+    "parameters": {"L": {"type": "int", "default": 3}},
+    "constants": {"k": 2},
+    "noise": {"n": "UniformInt(0, 1)"},
+    "state": {"x": {"type": "int"}, "y": {"type": "real"}},
+    "action": {"a": {"type": "int", "low": 0, "high": 9}},
+    "horizon": 5,
+    "initial": {"x": 0, "y": 0},
+    "dynamics": {"x'": "x + a"},
+    "reward": 0,
+}
+
+
+def _task(changes: dict[str, Any]) -> Task:
+    """The probe with some sections replaced."""
+    return build(read_text(json.dumps(PROBE | changes), "<manual>"))
+
+
+def _fits(section: str, template: str, expression: str) -> bool:
+    """Whether an expression may stand in a place of the probe: `template` is the section with `@` for the expression."""
+    try:
+        _task({section: json.loads(template.replace("@", expression))})
+    except SpecError:
+        return False
+    return True
+
+
+def _probe_spaces(changes: dict[str, Any]) -> tuple[str, str]:
+    """The observation space and the action space of the probe with some sections replaced."""
+    found = _task(changes)
+    return str(space(found.observation_layout)), str(space(found.action_layout))
+
+
+# The rest.
+
+
+def _limits() -> str:
+    rows = limits.table()
+    return table(("limit", "default", "what"), ((_limit_name(row), f"{row.value:,}", row.what) for row in rows))
+
+
+def _limit_name(row: limits.LimitRow) -> str:
+    return "" if row.fixed else code(row.name)
+
+
+def _words(name: str) -> str:
+    """One of the tables of what claims may say."""
+    words = getattr(vocabulary, name).values()
+    return table(("written", "meaning"), ((code(w.written), w.doc) for w in words))
+
+
+def _figures() -> str:
+    names: dict[str, list[str]] = {}
+    for kind in FIGURE_KINDS.values():
+        names.setdefault(kind.doc, []).append(code(kind.name))
+    return table(("kind", "further keys"), ((", ".join(kinds), doc) for doc, kinds in names.items()))
+
+
+def _statuses(which: str) -> str:
+    found = saved.CLAIMS.values() if which == "claims" else saved.NUMBERS.values()
+    return table(("status", "meaning"), ((code(s.word), s.doc + (f" ({s.code})" if s.code else "")) for s in found))
+
+
+_TABLES: dict[str, Callable[..., str]] = {
+    "sections": _sections,
+    "keys": _keys,
+    "operators": _operators,
+    "functions": _functions,
+    "distributions": _distributions,
+    "awkward": _awkward,
+    "visibility": _visibility,
+    "spaces": _spaces,
+    "space_kinds": _space_kinds,
+    "limits": _limits,
+    "words": _words,
+    "figures": _figures,
+    "statuses": _statuses,
+}

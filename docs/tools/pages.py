@@ -1,0 +1,88 @@
+"""Write the generated pages of the documentation: `python -m docs.tools.pages`, in the root of a checkout.
+
+Prose of `language.md`, `difficulty.md` and `modifiers.md` is beside this file; tables in it come from what the program runs on.
+Outputs of examples are those that the pages have already; `tests/docs/test_snippets.py` checks them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from docs.tools.commands import commands
+from docs.tools.language import language
+from docs.tools.markdown import code, table
+from docs.tools.names import names
+from taskspec.base.codes import PAGE
+from taskspec.modifiers import MODIFIERS, ModifierArgument, ModifierEntry
+from taskspec.modifiers.entry import never
+from taskspec.scores.difficulty import MEASURES
+
+TOOLS = Path(__file__).parent
+DOCS = TOOLS.parent
+
+
+def errors() -> str:
+    """Return the guide to all errors."""
+    return PAGE.read_text(encoding="utf-8")
+
+
+def difficulty() -> str:
+    """Return the page of difficulty measures."""
+    rows = [(code(m.name), m.doc, f"${m.formula}$", m.unit, m.source) for m in MEASURES.values()]
+    measures = table(("measure", "what it is", "", "unit", "after"), rows)
+    return _prose("difficulty").replace("<!-- measures -->", measures)
+
+
+def modifiers() -> str:
+    """Return the page of modifiers."""
+    rows = [(code(name), entry.doc, _arguments(entry), _keeps(entry), entry.needs) for name, entry in MODIFIERS.items()]
+    entries = table(("modifier", "what it does", "arguments", "what it keeps", "what it needs"), rows)
+    return _prose("modifiers").replace("<!-- modifiers -->", entries)
+
+
+def _prose(page: str) -> str:
+    return (TOOLS / f"{page}.md").read_text(encoding="utf-8")
+
+
+def _arguments(entry: ModifierEntry) -> str:
+    return "; ".join(_argument(a) for a in entry.arguments)
+
+
+def _argument(argument: ModifierArgument) -> str:
+    default = "" if argument.default is None else f", {str(argument.default).lower()} unless given"
+    return f"{code(argument.name)}: {argument.doc} ({argument.range}{default})"
+
+
+def _keeps(entry: ModifierEntry) -> str:
+    """Return what a modifier keeps, and under which conditions."""
+    if entry.keeps == "nothing":
+        return ""
+    text = entry.keeps
+    if entry.condition:
+        text += f", where {entry.condition}"
+    if entry.observed is not never:
+        text += "; also from observations"
+    if entry.observed_condition:
+        text += f", where {entry.observed_condition}"
+    return text
+
+
+PAGES = {
+    "commands": commands,
+    "difficulty": difficulty,
+    "errors": errors,
+    "language": language,
+    "modifiers": modifiers,
+    "names": names,
+}
+"""The generated pages, by their name in the folder `docs`."""
+
+
+def main() -> None:
+    """Write all pages."""
+    for name, page in PAGES.items():
+        (DOCS / f"{name}.md").write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""The input and output of checks for warnings: a task with its results, and problems at their places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from taskspec.base.diagnostics import Placed, Span
+from taskspec.model.model import Model
+from taskspec.scores.returns import Results
+from taskspec.task.merge import Merged, merge
+from taskspec.task.task import Task
+
+SAME = 1e-9
+"""Numbers that differ by less, relative to their size, count as equal."""
+SMALL = 3_000_000
+"""Entries of models that are searched for problems."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something to warn about; the code of the warning is that of the check that found it."""
+
+    place: Placed | None
+    message: str
+    hint: str | None = None
+    notes: Iterable[str] = ()
+
+
+@dataclass(frozen=True)
+class LintContext:
+    """A task with its results, and the codes of warnings that were given already.
+
+    `model` is None unless the task itself, not a stand-in, has one of moderate size.
+    """
+
+    task: Task
+    results: Results
+    codes: set[str] = field(default_factory=set)
+
+    @cached_property
+    def model(self) -> Model | None:
+        model = self.results.model
+        return model if model is not None and model.task is self.task and model.entries <= SMALL else None
+
+    @cached_property
+    def merged(self) -> Merged:
+        return merge(self.task.document, self.task.variant)
+
+    def key(self, *path: str) -> Span:
+        return self.merged.key_span(path)
+
+    @cached_property
+    def paid(self) -> tuple[float, float] | None:
+        """The least and the largest expected reward of any step of any episode; None if there is no such step."""
+        model = self.results.model
+        if model is None:
+            return None
+        low, high = [], []
+        for t, level in model.levels() if model.is_timed else [(0, model.acting)]:
+            rewards = model.step(t).reward.reshape(model.n_actions, -1)
+            for paid in rewards if level.any() else ():  # one action at a time, to save memory
+                low.append(paid[level].min())
+                high.append(paid[level].max())
+        return (float(np.min(low)), float(np.max(high))) if low else None
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether all steps have the same reward, and their number makes no difference."""
+        paid, model = self.paid, self.results.model
+        if model is None or paid is None or not np.isfinite(paid).all() or paid[1] - paid[0] > SAME:
+            return False
+        return all(step.ending is None for step in model.steps) or abs(paid[0]) <= SAME

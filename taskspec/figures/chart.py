@@ -1,0 +1,399 @@
+"""Charts as scenes: axes, ticks, lines, bands, marks, box plots, heat maps and legends; lengths in centimetres."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from taskspec.figures.scene import (
+    BROAD,
+    Anchor,
+    Area,
+    Box,
+    Circle,
+    Dash,
+    Hex,
+    Item,
+    Label,
+    Line,
+    Paint,
+    Point,
+    Scene,
+    fitted,
+    text_width,
+)
+from taskspec.printers import tree as m
+
+SMALL = 0.25
+FONT = 0.28
+"""Sizes of letters."""
+EDGE = Hex("#9aa3ad")
+GRID = Hex("#e7eaed")
+STRIPE = Hex("#f3f4f5")
+RULE = Hex("#4a545e")
+BLUE = Hex("#0072B2")
+VERMILION = Hex("#D55E00")
+GREEN = Hex("#009E73")
+PURPLE = Hex("#CC79A7")
+ORANGE = Hex("#E69F00")
+SKY = Hex("#56B4E9")
+YELLOW = Hex("#F0E442")
+"""Colours of Okabe and Ito, which people with any colour vision can tell apart."""
+CIVIDIS = (
+    "#00204D", "#00336F", "#39486B", "#575C6D", "#707173", "#8A8779", "#A69D75", "#C4B56C", "#E4CF5B", "#FFEA46",
+)  # fmt: skip
+"""The colour map of Nuñez, Anderton and Renslow (2018), at equal distances."""
+Shape = Literal["circle", "square", "diamond", "up", "down"]
+SHAPES: tuple[Shape, ...] = ("circle", "square", "diamond", "up", "down")
+TICK = 0.1
+"""The length of a tick."""
+Rgb = tuple[int, int, int]
+
+
+# ---------- numbers and colours
+
+
+def nice_ticks(low: float, high: float, most: int = 6) -> list[float]:
+    """Return multiples of 1, 2, 2.5 or 5 times a power of ten within a range, at most `most` of them if there are two."""
+    width = high - low
+    if not 0 < width < math.inf:
+        return [low]
+    unit = 10.0 ** math.floor(math.log10(width / most))
+    for step in (factor * unit for factor in (1, 2, 2.5, 5, 10, 20)):
+        first = math.ceil(low / step - 1e-9)
+        last = math.floor(high / step + 1e-9)
+        if last - first < most:
+            return [i * step for i in range(first, last + 1)]
+    return [low, high]
+
+
+def log_ticks(low: float, high: float) -> list[float]:
+    """Return powers of ten within a range of positive numbers, and their doubles and fives if there are few powers."""
+    exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    factors = (1,) if len(exponents) > 3 else (1, 2, 5)
+    every = -(-len(exponents) // 7)
+    ticks = [factor * 10.0**e for e in exponents[::every] for factor in factors]
+    return [tick for tick in ticks if low * (1 - 1e-9) <= tick <= high * (1 + 1e-9)] or [low, high]
+
+
+def number(value: float) -> str:
+    """Return a number as the label of a tick, with a real minus sign."""
+    text = f"{value:.6g}"
+    return ("0" if text == "-0" else text).replace("-", "−")
+
+
+def blend(colors: Sequence[str | Rgb], share: float) -> Rgb:
+    """Return the colour at `share` in [0, 1] of the way through colours at equal distances."""
+    stops = [bytes.fromhex(c[1:]) if isinstance(c, str) else c for c in colors]
+    place = min(max(share, 0.0), 1.0) * (len(stops) - 1)
+    i = min(int(place), len(stops) - 2)
+    red, green, blue = (round(a + (b - a) * (place - i)) for a, b in zip(stops[i], stops[i + 1], strict=True))
+    return red, green, blue
+
+
+def hexadecimal(color: Rgb) -> Hex:
+    """Return a colour as `#rrggbb`."""
+    return Hex("#{:02x}{:02x}{:02x}".format(*color))
+
+
+def ink(background: Rgb) -> Hex:
+    """Return black or white, whichever has more contrast to a background, as defined by WCAG 2."""
+    shares = [c / 255 for c in background]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares]
+    luminance = 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return Hex("#ffffff" if luminance < 0.1791 else "#000000")
+
+
+# ---------- axes
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A range of numbers, with ticks as (value, label)."""
+
+    low: float
+    high: float
+    ticks: tuple[tuple[float, str], ...] = ()
+    label: str = ""
+    log: bool = False
+    angle: float = 0.0  # of the labels
+
+    def share(self, value: float) -> float:
+        """Return how far a value is along the axis: 0 at `low`, 1 at `high`."""
+        if self.log:
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return (value - self.low) / (self.high - self.low)
+
+
+def axis(values: Iterable[float], label: str = "", log: bool = False, most: int = 6, margin: float = 0.05) -> Axis:
+    """Return an axis that has room for values, with ticks at round numbers."""
+    known = [v for v in values if math.isfinite(v) and (v > 0 or not log)] or [1.0]
+    low, high = min(known), max(known)
+    if log:
+        grow = (high / low) ** margin if high > low else 2.0
+        low, high = low / grow, high * grow
+        ticks = log_ticks(low, high)
+    else:
+        grow = (high - low) * margin if high > low else max(abs(low) * margin, 0.5)
+        low, high = low - grow, high + grow
+        ticks = nice_ticks(low, high, most)
+    return Axis(low, high, tuple((tick, number(tick)) for tick in ticks), label, log)
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A rectangle between two axes, by its upper left corner; y points upwards."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    x: Axis
+    y: Axis
+
+    @property
+    def right(self) -> float:
+        return self.left + self.width
+
+    @property
+    def bottom(self) -> float:
+        return self.top + self.height
+
+    def at(self, x: float, y: float) -> Point:
+        """Return the place of a point in the scene."""
+        return self.left + self.width * self.x.share(x), self.bottom - self.height * self.y.share(y)
+
+    def has(self, x: float, y: float) -> bool:
+        """Return whether a point can be drawn: its coordinates are finite, and positive on logarithmic axes."""
+        return all(math.isfinite(v) and (v > 0 or not a.log) for v, a in ((x, self.x), (y, self.y)))
+
+
+def words(text: str, at: Point, size: float = FONT, anchor: Anchor = "middle", color: Paint = "ink", angle: float = 0.0,
+          bold: bool = False) -> Iterator[Label]:  # fmt: skip
+    """Yield a label for each line of a text, around a point."""
+    lines = text.split("\n")
+    sin, cos = math.sin(math.radians(angle)), math.cos(math.radians(angle))
+    for i, line in enumerate(lines):
+        down = 1.25 * size * (i - (len(lines) - 1) / 2)
+        place = (at[0] + down * sin, at[1] + down * cos)
+        yield Label(place, m.Words(line), size, anchor, color, angle=angle, bold=bold)
+
+
+def breadth(text: str, size: float = FONT) -> float:
+    """Return how much room the longest line of a text needs."""
+    return max(BROAD * text_width(m.Words(line), size) for line in text.split("\n"))
+
+
+def frame(plot: Plot, grid: bool = False, size: float = SMALL) -> Iterator[Item]:
+    """Yield the axes below and on the left, with their ticks and labels, and lines at the ticks if there is a grid."""
+    for x, text in plot.x.ticks:
+        place = plot.left + plot.width * plot.x.share(x)
+        if grid:
+            yield Line(((place, plot.top), (place, plot.bottom)), color=GRID, width=0.015)
+        yield Line(((place, plot.bottom), (place, plot.bottom + TICK)), color=EDGE, width=0.02)
+        below = plot.bottom + TICK + 0.2 + 0.6 * size * text.count("\n")
+        anchor: Anchor = "end" if plot.x.angle else "middle"
+        yield from words(text, (place, below), size, anchor, angle=plot.x.angle)
+    for y, text in plot.y.ticks:
+        height = plot.bottom - plot.height * plot.y.share(y)
+        if grid:
+            yield Line(((plot.left, height), (plot.right, height)), color=GRID, width=0.015)
+        yield Line(((plot.left - TICK, height), (plot.left, height)), color=EDGE, width=0.02)
+        yield from words(text, (plot.left - TICK - 0.08, height), size, "end")
+    yield Line(((plot.left, plot.top), (plot.left, plot.bottom), (plot.right, plot.bottom)), color=EDGE, width=0.02)
+    if plot.x.label:
+        yield from words(plot.x.label, (plot.left + plot.width / 2, plot.bottom + below_axis(plot.x, size) + 0.1), size)
+    if plot.y.label:
+        widest = max((breadth(text, size) for _, text in plot.y.ticks), default=0.0)
+        middle = (plot.left - TICK - widest - 0.3, plot.top + plot.height / 2)
+        yield from words(plot.y.label, middle, size, angle=90)
+
+
+def below_axis(axis: Axis, size: float = SMALL) -> float:
+    """Return how far the tick labels of an axis reach below it."""
+    sin = math.sin(math.radians(axis.angle))
+    lines = max((text.count("\n") + 1 for _, text in axis.ticks), default=1)
+    longest = max((breadth(text, size) for _, text in axis.ticks), default=0.0)
+    return TICK + 0.2 + 1.25 * size * lines + longest * sin
+
+
+# ---------- what is plotted
+
+
+def polyline(plot: Plot, xs: Sequence[float], ys: Sequence[float], color: Paint, width: float = 0.05,
+             dash: Dash = "solid", shade: float = 1.0) -> Iterator[Line]:  # fmt: skip
+    """Yield a line through points, broken where one cannot be drawn."""
+    run: list[Point] = []
+    for x, y in (*zip(xs, ys, strict=True), (math.nan, math.nan)):
+        if plot.has(x, y):
+            run.append(plot.at(x, y))
+            continue
+        if len(run) > 1:
+            yield Line(tuple(run), color=color, width=width, dash=dash, shade=shade)
+        run = []
+
+
+def level(plot: Plot, y: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
+    """Return a line across the plot at a height."""
+    return Line((plot.at(plot.x.low, y), plot.at(plot.x.high, y)), color=color, width=width, dash=dash)
+
+
+def upright(plot: Plot, x: float, color: Paint = RULE, dash: Dash = "dashed", width: float = 0.03) -> Line:
+    """Return a line from the bottom of the plot to its top."""
+    return Line((plot.at(x, plot.y.high), plot.at(x, plot.y.low)), color=color, width=width, dash=dash)
+
+
+def band(
+    plot: Plot, xs: Sequence[float], lows: Sequence[float], highs: Sequence[float], color: Paint
+) -> Iterator[Area]:
+    """Yield the area between two curves, where both can be drawn."""
+    shown = [
+        (x, low, high) for x, low, high in zip(xs, lows, highs, strict=True) if plot.has(x, low) and plot.has(x, high)
+    ]
+    if len(shown) > 1:
+        there = [plot.at(x, high) for x, _, high in shown]
+        back = [plot.at(x, low) for x, low, _ in reversed(shown)]
+        yield Area((*there, *back), color, shade=0.2)
+
+
+def error_bar(plot: Plot, x: float, low: float, high: float, color: Paint) -> Iterator[Line]:
+    """Yield an interval as an upright line with caps; a part of it that a logarithmic axis lacks is cut off."""
+    low = max(low, plot.y.low)
+    if not (plot.has(x, low) and plot.has(x, high) and high > low):
+        return
+    (place, bottom), (_, top) = plot.at(x, low), plot.at(x, high)
+    yield Line(((place, bottom), (place, top)), color=color)
+    for y in (bottom, top):
+        yield Line(((place - 0.07, y), (place + 0.07, y)), color=color)
+
+
+def mark(at: Point, shape: Shape, color: Paint, size: float = 0.075, filled: bool = False) -> Circle | Area:
+    """Return the mark of a point, `size` from its centre to its edge."""
+    x, y = at
+    fill: Paint = color if filled else "paper"
+    match shape:
+        case "circle":
+            return Circle(at, size, fill, color)
+        case "square":
+            corners = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+        case "diamond":
+            corners = ((0.0, -1.35), (1.35, 0.0), (0.0, 1.35), (-1.35, 0.0))
+        case "up":
+            corners = ((0.0, -1.2), (1.2, 0.9), (-1.2, 0.9), (0.0, -1.2))
+        case "down":
+            corners = ((0.0, 1.2), (1.2, -0.9), (-1.2, -0.9), (0.0, 1.2))
+    return Area(tuple((x + size * dx, y + size * dy) for dx, dy in corners), fill, color)
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Values of several seeds, with the interval of their mean."""
+
+    values: Sequence[float]
+    interval: tuple[float, float]
+    mean: float
+
+
+def box_plot(
+    plot: Plot, sample: Sample, at: float, color: Paint, is_upright: bool = False, half: float = 0.12
+) -> Iterator[Item]:
+    """Yield one sample at a place of the other axis.
+
+    A dot for each value, a box for the interval of the mean, a line at the mean, and a line over the range.
+
+    Args:
+        half: half the width of the box, in centimetres.
+    """
+    if not sample.values:
+        return
+
+    def place(value: float, off: float = 0.0) -> Point:
+        if is_upright:
+            x, y = plot.at(at, value)
+            return x + off, y
+        x, y = plot.at(value, at)
+        return x, y - off
+
+    yield Line((place(min(sample.values)), place(max(sample.values))), color=color, width=0.035)
+    low, high = sample.interval
+    yield Area((place(low, -half), place(high, -half), place(high, half), place(low, half)), color, color, 0.28)
+    for value, off in zip(sample.values, _spread(sample.values, 0.9 * half), strict=True):
+        yield Circle(place(value, off), 0.05, color, None, 0.75)
+    yield Line((place(sample.mean, -1.3 * half), place(sample.mean, 1.3 * half)), color=color, width=0.075)
+
+
+def _spread(values: Sequence[float], most: float) -> list[float]:
+    """Return how far dots of about the same value stand to the sides, so that each can be seen."""
+    offsets = [0.0] * len(values)
+    groups: dict[int, list[int]] = {}
+    for i, value in enumerate(values):
+        groups.setdefault(round(value / 0.04), []).append(i)
+    for members in groups.values():
+        reach = min(most, most / 6 * (len(members) - 1))
+        for i, off in zip(members, np.linspace(-reach, reach, len(members)).tolist(), strict=True):
+            offsets[i] = off
+    return offsets
+
+
+def heat_map(left: float, top: float, cell: tuple[float, float], colors: Sequence[Sequence[Rgb]],
+             texts: Sequence[Sequence[str]], size: float = FONT) -> Iterator[Item]:  # fmt: skip
+    """Yield cells, row by row from the top, each with a text on its colour."""
+    width, height = cell
+    for i, (row, line) in enumerate(zip(colors, texts, strict=True)):
+        for j, (color, text) in enumerate(zip(row, line, strict=True)):
+            corner = (left + j * width, top + i * height)
+            yield Box(corner, width, height, hexadecimal(color), "paper")
+            if text:
+                yield Label((corner[0] + width / 2, corner[1] + height / 2), m.Words(text), size, color=ink(color))
+
+
+def color_bar(plot: Plot, colors: Sequence[str]) -> Iterator[Item]:
+    """Yield a bar of colours beside a heat map, with the ticks of the plot's y axis on its right."""
+    steps = 60
+    height = plot.height / steps
+    for i in range(steps):
+        color = hexadecimal(blend(colors, (i + 0.5) / steps))
+        yield Box((plot.left, plot.bottom - (i + 1) * height), plot.width, height + 0.01, color, None)
+    for value, text in plot.y.ticks:
+        y = plot.bottom - plot.height * plot.y.share(value)
+        yield Line(((plot.right, y), (plot.right + TICK, y)), color=EDGE, width=0.02)
+        yield from words(text, (plot.right + TICK + 0.08, y), SMALL, "start")
+
+
+# ---------- legends and scenes
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of a legend: a stroke, a mark, or both."""
+
+    text: str
+    color: Paint
+    dash: Dash | None = "solid"
+    shape: Shape | None = None
+    filled: bool = False
+    width: float = 0.05
+
+
+def legend(entries: Sequence[Entry], left: float, top: float, room: float, size: float = SMALL) -> Iterator[Item]:
+    """Yield entries in rows, each as long as there is room."""
+    x, y = left, top + size / 2
+    for entry in entries:
+        needed = 0.8 + breadth(entry.text, size) + 0.25
+        if x > left and x + needed > left + room:
+            x, y = left, y + 1.5 * size
+        if entry.dash is not None:
+            yield Line(((x, y), (x + 0.65, y)), color=entry.color, width=entry.width, dash=entry.dash)
+        if entry.shape is not None:
+            yield mark((x + 0.325, y), entry.shape, entry.color, filled=entry.filled)
+        yield from words(entry.text, (x + 0.8, y), size, "start")
+        x += needed
+
+
+def chart(items: Iterable[Item], alt: str, margin: float = 0.2) -> Scene:
+    """Return the items as a scene in the font of charts."""
+    return replace(fitted(items, alt, margin=margin), font="sans")

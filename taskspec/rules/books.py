@@ -1,0 +1,164 @@
+"""Read files of rules, `exam.yaml` and `findings.yaml`: the names that rules may use, and every rule parsed and checked."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from taskspec import registry
+from taskspec.base import ids
+from taskspec.base.bibliography import Reference, beside
+from taskspec.base.diagnostics import Collector, Diagnostic, SpecError, suggest
+from taskspec.lang import syntax as s
+from taskspec.lang.parse import parse_into
+from taskspec.rules.scores import RuleNames, ScoreChecker
+from taskspec.source import Document, read_file
+from taskspec.task.schema.experiments import (
+    DiagnosisEntry,
+    ExamDocument,
+    FindingEntry,
+    FindingsDocument,
+    check_exam,
+    check_findings,
+)
+
+EXAM, FINDINGS = "exam.yaml", "findings.yaml"
+"""Files of a suite's folder."""
+
+
+@dataclass(frozen=True)
+class ScoreRule:
+    """An entry of a file with its condition parsed."""
+
+    name: str
+    entry: DiagnosisEntry | FindingEntry
+    condition: s.Expr
+
+
+@dataclass(frozen=True)
+class RuleBook:
+    """A file of rules: its entries, the names that they use, and the sources that they cite."""
+
+    described: ExamDocument | FindingsDocument
+    names: RuleNames
+    rules: tuple[ScoreRule, ...]
+    references: Mapping[str, Reference]
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def read_exam(path: str | os.PathLike[str]) -> RuleBook:
+    """Read the exam in a file.
+
+    Raises:
+        SpecError: with every mistake in it, each at its place.
+    """
+    return _read(Path(path), check_exam, "diagnoses", "when")
+
+
+def read_findings(path: str | os.PathLike[str]) -> RuleBook:
+    """Read the findings in a file.
+
+    Raises:
+        SpecError: with every mistake in it, each at its place.
+    """
+    return _read(Path(path), check_findings, "entries", "holds")
+
+
+def exam_of(suite: str | os.PathLike[str]) -> Path | None:
+    """Return the exam of a suite, by its name or folder; None if it has none."""
+    return _file_of(suite, EXAM)
+
+
+def findings_of(suite: str | os.PathLike[str]) -> Path | None:
+    """Return the findings of a suite, by its name or folder; None if it has none."""
+    return _file_of(suite, FINDINGS)
+
+
+def _file_of(suite: str | os.PathLike[str], name: str) -> Path | None:
+    places = (Path(suite) / name, registry.tasks_root() / suite / name)
+    return next((path for path in places if path.is_file()), None)
+
+
+def _read(path: Path, check: Any, section: str, key: str) -> RuleBook:
+    document = read_file(path)
+    described, diagnostics = check(document)
+    if described is None:
+        raise SpecError(diagnostics)
+    reader = _Reader(document, Collector())
+    reader.collector.extend(diagnostics)
+    names = reader.names(described, path.parent)
+    references = beside([path])
+    for at, source in _sources(described):
+        reader.check_reference(source.key, references, (*at, "key"))
+    rules = []
+    entries: Mapping[str, Any] = getattr(described, section)
+    for name, entry in entries.items():
+        condition = reader.parsed(getattr(entry, key), (section, name, key))
+        if condition is not None:
+            ScoreChecker(names, reader.collector).truth(condition)
+            rules.append(ScoreRule(name, entry, condition))
+        reader.check_members(getattr(entry, "unless", []), tuple(entries), "diagnosis", (section, name, "unless"))
+    reader.collector.raise_if_errors()
+    return RuleBook(described, names, tuple(rules), references, reader.collector.diagnostics)
+
+
+def _sources(described: ExamDocument | FindingsDocument) -> Iterator[tuple[tuple[str, ...], Any]]:
+    if isinstance(described, FindingsDocument):
+        yield ("source",), described.source
+        return
+    for name, entry in described.diagnoses.items():
+        yield ("diagnoses", name, "source"), entry.source
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """A document, and a collector of mistakes at places in it."""
+
+    document: Document
+    collector: Collector
+
+    def parsed(self, text: str, path: tuple[str, ...]) -> s.Expr | None:
+        return parse_into(s.SourceText(text, lambda start, end: self.document.span(path, start, end)), self.collector)
+
+    def names(self, described: ExamDocument | FindingsDocument, folder: Path) -> RuleNames:
+        """Return the names of a file, and report those of nothing."""
+        known = tuple(entry.name for entry in registry.entries(folder))
+        self.check_members(described.tasks, known, "task", ("tasks",))
+        tasks = tuple(described.tasks) or known
+        learners: tuple[str, ...] = ()
+        instances: tuple[str, ...] = ()
+        if isinstance(described, FindingsDocument):
+            learners = tuple(described.learners)
+            instances = tuple(described.instances)
+        for name, members in described.groups.items():
+            has_learners = bool(members) and members[0] in learners
+            kind = "learner" if has_learners else "task"
+            self.check_members(members, learners if has_learners else tasks, kind, ("groups", name))
+        if isinstance(described, FindingsDocument):
+            self._check_aliases(described, tasks, learners)
+        groups = {name: tuple(members) for name, members in described.groups.items()}
+        return RuleNames(tasks, learners, groups, instances)
+
+    def _check_aliases(self, described: FindingsDocument, tasks: tuple[str, ...], learners: tuple[str, ...]) -> None:
+        for name, other in described.same.items():
+            self.check_members([other], tasks, "task", ("same", name))
+        for name, members in described.unable.items():
+            self.check_members([name], learners, "learner", ("unable",))
+            self.check_members(members, tasks, "task", ("unable", name))
+        for name, instance in described.instances.items():
+            self.check_members([ids.parse(instance).name], tasks, "task", ("instances", name))
+
+    def check_members(self, members: list[str], known: tuple[str, ...], kind: str, at: tuple[str, ...]) -> None:
+        for i, member in enumerate(members):
+            if member not in known:
+                hint = suggest(member, known) or f"one of {', '.join(known) or 'none'}"
+                self.collector.add("E302", self.document.span((*at, i)), f"there is no {kind} '{member}' here", hint)
+
+    def check_reference(self, key: str, references: Mapping[str, Reference], at: tuple[str, ...]) -> None:
+        if references and key not in references:
+            hint = suggest(key, references) or f"one of {', '.join(references)}"
+            message = f"`{key}` is not a key of the bibliography next to this file"
+            self.collector.add("E206", self.document.span(at), message, hint)
