@@ -1,4 +1,4 @@
-"""What every message is made of: a place in a text, a code from a closed table, words for a person.
+"""Diagnostics: a place in a text, a code from a closed table, a message and a hint; and how they are rendered.
 
 The bottom layer: it imports nothing of the package but the table of codes. Columns and offsets
 count characters (code points), lines and columns start at 1, and ends are exclusive.
@@ -51,7 +51,7 @@ class Origin:
     text: str
 
     def line(self, number: int) -> str:
-        """The line with this number (from 1), without its line end; empty past the last line."""
+        """Return the line with this number (from 1) without its line end; empty past the last line."""
         lines = _lines(self.text)
         return lines[number - 1] if 1 <= number <= len(lines) else ""
 
@@ -120,6 +120,11 @@ class SpecError(TaskspecError, ValueError):
         return render(self.diagnostics)
 
 
+def spec_error(code: str, message: str, hint: str | None = None) -> SpecError:
+    """Return an error with one diagnostic that has no place in a file."""
+    return SpecError([Diagnostic(code, None, message, hint)])
+
+
 class Collector:
     """Gathers diagnostics, so that one pass reports every problem and not only the first."""
 
@@ -146,7 +151,7 @@ class Collector:
 
     @property
     def diagnostics(self) -> tuple[Diagnostic, ...]:
-        """Everything recorded, sorted by place, without duplicates."""
+        """The recorded diagnostics, sorted by place, without duplicates."""
         return in_order(self._found)
 
     @property
@@ -160,18 +165,18 @@ class Collector:
 
 
 def has_errors(found: Iterable[Diagnostic]) -> bool:
-    """Whether any of what was found is an error (warnings do not count)."""
+    """Return whether any diagnostic is an error (warnings do not count)."""
     return any(each.severity == "error" for each in found)
 
 
 def raise_if_errors(found: Sequence[Diagnostic]) -> None:
-    """Raise SpecError with everything found, if any of it is an error (warnings do not count)."""
+    """Raise SpecError with all diagnostics, if any is an error (warnings do not count)."""
     if has_errors(found):
         raise SpecError(found)
 
 
 def in_order(diagnostics: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
-    """Sorted by place (those without one first), each only once; the sort is stable."""
+    """Sort diagnostics by place (those without one first), each only once; the sort is stable."""
     return tuple(sorted(dict.fromkeys(diagnostics), key=_place_key))
 
 
@@ -181,13 +186,13 @@ def _place_key(diagnostic: Diagnostic) -> tuple[str, int, int]:
 
 
 def suggest(name: str, candidates: Iterable[str]) -> str | None:
-    """`did you mean 'x'?` for the nearest candidate, or None when none is near."""
+    """Return `did you mean 'x'?` for the nearest candidate, or None when none is near."""
     near = nearest(name, candidates)
     return None if near is None else f"did you mean {near!r}?"
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """The candidate nearest to a name that was not found, or None when none is near."""
+    """Return the candidate nearest to an unknown name, or None when none is near."""
     known = list(candidates)
     by_lower = {each.lower(): each for each in reversed(known)}
     if name.lower() in by_lower:
@@ -204,12 +209,12 @@ def render(
     color: bool = False,
     width: int | None = None,
 ) -> str:
-    """Write diagnostics out: as text, as a JSON array, or as GitHub workflow commands.
+    """Render diagnostics as text, as a JSON array, or as GitHub workflow commands.
 
     Args:
         format: "text", "json" or "github".
         color: whether text has the colours of a terminal.
-        width: of the terminal that text is broken for; without one, sentences stay on one line.
+        width: the width of the terminal to wrap text for; without one, sentences stay on one line.
     """
     match format:
         case "text":
@@ -252,7 +257,7 @@ def _remark(kind: str, text: str, paint: dict[str, str], width: int | None) -> s
 
 
 def _broken(text: str, width: int | None, used: int, indent: int) -> str:
-    """Text broken into lines between words, the first of which has less room, the others an indent."""
+    """Wrap text between words: the first line starts at column `used`, the others are indented."""
     if width is None or used + _width(text) <= width:
         return text
     lead, margin = " " * used, " " * indent
@@ -265,7 +270,7 @@ def _broken(text: str, width: int | None, used: int, indent: int) -> str:
 
 
 def _excerpt(span: Span, room: int) -> tuple[str, str]:
-    """The line a span starts on (a window of it when long) and the carets that go under it."""
+    """Return the line a span starts on (a window of it when long) and the carets under it."""
     line = span.origin.line(span.line)
     skipped = max(0, span.column - 1 - 2 * room)  # a line may have a million characters
     near = line[skipped : skipped + 5 * room]
@@ -283,7 +288,7 @@ def _excerpt(span: Span, room: int) -> tuple[str, str]:
 
 
 def _width(text: str) -> int:
-    """Columns that a terminal gives to a text: wide characters take two, combining ones none."""
+    """Return the columns of a text in a terminal: wide characters take two, combining ones none."""
     return sum(0 if unicodedata.combining(char) else 1 + (unicodedata.east_asian_width(char) in "WF") for char in text)
 
 
@@ -305,7 +310,7 @@ def _record(diagnostic: Diagnostic) -> dict[str, object]:
 
 
 def _github(diagnostic: Diagnostic) -> str:
-    """One workflow command, `::error file=...,line=...::message`, visible, and escaped as GitHub asks."""
+    """Return a workflow command `::error file=...,line=...::message`, escaped as GitHub requires."""
     code, span = CODES[diagnostic.code], diagnostic.span
     fields: dict[str, object] = {}
     if span is not None:

@@ -1,4 +1,8 @@
-"""Text for people: control characters are shown as escapes, and tables for notebooks."""
+"""Text for people: control characters as escapes such as `\\x1b` or `\\u202e`, and tables for notebooks.
+
+Labels, file names and prose come from the authors of specs. Terminals obey control characters, and those of the bidirectional
+algorithm change how a line reads (Boucher and Anderson, "Trojan Source", 2023).
+"""
 
 from __future__ import annotations
 
@@ -7,20 +11,14 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-# ---------- visible
-# Text for people: what a screen would obey, hide or turn around is shown as an escape instead, as `\x1b` or `\u202e`.
-#
-# Labels, file names and prose come from whoever wrote a spec. A terminal acts on control characters, and those
-# of the bidirectional algorithm make a line read as something that it does not say (Boucher and Anderson, "Trojan Source", 2023).
-
 _HIDDEN = frozenset({"Cc", "Cf", "Cn", "Cs", "Zl", "Zp"})
 """Unicode: control, format, unassigned, lone surrogates (of file names that are no UTF-8), line and paragraph separators."""
 ON_PAGES = "\n\t\u200b\u200c\u200d"
-"""Kept on pages: line breaks, tabs, places to break a line, and what Persian, Hindi and families of emoji are spelt with."""
+"""Characters that pages keep: line breaks, tabs, break opportunities, and joiners of Persian, Hindi and emoji."""
 
 
 def visible(text: str, keep: str = "\n") -> str:
-    """A text that shows all that it holds; characters in `keep` stay as they are."""
+    """Return a text with hidden characters as escapes, but for those in `keep`."""
     if text.isprintable():
         return text
     for char in filter(_is_hidden, set(text) - set(keep)):
@@ -29,7 +27,7 @@ def visible(text: str, keep: str = "\n") -> str:
 
 
 def visible_json(data: Any) -> str:
-    """JSON that shows all that it holds, and means the same."""
+    """Return data as JSON with hidden characters as escapes."""
     text = json.dumps(data, indent=2, ensure_ascii=False, default=str)
     if text.replace("\n", "").isprintable():
         return text
@@ -37,7 +35,7 @@ def visible_json(data: Any) -> str:
 
 
 def lettered(letter: str) -> str:
-    """A character of a map by itself: as it is, or the word for a blank."""
+    """Return a character of a map, or `blank` for white space."""
     return letter if letter.strip() else "blank"
 
 
@@ -45,12 +43,8 @@ def _is_hidden(char: str) -> bool:
     return not char.isprintable() and unicodedata.category(char) in _HIDDEN
 
 
-# ---------- notebook
-# Tables for notebooks, which show objects by their `_repr_html_`: a caption, a header, and rows of text.
-
-
 def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A table; whatever texts hold is shown, and none of it is read as HTML."""
+    """Return an HTML table with a caption, a header, and rows of escaped text, for `_repr_html_`."""
     body = "".join(f"<tr>{_cells('td', row)}</tr>" for row in rows)
     head = f"<thead><tr>{_cells('th', header)}</tr></thead>" if header else ""
     return f"<table><caption>{_shown(caption)}</caption>{head}<tbody>{body}</tbody></table>"

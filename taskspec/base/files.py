@@ -1,4 +1,4 @@
-"""Files: their names, and how they are written: whole or not at all, beside their place, to disk, and only then into it."""
+"""Names of files, and atomic writing: to a temporary file beside the place, flushed to disk, then renamed."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.base.diagnostics import SpecError, spec_error
 
 LONGEST = 100
-"""Bytes of a name that is taken from a spec or an experiment; more stands in the file's name beside it."""
+"""The largest number of bytes of a safe name, without its hash."""
 _KEPT = re.compile(r"[^\w .,=+()-]")
 _RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])(\..*)?", re.IGNORECASE)
-"""What Windows takes for a device, whatever stands behind a dot."""
+"""Device names of Windows, with any suffix."""
 
 
 def safe_name(text: str) -> str:
@@ -47,14 +47,14 @@ def write_bytes(place: Path, content: bytes) -> None:
 
 @contextmanager
 def whole(place: Path, new: bool = False) -> Iterator[Path]:
-    """A path to write a file at, which goes to its place when all went well; otherwise what is there stays.
+    """Yield a temporary path, which is renamed to the place when all went well; otherwise an existing file stays.
 
     Args:
-        place: where the file is to be. Folders are made if need be.
-        new: whether it is an error if it exists.
+        place: the path of the file; missing folders are created.
+        new: raise an error if the file exists.
 
     Raises:
-        SpecError: E716, it cannot be written, or exists.
+        SpecError: E716 when it cannot be written, or exists.
     """
     with refused(place):
         file = Unfinished(place, new)
@@ -68,13 +68,14 @@ def whole(place: Path, new: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def whole_folder(place: Path, mark: str) -> Iterator[Path]:
-    """A new folder to write files into, which goes to its place when all went well; otherwise what is there stays.
+    """Yield a temporary folder, which is renamed to the place when all went well; otherwise an existing folder stays.
 
     Args:
-        place: where the folder is to be. A folder that is there is replaced if it holds a file called `mark`, or nothing.
+        place: the path of the folder. An existing one is replaced if it is empty or contains a file called `mark`.
+        mark: the name of a file that such folders have.
 
     Raises:
-        SpecError: E716, it cannot be written, or something else is there.
+        SpecError: E716 when it cannot be written, or something else exists there.
     """
     with refused(place):
         place = place.resolve()
@@ -95,7 +96,7 @@ def whole_folder(place: Path, mark: str) -> Iterator[Path]:
 
 @contextmanager
 def refused(place: Path) -> Iterator[None]:
-    """What the system refuses to write is a message.
+    """Turn errors of the system about a file into messages.
 
     Raises:
         SpecError: E716.
@@ -107,13 +108,14 @@ def refused(place: Path) -> Iterator[None]:
 
 
 class Unfinished:
-    """A file that is being written, at `path`, beside its place, with the permissions that it has there or would have.
+    """A file that is being written at `path`, beside its place, with the permissions of the final file.
 
-    A link leads on to its file. What is no regular file, such as a terminal, is written to where it is.
+    Links are followed. Anything but a regular file, such as a terminal, is written to directly.
     """
 
     def __init__(self, place: Path, new: bool = False) -> None:
-        self._place, self._new = place if new else place.resolve(), new
+        self._place = place if new else place.resolve()
+        self._new = new
         self._place.parent.mkdir(parents=True, exist_ok=True)
         if new:
             self._reserve()
@@ -147,4 +149,12 @@ class Unfinished:
 
 
 def _failure(message: str, hint: str | None = None) -> SpecError:
-    return SpecError([Diagnostic("E716", None, message, hint)])
+    return spec_error("E716", message, hint)
+
+
+def near(path: Path) -> Path:
+    """Return a path relative to the current folder, where it lies below that."""
+    try:
+        return path.relative_to(Path.cwd())
+    except (ValueError, OSError):
+        return path

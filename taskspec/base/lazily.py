@@ -1,4 +1,4 @@
-"""Names of packages that are imported on first use, so that who wants one of them does not import all."""
+"""Public names of packages that are imported on first use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a spec may cost: every limit in one table, checked before the cost is spent.
+"""Limits on the cost of a spec, in one table, checked before the cost is spent.
 
 The environment variable `TASKSPEC_LIMITS` changes them, `TASKSPEC_LIMITS=seconds=60,candidates=1e7`; the message of each says so.
 Where something is refused for want of time, the time is worked out beforehand from how much there is to do, at a nominal
@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import field, fields, replace
 from functools import lru_cache
 
-from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
+from taskspec.base.diagnostics import SpecError, spec_error, suggest
 from taskspec.base.records import dataclass
 
 VARIABLE = "TASKSPEC_LIMITS"
@@ -25,13 +25,13 @@ def _limit(value: int, what: str, fixed: bool = False) -> int:
 
 
 def _fixed(value: int, what: str) -> int:
-    """A limit of the programs that rest on it: nothing changes it."""
+    """Declare a limit that programs rest on, which cannot be changed."""
     return _limit(value, what, fixed=True)
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The limits by name; the language reference prints what each is about."""
+    """The limits by name, each with its default and its documentation."""
 
     file: int = _limit(1_000_000, "bytes of a file")
     values: int = _limit(100_000, "values in a file")
@@ -69,20 +69,20 @@ class Limits:
 
 @lru_cache(maxsize=1)
 def limits() -> Limits:
-    """The limits that hold.
+    """Return the current limits.
 
     Raises:
-        SpecError: (E713) when the environment variable cannot be understood.
+        SpecError: E713 when the environment variable cannot be understood.
     """
     return changed(Limits(), os.environ.get(VARIABLE, ""))
 
 
 @contextmanager
 def also(text: str) -> Iterator[None]:
-    """Within the block, limits are changed on top of what the environment says, for processes that it starts, too.
+    """Change limits within the block, on top of the environment variable, also for processes that are started there.
 
     Raises:
-        SpecError: (E713) when the text cannot be understood.
+        SpecError: E713 when the text cannot be understood.
     """
     before = os.environ.get(VARIABLE, "")
     both = f"{before},{text}"
@@ -95,7 +95,7 @@ def also(text: str) -> Iterator[None]:
 
 
 def written() -> str:
-    """Return the limits that hold, as `also` takes them: results that rest on limits are kept with these."""
+    """Return the current limits as `also` takes them, for the keys of results that depend on limits."""
     now = limits()
     return ",".join(f"{row.name}={getattr(now, row.name)}" for row in table() if not row.fixed)
 
@@ -106,8 +106,9 @@ def _set(text: str) -> None:
 
 
 def changed(present: Limits, text: str) -> Limits:
-    """Limits with those replaced that a text names: `seconds=60,candidates=1e7`."""
-    known, found = [row.name for row in table() if not row.fixed], {}
+    """Return limits with those replaced that a text names: `seconds=60,candidates=1e7`."""
+    known = [row.name for row in table() if not row.fixed]
+    found = {}
     for part in filter(None, (p.strip() for p in text.split(","))):
         name, _, value = (p.strip() for p in part.partition("="))
         if name not in known:
@@ -121,7 +122,7 @@ def changed(present: Limits, text: str) -> Limits:
 
 
 def _number(text: str) -> int:
-    """A whole number, which may be written `1e7`; -1 for anything else."""
+    """Return a whole number, which may be written `1e7`; -1 for anything else."""
     try:
         return int(float(text))
     except (ValueError, OverflowError):
@@ -129,12 +130,12 @@ def _number(text: str) -> int:
 
 
 def _misused(message: str, hint: str) -> SpecError:
-    return SpecError([Diagnostic("E713", None, f"{VARIABLE}: {message}", hint)])
+    return spec_error("E713", f"{VARIABLE}: {message}", hint)
 
 
 @dataclass(frozen=True)
 class LimitRow:
-    """A limit as it is printed."""
+    """A row of the table of limits."""
 
     name: str
     value: int
@@ -143,17 +144,17 @@ class LimitRow:
 
 
 def table() -> tuple[LimitRow, ...]:
-    """Every limit with its default."""
+    """Return every limit with its default."""
     return tuple(LimitRow(f.name, f.default, **f.metadata) for f in fields(Limits))  # type: ignore[arg-type]
 
 
 def how_to_raise(name: str, needed: float) -> str | None:
-    """The hint of a message about a limit: what to set so that as much as this is allowed; None where that is hopeless."""
+    """Return the hint of a message about a limit: the setting that allows this much; None above `HOPELESS`."""
     return None if needed > HOPELESS else f"{VARIABLE}={name}={_rounded(needed)} allows it"
 
 
 def _rounded(needed: float) -> str:
-    """A number of two digits that is at least so much."""
+    """Return a number of two digits, rounded up."""
     if needed < 1000:
         return str(int(-(-needed // 1)))
     digits = len(str(int(needed))) - 2
@@ -161,7 +162,7 @@ def _rounded(needed: float) -> str:
 
 
 def count(number: int) -> str:
-    """A number with its digits in groups, or the power of ten that it is near when it has many."""
+    """Return a number with its digits in groups; as a power of ten from 10^15 on."""
     if abs(number) < 10**15:
         return f"{number:,}"
     return f"about 10^{int(abs(number).bit_length() * 0.30103)}"

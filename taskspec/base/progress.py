@@ -1,4 +1,4 @@
-"""What a long analysis is at, told as it goes on to whoever listens; nobody does unless asked to."""
+"""Progress of long analyses, reported to a listener where one is set."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ _listener: ContextVar[Listener | None] = ContextVar("listener", default=None)
 
 
 def tell(what: str, share: float | None = None) -> None:
-    """Say what is done now, in a few words; where that is a part of many, also which share of them is over."""
+    """Report in a few words what is done now; for one of many parts, also the share that is done."""
     listener = _listener.get()
     if listener is not None:
         listener(what, share)
 
 
 def telling(items: Sequence[T], name: Callable[[T], str]) -> Iterator[T]:
-    """Items one after the other, each told by its name."""
+    """Yield items one after the other, and report each by its name."""
     for i, item in enumerate(items):
         tell(name(item), i / len(items))
         yield item
 
 
 @contextmanager
-def told_to(listener: Listener) -> Iterator[None]:
-    """Within the block, everything that is told goes to this listener."""
+def progress_listener(listener: Listener) -> Iterator[None]:
+    """Send all progress within the block to this listener."""
     token = _listener.set(listener)
     try:
         yield

@@ -14,7 +14,7 @@ from taskspec.model.model import Model
 from taskspec.model.reach import differs, groups
 from taskspec.model.space import shown, words
 from taskspec.rollout.rollout import at_random, is_bounded
-from taskspec.scores.pomdp_bounds import yardsticks
+from taskspec.scores.partial_observability import pomdp_bounds
 from taskspec.scores.returns import Return
 from taskspec.task.task import Component, Soft, Task
 
@@ -186,7 +186,7 @@ def expert(context: LintContext) -> Iterator[Problem]:
         yield from _no_better(context, found)
         return
     best, whose = optimal.value, ""
-    if context.task.memory is not None and (seen := yardsticks(context.results)) is not None:
+    if context.task.memory is not None and (seen := pomdp_bounds(context.results)) is not None:
         if seen.remembering is None:
             whose = ", which knows the state"
         else:

@@ -34,7 +34,7 @@ from taskspec.soundness.soundness import check_ranges, examine
 from taskspec.task.task import Task, TaskLike
 
 if TYPE_CHECKING:
-    from taskspec.policies.values import Asking
+    from taskspec.policies.policy import Asking
 
 MODERATE = 4_000_000
 """Entries up to which a model is extracted for warnings alone."""

@@ -17,7 +17,7 @@ from taskspec.cli.failures import fail
 from taskspec.cli.options import LimitsGiven, Targets
 
 if TYPE_CHECKING:
-    from taskspec.cli.checking import FileReport, Finding
+    from taskspec.check.files import FileReport, Finding
     from taskspec.pages.facts import Facts
     from taskspec.task.task import Task
 
@@ -38,11 +38,11 @@ def build(targets: Targets = None, output: Output = Path("build"), limits: Limit
     (html), for a paper (latex) and for a repository (markdown). Nothing is written if a spec has an error.
     """
     from taskspec.base.progress import telling
+    from taskspec.check.files import check_file, counts
     from taskspec.cli.check import verdict
-    from taskspec.cli.checking import check_file, counts
     from taskspec.cli.console import console, line
     from taskspec.cli.progress import progress
-    from taskspec.cli.targets import files_of
+    from taskspec.targets import files_of
 
     start, known = time.perf_counter(), _Gathered()
     with progress("check"):
@@ -77,7 +77,8 @@ class _Gathered:
     def examine(self, task: Task) -> Finding:
         from taskspec.base.extras import is_installed
         from taskspec.base.progress import tell
-        from taskspec.cli.checking import finding, reported
+        from taskspec.check.files import finding
+        from taskspec.cli.check import reported
         from taskspec.exact import scores
         from taskspec.pages.facts import gather
 
@@ -109,7 +110,7 @@ def _table(reports: Sequence[FileReport], width: int) -> Any:
     """Every task with its size and how it was checked."""
     from taskspec.cli.check import mark
     from taskspec.cli.console import VisibleText, columns
-    from taskspec.cli.records import horizon, size
+    from taskspec.task.record import horizon, size
 
     headers = ["", "task", "size", *(["horizon"] if width >= WIDE else []), "validated by", "claims"]
     table = columns(*headers, right=(2, 3) if width >= WIDE else (2,))
@@ -161,7 +162,7 @@ def _schema(folder: Path) -> tuple[Path, str]:
 def _index(tasks: Sequence[Task], folder: Path) -> tuple[Path, str]:
     """Every task with its spaces, parameters and content hash."""
     from taskspec.base import __version__
-    from taskspec.cli.records import record
+    from taskspec.task.record import record
 
     data = {"taskspec": __version__, "tasks": [record(task) for task in tasks]}
     return _json(folder / "tasks.json", data), f"{len(tasks)} tasks with spaces, parameters and content hashes"

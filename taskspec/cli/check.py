@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
+from taskspec.base.numbers import plural
 from taskspec.cli.console import say
 from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, Targets, Variant
 
@@ -19,9 +21,11 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from taskspec.cli.checking import Checked, FileReport
-    from taskspec.cli.targets import File
+    from taskspec.check.files import Checked, FileReport, Finding
+    from taskspec.check.report import Report
     from taskspec.source.scan import Kind
+    from taskspec.targets import File
+    from taskspec.task.task import Task
 
 FORMATS = ("text", "json", "github")
 OTHER_NOUNS: dict[Kind, str] = {"experiment": "experiment", "exam": "exam", "findings": "findings file"}
@@ -64,8 +68,9 @@ def check(
 
     Exit status 1 if there is an error.
     """
-    from taskspec.cli.checking import counts
-    from taskspec.cli.targets import checked_choice, files_of, others_of
+    from taskspec.check.files import counts
+    from taskspec.cli.options import checked_choice
+    from taskspec.targets import files_of, others_of
 
     start = time.perf_counter()
     format = "json" if json else checked_choice("--format", format, FORMATS)  # noqa: A001
@@ -82,7 +87,7 @@ def check(
 def _checked(
     others: Iterable[tuple[Path, Kind]], files: Iterable[File], sense: bool, jobs: int | None
 ) -> list[FileReport]:
-    from taskspec.cli.checking import Check, check_file, check_other, examine, started
+    from taskspec.check.files import Check, check_file, started
     from taskspec.cli.progress import progress
 
     checks = [Check(path, partial(check_other, path, kind)) for path, kind in others]
@@ -91,6 +96,52 @@ def _checked(
         checks.append(Check(file.path, partial(check_file, file, prove)))
     with started(checks, jobs) as reports, progress("check"):
         return reports()
+
+
+def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
+    """Check a task.
+
+    Args:
+        task: a task without mistakes of form.
+        sense: also check sanity and claims, beyond soundness.
+        defaults: whether its parameters have their defaults: claims speak of these, and ranges are checked from there.
+    """
+    from taskspec.check.files import finding
+
+    return finding(reported(task, sense, defaults), len(task.examples) if sense and defaults else 0)
+
+
+def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
+    """Return the report of `examine` with the results that it rests on, which may be large."""
+    from taskspec import exact
+    from taskspec.figures import undrawn
+
+    wanted = sense and defaults
+    return exact.check(task, ranges=wanted, with_warnings=sense, claims=wanted, beside=undrawn if sense else None)
+
+
+def check_other(path: Path, kind: Kind) -> FileReport:
+    """Check a file that is not a spec: its shape, and that all its entries mean something."""
+    from taskspec.check.files import FileReport
+
+    try:
+        diagnostics, entries = _entries(path, kind)
+    except SpecError as error:
+        return FileReport(str(path), (), error.diagnostics, kind=kind)
+    return FileReport(str(path), (), in_order(diagnostics), kind=kind, entries=entries)
+
+
+def _entries(path: Path, kind: Kind) -> tuple[Sequence[Diagnostic], int]:
+    """Return the problems of an experiment, an exam or a findings file, and the number of its instances or rules."""
+    if kind == "experiment":
+        from taskspec.experiments import expand, read
+
+        expanded = expand(read(path))
+        return [*expanded.diagnostics, *expanded.refused], len(expanded.instances)
+    from taskspec.rules.books import read_exam, read_findings
+
+    found = read_exam(path) if kind == "exam" else read_findings(path)
+    return found.diagnostics, len(found.rules)
 
 
 # -- text ---------------------------------------------------------------------------------------------------------
@@ -149,7 +200,7 @@ def remarks(reports: Sequence[FileReport]) -> list[str]:
 
 def mark(diagnostics: Sequence[Any]) -> Any:
     """A sign for errors, for warnings, for neither."""
-    from taskspec.cli.checking import counts
+    from taskspec.check.files import counts
     from taskspec.cli.console import VisibleText
 
     errors, warnings = counts(diagnostics)
@@ -179,10 +230,6 @@ def verdict(reports: Sequence[FileReport], errors: int, warnings: int, seconds: 
     for i, part in enumerate(found):
         parts += [", ", part] if i else [part]
     return line(*parts, (f"  ({seconds:.2f} s)", "quiet"))
-
-
-def plural(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
 # -- for programs -------------------------------------------------------------------------------------------------
@@ -219,7 +266,7 @@ def _accepted(reports: Sequence[FileReport]) -> list[dict[str, Any]]:
 
 
 def _record(path: str, each: Checked) -> dict[str, Any]:
-    from taskspec.cli.checking import counts
+    from taskspec.check.files import counts
 
     errors, warnings = counts(each.diagnostics)
     return {

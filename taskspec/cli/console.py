@@ -1,8 +1,10 @@
-"""What every command prints with: one theme, one width, and no obedience to what a spec contains."""
+"""Output of commands: one theme, one width, one kind of table, and JSON.
+
+Control characters of specs and file names are shown as escapes, never sent to the terminal.
+"""
 
 from __future__ import annotations
 
-import math
 import os
 import shutil
 import sys
@@ -19,9 +21,6 @@ from taskspec.base.display import visible, visible_json
 if TYPE_CHECKING:
     from rich.table import Table
 
-# ---------- terminal
-# What is printed with Rich: nothing that a spec or a file name contains gets further than this unless it can be seen.
-
 
 class VisibleText(rich.text.Text):
     """Styled text, visible before its width is measured."""
@@ -35,7 +34,7 @@ class VisibleText(rich.text.Text):
 
 
 class Console(rich.console.Console):
-    """Makes plain strings visible before they are measured, and whatever else arrives when it is rendered."""
+    """A Rich console that shows control characters as escapes."""
 
     def render_str(self, text: str, **options: Any) -> rich.text.Text:
         return super().render_str(visible(text), **options)
@@ -46,17 +45,13 @@ class Console(rich.console.Console):
 
 
 class PipedConsole(Console):
-    """Prints lines without the blanks that fill them up to the width: files and other programs have no use for them."""
+    """A console that strips trailing blanks, for files and other programs."""
 
     def print(self, *objects: Any, **options: Any) -> None:
         with self.capture() as captured:
             super().print(*objects, **options)
         text = captured.get()
         self.file.write("\n".join(line.rstrip(" ") for line in text.split("\n")))
-
-
-# ---------- console
-# What every command prints with: one theme, one idea of width, and no obedience to what a spec contains.
 
 
 STYLES = {
@@ -70,13 +65,13 @@ STYLES = {
     "warn": "bold yellow",
 }
 PAGE = 100
-"""Prose is not set wider than this."""
+"""The largest width of prose."""
 PIPED = 4096
-"""The width of tables that no terminal shows: every row stays on one line."""
+"""The width of tables in pipes: every row stays on one line."""
 
 
 def console(err: bool = False, wide: bool = False) -> Console:
-    """The console of an output stream.
+    """Return the console of an output stream.
 
     Args:
         err: for standard error.
@@ -94,14 +89,14 @@ def console(err: bool = False, wide: bool = False) -> Console:
 
 
 def _piped(stream: Any, wide: bool) -> int | None:
-    """The width for a stream that is no terminal; None leaves it to the terminal, or to COLUMNS."""
+    """Return the width for a stream that is no terminal; None leaves it to the terminal, or to COLUMNS."""
     if stream.isatty() or os.environ.get("COLUMNS", "").isdigit():
         return None
     return PIPED if wide else PAGE
 
 
 def colored(err: bool = False) -> bool:
-    """Whether a stream gets colours."""
+    """Return whether a stream gets colours."""
     stream = sys.stderr if err else sys.stdout
     if os.environ.get("NO_COLOR"):
         return False
@@ -109,7 +104,7 @@ def colored(err: bool = False) -> bool:
 
 
 def terminal_width(err: bool = False) -> int | None:
-    """The columns of a terminal (or COLUMNS), None for what is none."""
+    """Return the columns of a terminal, or COLUMNS; None without either."""
     stream = sys.stderr if err else sys.stdout
     if not stream.isatty() and not os.environ.get("COLUMNS", "").isdigit():
         return None
@@ -117,12 +112,12 @@ def terminal_width(err: bool = False) -> int | None:
 
 
 def write_json(data: Any) -> None:
-    """Print data as JSON; what JSON cannot hold (infinities) becomes text."""
+    """Print data as JSON; infinities, which JSON cannot hold, become text."""
     say(to_json(data))
 
 
 def write_records(records: Sequence[Any]) -> None:
-    """Print what there is of each of several tasks as JSON: a list, or just the one."""
+    """Print the records of several tasks as a JSON list, or that of one task alone."""
     write_json(records[0] if len(records) == 1 else list(records))
 
 
@@ -148,8 +143,7 @@ def say(text: str, err: bool = False, nl: bool = True) -> None:
 
 
 def line(*parts: tuple[str, str] | str) -> VisibleText:
-    """A line of text in several styles: `("words", "style")` or plain words."""
-
+    """Return a line of text in several styles, from parts `("words", "style")` or plain words."""
     text = VisibleText(no_wrap=False)
     for part in parts:
         text.append(*((part,) if isinstance(part, str) else part))
@@ -157,32 +151,10 @@ def line(*parts: tuple[str, str] | str) -> VisibleText:
 
 
 def columns(*headers: str, right: Iterable[int] = (), fold: Iterable[int] = ()) -> Table:
-    """A table without rules; columns in `right` are aligned to the right, those in `fold` may wrap."""
+    """Return a table without rules; columns in `right` are aligned to the right, those in `fold` may wrap."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), show_header=any(headers), header_style="quiet")
     for i, header in enumerate(headers):
         table.add_column(header, justify="right" if i in right else "left", no_wrap=i not in fold)
     return table
-
-
-def number(value: float, digits: int = 4) -> str:
-    """A number for people: thousands apart, no more digits than say something, a real minus sign."""
-    if value != value or abs(value) == float("inf"):
-        return str(value).replace("inf", "∞").replace("-", "−")
-    text = f"{value:,.{digits}f}" if abs(value) < 1e15 else f"{value:.4g}"
-    if "." in text:
-        text = text.rstrip("0").rstrip(".")
-    if value != 0 and not text.strip("-0."):
-        text = f"{value:.3g}"
-    return "0" if text == "-0" else text.replace("-", "−")
-
-
-def measured(value: float, half: float) -> tuple[str, str]:
-    """A mean and half its confidence interval, to the digits that the interval allows."""
-    if not half > 0:
-        return number(value), "0"
-    if not 1e-9 < half < 1e15:
-        return f"{value:.3g}".replace("-", "−"), f"{half:.2g}".replace("-", "−")
-    digits = max(0, 1 - math.floor(math.log10(half)))
-    return f"{value:,.{digits}f}".replace("-", "−"), f"{half:,.{digits}f}"

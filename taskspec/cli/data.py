@@ -80,8 +80,8 @@ def demos(
     As NumPy arrays ([green].npz[/]), as a table ([green].parquet[/]), or as a folder that imitation or Minari loads. Where the
     spec gives roles, they come from the variant in which the expert acts.
     """
-    from taskspec.cli.targets import tasks_of
     from taskspec.data import demonstrations
+    from taskspec.targets import tasks_of
 
     if episodes is not None and transitions is not None:
         raise misuse("--episodes and --transitions cannot be combined")
@@ -109,8 +109,8 @@ def preferences(
     The teacher is noiseless, or makes errors as in B-Pref. Temperature and thresholds are in units of the exact range of
     returns. Where the spec gives roles, trajectories come from the variant in which the learner acts.
     """
-    from taskspec.cli.targets import tasks_of
     from taskspec.data import preferences as compared
+    from taskspec.targets import tasks_of
 
     make = partial(compared, pairs=pairs, policy=policy, length=length, teacher=teacher, seed=seed, jobs=jobs)
     _write(tasks_of(task, variant, parameters or [], modifiers or []), make, output, format, json)
@@ -120,9 +120,9 @@ def _write(found: list[Task], make: Make, output: Path, format: str | None, as_j
     """Make data of tasks and write it, in a file each."""
     from taskspec.cli.console import write_records
     from taskspec.cli.progress import progress
-    from taskspec.cli.targets import beside
     from taskspec.data import write
     from taskspec.data.files import format_of
+    from taskspec.targets import beside
 
     format_of(output, format)
     records = []

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, raise_if_errors
+from taskspec.base.numbers import plural
 from taskspec.cli.console import say
 from taskspec.cli.failures import misuse, show
 from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, Targets, TaskArgument, Variant
@@ -77,10 +78,10 @@ def docs(
     A spec with an error is reported and left out; exit status 1 then.
     """
     from taskspec import pages
-    from taskspec.cli.check import plural
+    from taskspec.base.files import near
     from taskspec.cli.console import write_json
     from taskspec.cli.progress import progress
-    from taskspec.cli.targets import near, settings
+    from taskspec.targets import settings
 
     wanted = _named("--format", format or ["html"], FORMATS)
     columns = settings(parameters) if parameters else ()
@@ -123,7 +124,7 @@ def figure(
     The states can be overlaid with their optimal values, the optimal or the expert's actions, and how often they are visited.
     """
     from taskspec import pages
-    from taskspec.cli.targets import beside, tasks_of
+    from taskspec.targets import beside, tasks_of
 
     found = tasks_of(task, variant, parameters or [], modifiers or [])
     wanted = _named("--overlay", overlays or [], pages.OVERLAYS)
@@ -137,7 +138,7 @@ def tasks_of(targets: Sequence[str], modifiers: Sequence[str] = ()) -> tuple[lis
     Raises:
         SpecError: for a target that does not exist.
     """
-    from taskspec.cli.targets import files_of, kind_of, tasks_in
+    from taskspec.targets import files_of, kind_of, tasks_in
 
     named = [target for target in targets if kind_of(target) == "experiment"]
     others = [target for target in targets if target not in named]

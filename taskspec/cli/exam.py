@@ -208,8 +208,8 @@ def _count(option: str, text: str | None) -> int | None:
 
 
 def _print(found: Exam, folder: Path) -> None:
+    from taskspec.base.files import near
     from taskspec.cli.exam_tables import show
-    from taskspec.cli.targets import near
     from taskspec.exam.report import write
 
     show(found)

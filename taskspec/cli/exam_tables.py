@@ -101,9 +101,8 @@ def _diagnosis(each: Mapping[str, Any]) -> Iterable[RenderableType]:
 
 def print_exams(experiment: Experiment, found: LearnersExamined, folder: Path) -> None:
     """Show the exams of an experiment, and write the report of each, and pictures of them all."""
-    from taskspec.base.files import safe_name
+    from taskspec.base.files import near, safe_name
     from taskspec.cli.console import console, line, say
-    from taskspec.cli.targets import near
     from taskspec.exam.report import write, write_several
     from taskspec.exam.report.rows import named
     from taskspec.experiments.picture import draw

@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 from taskspec.base.codes import CLASSES, CODES, Code
-from taskspec.base.diagnostics import suggest
+from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.cli.console import say
-from taskspec.cli.failures import refuse
 from taskspec.cli.options import Json
 
 
@@ -50,7 +49,7 @@ def _find(text: str) -> Code:
         if wanted in (code.code.lower(), code.slug):
             return code
     near = suggest(wanted.upper(), CODES) or suggest(wanted, [c.slug for c in CODES.values()])
-    raise refuse("E713", f"there is no code '{text}'", near or "`taskspec explain` lists them all")
+    raise spec_error("E713", f"there is no code '{text}'", near or "`taskspec explain` lists them all")
 
 
 def _record(code: Code) -> dict[str, str]:

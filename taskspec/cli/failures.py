@@ -16,12 +16,12 @@ OUR_OWN = ("Exit", "Abort", "BrokenPipeError")  # by name: their modules differ 
 
 
 class UsageError(SpecError):
-    """A command was called in a way that means nothing: status 2, as for any other misused option."""
+    """Wrong usage of a command: exit status 2."""
 
 
 @contextmanager
 def reported() -> Iterator[None]:
-    """Turn exceptions into messages: status 1 for what can be mended, 2 for misuse, 130 for an interrupt, 70 for our faults."""
+    """Turn exceptions into messages: status 1 for errors, 2 for wrong usage, 130 for interrupts, 70 for internal errors."""
     try:
         yield
     except SpecError as error:
@@ -49,7 +49,7 @@ def fail(diagnostics: Iterable[Diagnostic], status: int = 1) -> None:
 
 
 def show(diagnostics: Iterable[Diagnostic], err: bool = True) -> None:
-    """Print problems; on a terminal in colour, and broken to its width."""
+    """Print problems; on a terminal in colour, and wrapped to its width."""
     from taskspec.cli.console import colored, terminal_width
 
     color, width = colored(err), terminal_width(err)
@@ -58,13 +58,8 @@ def show(diagnostics: Iterable[Diagnostic], err: bool = True) -> None:
         typer.echo(text, err=err, color=color)
 
 
-def refuse(code: str, message: str, hint: str | None = None) -> SpecError:
-    """An error about what a command was given."""
-    return SpecError([Diagnostic(code, None, message, hint)])
-
-
 def misuse(message: str, hint: str | None = None) -> UsageError:
-    """An error about options that mean nothing, alone or together."""
+    """Return an error about options that mean nothing, alone or together."""
     return UsageError([Diagnostic("E713", None, message, hint)])
 
 

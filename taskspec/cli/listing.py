@@ -25,7 +25,7 @@ def list_tasks(targets: Targets = None, json: Json = False) -> None:
 
     The size is states × actions, and tasks are grouped by the capability that they isolate.
     """
-    from taskspec.cli.targets import files_of, tasks_in
+    from taskspec.targets import files_of, tasks_in
 
     tasks: list[Task] = []
     problems: list[Diagnostic] = []
@@ -49,7 +49,7 @@ def _grouped(tasks: list[Task]) -> list[Task]:
 
 def _print_json(tasks: list[Task]) -> None:
     from taskspec.cli.console import write_json
-    from taskspec.cli.records import record
+    from taskspec.task.record import record
 
     write_json([record(task) for task in tasks])
 
@@ -69,10 +69,10 @@ def _wide(tasks: list[Task], width: int) -> Table:
     from rich.cells import cell_len
 
     from taskspec.cli.console import VisibleText, columns
-    from taskspec.cli.records import defaults, horizon, size
+    from taskspec.task.record import horizon, settings, size
 
     headers = ("task", "isolates", "parameters", "size", "horizon")
-    rows = [(task.id, _words(task, "capability"), defaults(task), size(task), horizon(task)) for task in tasks]
+    rows = [(task.id, _words(task, "capability"), settings(task), size(task), horizon(task)) for task in tasks]
     used = sum(2 + max(map(cell_len, column)) for column in zip(headers, *rows, strict=True))
     room = width - used
     table = columns(*headers, *(["summary"] if room >= ROOM else []), right=(3, 4), fold=(2,))
@@ -93,11 +93,11 @@ def _words(task: Task, key: str) -> str:
 def _narrow(tasks: list[Task]) -> Table:
     """For 80 columns: the capability is a heading, so that rows have room."""
     from taskspec.cli.console import VisibleText, columns
-    from taskspec.cli.records import defaults, horizon, size
+    from taskspec.task.record import horizon, settings, size
 
     table = columns("task", "parameters", "size", "horizon", right=(2, 3), fold=(1,))
     for title, members in groupby(tasks, lambda task: _words(task, "capability") or "other"):
         table.add_row(VisibleText(title, style="title"))
         for task in members:
-            table.add_row(VisibleText(f"  {task.id}", style="name"), defaults(task), size(task), horizon(task))
+            table.add_row(VisibleText(f"  {task.id}", style="name"), settings(task), size(task), horizon(task))
     return table

@@ -42,8 +42,8 @@ def mutate(
     row, a bound left out) is put through the whole check. Changes that no error, warning, claim or example notices show
     which mistakes could stay undetected.
     """
-    from taskspec.cli.bench_print import Progress
-    from taskspec.cli.targets import checked_choice
+    from taskspec.cli.options import checked_choice
+    from taskspec.cli.progress import counter
     from taskspec.mutation import CLASSES, has_timers, judgements, mutants
     from taskspec.source import read_file
 
@@ -51,11 +51,9 @@ def mutate(
     paths = _specs(targets or [])
     if not has_timers():
         say("note: this system has no timers: changes that take long are waited for, and none is called slow", err=True)
-    with Progress(sum(1 for path in paths for _ in mutants(read_file(path))), quiet=json) as progress:
-        found = {
-            path: list(judgements(path, jobs or os.cpu_count() or 1, lambda: progress.tick("changing")))
-            for path in paths
-        }
+    total = sum(1 for path in paths for _ in mutants(read_file(path)))
+    with counter("changing", total, quiet=json) as advance:
+        found = {path: list(judgements(path, jobs or os.cpu_count() or 1, advance)) for path in paths}
     (_print_json if json else _print_text)(found, classes)
     if strict and any(j.kind in ALWAYS for judged in found.values() for _, j in judged):
         raise typer.Exit(1)
@@ -67,14 +65,14 @@ def _specs(targets: Sequence[str]) -> list[Path]:
     Raises:
         SpecError: E713 for an instance of a task: what is changed is the spec, of which all its instances are made.
     """
-    from taskspec.cli.failures import refuse
-    from taskspec.cli.targets import files_of
+    from taskspec.base.diagnostics import spec_error
+    from taskspec.targets import files_of
 
     files = files_of(targets)
     asked = next((file for file in files if file.parameters or file.modifiers), None)
     if asked is not None:
         given = "modifiers" if asked.modifiers else "values of parameters"
-        raise refuse(
+        raise spec_error(
             "E713", f"`mutate` changes specs as they are written, without {given}", f"taskspec mutate {asked.path}"
         )
     return [file.path for file in files]

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
+from taskspec.base.diagnostics import spec_error
 from taskspec.base.files import write_text
 from taskspec.cli.console import say
-from taskspec.cli.failures import refuse
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 
@@ -70,7 +70,7 @@ def new(
     if not _NAME.fullmatch(name):
         better = "".join(part[:1].upper() + part[1:] for part in re.findall(r"[A-Za-z0-9]+", name)).lstrip("0123456789")
         hint = f"perhaps {better}" if better else None
-        raise refuse("E205", f"'{name}' cannot name a task: letters and digits only, a letter first", hint)
+        raise spec_error("E205", f"'{name}' cannot name a task: letters and digits only, a letter first", hint)
     path = output or Path(f"{_words(name, '_')}.yaml")
     if path.is_dir():
         path = path / f"{_words(name, '_')}.yaml"

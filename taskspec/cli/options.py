@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+
+from taskspec.base.diagnostics import suggest
+from taskspec.cli.failures import misuse
 
 CHARTS = (".svg", ".png", ".pdf")
 MAX_OFFERED = 100
@@ -16,6 +20,18 @@ def flowed(doc: str) -> str:
     """A docstring with its paragraphs on one line each, for the width of whoever reads it; indented lines stay."""
     paragraphs = inspect.cleandoc(doc).split("\n\n")
     return "\n\n".join(p if p.startswith(" ") else " ".join(p.split("\n")) for p in paragraphs)
+
+
+def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
+    """Return the value of an option.
+
+    Raises:
+        UsageError: when it is not one of those allowed.
+    """
+    if value not in allowed:
+        listed = ", ".join(allowed)
+        raise misuse(f"{name} is one of {listed}, not '{value}'", suggest(value, allowed))
+    return value
 
 
 def complete_targets(incomplete: str) -> list[tuple[str, str]]:
@@ -61,14 +77,14 @@ def complete_parameters(ctx: typer.Context, incomplete: str) -> list[tuple[str, 
     task = _task_in(ctx)
     if task is None:
         return []
-    from taskspec.cli.records import show_value
+    from taskspec.base.numbers import setting
 
     name, sign, _ = incomplete.partition("=")
     if sign:
         values = next((p.values or () for p in task.parameters if p.name == name), ())
         return [(f"{name}={v}", "") for v in values if f"{name}={v}".startswith(incomplete)]
     return [
-        (f"{p.name}={show_value(p.default)}", p.doc or p.kind) for p in task.parameters if p.name.startswith(incomplete)
+        (f"{p.name}={setting(p.default)}", p.doc or p.kind) for p in task.parameters if p.name.startswith(incomplete)
     ]
 
 

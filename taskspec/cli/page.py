@@ -14,13 +14,14 @@ from rich.padding import Padding
 from rich.table import Table
 
 from taskspec.base.display import lettered, visible
+from taskspec.base.files import near
+from taskspec.base.numbers import setting
 from taskspec.cli.console import VisibleText
-from taskspec.cli.records import domain_words, show_value, space_words
-from taskspec.cli.targets import near
 from taskspec.lang import syntax as s
 from taskspec.lang.dists import CATEGORICAL, DISTS
 from taskspec.modifiers import sentences
 from taskspec.printers import text as written
+from taskspec.task.record import domain_words, space_words
 from taskspec.task.schema.models import Erratum, Source
 from taskspec.task.task import Component, Followed, Parameter, Soft, Task
 
@@ -161,7 +162,7 @@ def _parameters(parameters: Sequence[Parameter]) -> RenderableType | None:
         return None
     table = _grid()
     for p in parameters:
-        value = VisibleText(show_value(p.value), style="bold green" if p.value != p.default else "green")
+        value = VisibleText(setting(p.value), style="bold green" if p.value != p.default else "green")
         table.add_row(p.name, value, domain_words(p), "; ".join(_notes(p)))
     return table
 
@@ -318,7 +319,7 @@ def _claims(task: Task) -> RenderableType | None:
         return None
     lines = []
     for claim in task.claims:
-        cases = "; ".join(", ".join(f"{k}={show_value(v)}" for k, v in case.items()) for case in claim.cases)
+        cases = "; ".join(", ".join(f"{k}={setting(v)}" for k, v in case.items()) for case in claim.cases)
         lines.append(VisibleText.assemble(colored(visible(claim.text)), (f"  for {cases}" if cases else "", "quiet")))
     return Group(*lines)
 
@@ -331,7 +332,7 @@ def _examples(task: Task) -> RenderableType | None:
         given += [f"t = {example.t}"] if example.t else []
         follows = [_followed(f) for f in example.follows]
         follows += [] if example.probability is None else [f"with probability {written(example.probability)}"]
-        cases = "; ".join(", ".join(f"{k}={show_value(v)}" for k, v in case.items()) for case in example.cases)
+        cases = "; ".join(", ".join(f"{k}={setting(v)}" for k, v in case.items()) for case in example.cases)
         text = f"{', '.join(given)} → {', '.join(follows)}".removeprefix(" → ")
         lines.append(VisibleText.assemble(colored(visible(text)), (f"  for {cases}" if cases else "", "quiet")))
     return Group(*lines) if lines else None

@@ -22,9 +22,9 @@ def play(
     fps: Annotated[int, typer.Option("--fps", min=1, help="Steps per second while a key is held.")] = 4,
 ) -> None:
     """Play a task with the keyboard, in a window; Escape ends it."""
-    from taskspec.cli.targets import task_of
     from taskspec.envs import Environment, window
     from taskspec.envs.options import seed_of
+    from taskspec.targets import task_of
 
     found = task_of(task, variant, parameters or [], modifiers or [])
     env = Environment(found, render_mode="rgb_array")

@@ -15,7 +15,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 from taskspec.base.display import visible
-from taskspec.base.progress import told_to
+from taskspec.base.progress import progress_listener
 from taskspec.cli.console import say
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def progress(name: str) -> Iterator[None]:
     """
     line = _Line(name) if is_terminal() else _Watch(name)
     try:
-        with told_to(line.show):
+        with progress_listener(line.show):
             yield
     finally:
         line.clear()
@@ -68,6 +68,29 @@ def bar(name: str) -> Iterator[Callable[[Standing], None]]:
     with Progress(*columns, console=console(err=True), transient=True) as shown:
         row = shown.add_task(visible(name), total=None, words="")
         yield lambda s: shown.update(row, total=s.total, completed=s.over, words=_words(s))
+
+
+@contextmanager
+def counter(name: str, total: int, delay: float = 0.0, quiet: bool = False) -> Iterator[Callable[[], None]]:
+    """Yield a function that advances a bar of `total` parts, shown on a terminal after `delay` seconds."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from taskspec.cli.console import console
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    shown = Progress(*columns, console=console(err=True), transient=True, disable=quiet or not is_terminal())
+    row = shown.add_task(name, total=total)
+    start = time.monotonic()
+
+    def advance() -> None:
+        if not shown.live.is_started and time.monotonic() - start >= delay:
+            shown.start()
+        shown.advance(row)
+
+    try:
+        yield advance
+    finally:
+        shown.stop()
 
 
 def _words(standing: Standing) -> str:

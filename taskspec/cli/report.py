@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from taskspec.base.files import near
 from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json
-from taskspec.cli.targets import near
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -153,9 +153,9 @@ def report(
     if findings is not None:
         print_findings(findings, folders, output or Path("build/report"), json)
         return
+    from taskspec.base.files import near
     from taskspec.cli.console import console, say, write_json
     from taskspec.cli.exam_tables import show, table_of
-    from taskspec.cli.targets import near
     from taskspec.exam import read
     from taskspec.exam.report import write, write_several
 

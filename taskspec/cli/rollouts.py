@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from taskspec.cli.policies import Policy, ScriptEnd
+from taskspec.cli.policies import Act
 from taskspec.lang.types import BOOLEAN_LABELS, Kind
+from taskspec.policies.files import ScriptEnd
 from taskspec.task.spaces import unpack
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ Watch = Callable[["Environment", str, bool], None]
 """Looks at the environment in every state: what was done and paid so far, in words, and whether the episode is over."""
 
 
-def rollout(env: Environment, policy: Policy, seed: int | None, max_steps: int, watch: Watch | None) -> Episode:
+def rollout(env: Environment, policy: Act, seed: int | None, max_steps: int, watch: Watch | None) -> Episode:
     """One episode. A seed restarts the stream of draws; without one it goes on."""
     observation, _ = env.reset(seed=seed)
     total, plain, weight, length = 0.0, 0.0, 1.0, 0
@@ -92,11 +93,11 @@ def _words(c: Component, flat: tuple[Any, ...]) -> str:
 
 
 def rollouts(
-    env: Environment, policy: Callable[[int], Policy], seed: int, count: int, max_steps: int, watch: Watch | None
+    env: Environment, policy: Act, seed: int, count: int, max_steps: int, watch: Watch | None
 ) -> Iterator[Episode]:
     """Episodes one after the other, all functions of the seed."""
     for i in range(count):
-        yield rollout(env, policy(i), seed if i == 0 else None, max_steps, watch)
+        yield rollout(env, policy, seed if i == 0 else None, max_steps, watch)
 
 
 # -- summary ------------------------------------------------------------------------------------------------------

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,12 +15,18 @@ from taskspec.cli.failures import misuse
 from taskspec.cli.options import Json, Modifiers, Parameters, PolicyName, TaskArgument, Variant
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from taskspec.cli.rollouts import Episode, Summary, Watch
+    from taskspec.envs import Environment
+    from taskspec.envs.film import Film
+    from taskspec.task.parameters import RenderMode
     from taskspec.task.task import Task
 
 EPISODES, MAX_STEPS = 100, 10_000
+RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
+"""The render mode of environments for each value of `--render`."""
+FILMS = ("gif", "mp4")
+GIF_FRAMES = 500
+"""A GIF is kept in memory until it is whole, with 1.5 MB a frame."""
 BAR_AFTER = 0.3
 """Seconds; what is done sooner needs no progress bar."""
 
@@ -65,11 +73,10 @@ def run(
     Mean return with its 95 % confidence interval, lengths of episodes, and how they ended; [green]--json[/] adds every
     return, which [cyan]taskspec score[/] reads. [green]--render[/] shows the episodes; [green]-o video.gif[/] records them.
     """
-    from taskspec.cli import film
     from taskspec.cli.console import write_records
-    from taskspec.cli.targets import beside, tasks_of
+    from taskspec.targets import beside, tasks_of
 
-    kind = film.kind_of(render, output)
+    kind = _kind_of(render, output)
     if json and kind == "ansi":
         raise misuse("--json and --render ansi cannot be combined")
     found = tasks_of(task, variant, parameters or [], modifiers or [])
@@ -82,7 +89,7 @@ def run(
             records.append(_record(each, policy, seed, summary, done))
         else:
             _print(each, policy, seed, summary)
-        if kind in film.FILMS:
+        if kind in FILMS:
             say(f"wrote {path}", err=json)
     if json:
         write_records(records)
@@ -92,11 +99,10 @@ def _rolled_out(
     task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, path: Path, quiet: bool
 ) -> tuple[Summary, list[Episode]]:
     """Episodes, shown as was asked for, and how they went."""
-    from taskspec.cli import film
     from taskspec.cli.rollouts import Stopwatch, summarize
 
     clock = Stopwatch()
-    with film.watching(kind, path, count) as watch:
+    with _watching(kind, path, count) as watch:
         done = list(_episodes(task, policy, seed, count, max_steps, kind, watch, quiet))
     return summarize(done, clock.seconds), done
 
@@ -105,14 +111,13 @@ def _episodes(
     task: Task, policy: str, seed: int, count: int, max_steps: int, kind: str | None, watch: Watch | None, quiet: bool
 ) -> Iterator[Episode]:
     """Episodes, shown step by step or behind a progress bar."""
-    from taskspec.cli import film
     from taskspec.cli.policies import policy_for
     from taskspec.cli.rollouts import rollouts
     from taskspec.envs import Environment
 
-    env = Environment(task, render_mode=None if kind is None else film.RENDER_MODES[kind])
+    env = Environment(task, render_mode=None if kind is None else RENDER_MODES[kind])
     if kind == "human":
-        film.warn_unseen()
+        _warn_unseen()
     try:
         acts = policy_for(policy, env, seed)
         done = rollouts(env, acts, seed, count, max_steps, watch)
@@ -121,25 +126,62 @@ def _episodes(
         env.close()
 
 
+def _kind_of(render: str | None, output: Path | None) -> str | None:
+    """Return how to show episodes, by `--render` or else by the suffix of the file.
+
+    Raises:
+        UsageError: for an unknown kind, or one that does not go with the file.
+    """
+    suffix = None if output is None else output.suffix[1:].lower()
+    kind = render or suffix
+    if kind is not None and kind not in RENDER_MODES:
+        raise misuse(f"--render is one of {', '.join(RENDER_MODES)}, not '{kind}'")
+    if output is not None and (kind not in FILMS or suffix != kind):
+        raise misuse(f"--output is a video: its name ends in .gif or .mp4, as --render says, not '{output.name}'")
+    return kind
+
+
+@contextmanager
+def _watching(kind: str | None, path: Path, episodes: int) -> Iterator[Watch | None]:
+    """Yield the function that shows every state; None where nothing is shown."""
+    from taskspec.cli.progress import progress
+    from taskspec.envs.film import Film
+
+    match kind:
+        case "ansi":
+            yield lambda env, note, last: say((f"{env.render()}\n  {note}" if note else str(env.render())) + "\n")
+        case "mp4":
+            with progress(str(path)), Film(path, kind, episodes) as film:
+                yield film
+        case "gif":
+            with progress(str(path)), Film(path, kind, episodes) as film:
+                yield lambda env, note, last: _add(film, env, note, last)
+        case _:
+            yield None
+
+
+def _add(gif: Film, env: Environment, note: str, last: bool) -> None:
+    gif(env, note, last)
+    if gif.frames > GIF_FRAMES:
+        raise misuse(f"a GIF holds {GIF_FRAMES} steps at most", "make an MP4, or cut the episode with --max-steps")
+
+
+def _warn_unseen() -> None:
+    """Print a note where there is no display, so that no window is shown."""
+    from taskspec.base.extras import need
+
+    if need("matplotlib", "figures").get_backend().lower() == "agg":
+        say("no display was found, so no window is shown; --render gif makes a film", err=True)
+
+
 def _with_bar(done: Iterator[Episode], count: int) -> Iterator[Episode]:
-    """The same episodes; a progress bar appears on standard error when they take their time."""
-    from time import perf_counter
+    """Yield the same episodes, with a progress bar when they take long."""
+    from taskspec.cli.progress import counter
 
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    from taskspec.cli.console import console
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    progress = Progress(*columns, console=console(err=True), transient=True, disable=not console(err=True).is_terminal)
-    bar, start = progress.add_task("episodes", total=count), perf_counter()
-    try:
+    with counter("episodes", count, BAR_AFTER) as advance:
         for episode in done:
-            if not progress.live.is_started and perf_counter() - start > BAR_AFTER:
-                progress.start()
-            progress.advance(bar)
+            advance()
             yield episode
-    finally:
-        progress.stop()
 
 
 # -- output -------------------------------------------------------------------------------------------------------
@@ -164,35 +206,37 @@ def _record(task: Task, policy: str, seed: int, summary: Summary, done: list[Epi
 def _print(task: Task, policy: str, seed: int, summary: Summary) -> None:
     from rich.table import Table
 
-    from taskspec.cli.console import VisibleText, console, line, number
-    from taskspec.cli.records import defaults
+    from taskspec.base.numbers import decimal
+    from taskspec.cli.console import VisibleText, console, line
+    from taskspec.task.record import settings
 
     out = console()
-    settings = f" {defaults(task)}".rstrip()
+    given = f" {settings(task)}".rstrip()
     who = policy if "." in policy else f"{policy} policy"
-    out.print(line((task.id, "name"), (settings, "value"), (f"  {who}, seed {seed}", "quiet")))
+    out.print(line((task.id, "name"), (given, "value"), (f"  {who}, seed {seed}", "quiet")))
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_column(style="quiet")
     table.add_row("  return", _mean(summary))
     if summary.deviation > 0:
-        spread = f"{number(summary.lowest)} to {number(summary.highest)}, standard deviation {summary.deviation:.3g}"
+        spread = f"{decimal(summary.lowest)} to {decimal(summary.highest)}, standard deviation {summary.deviation:.3g}"
         table.add_row("", VisibleText(spread, style="quiet"))
     if task.discount != 1:
-        plain = f"discounted by {task.discount:g} a step; {number(summary.undiscounted)} without"
+        plain = f"discounted by {task.discount:g} a step; {decimal(summary.undiscounted)} without"
         table.add_row("", VisibleText(plain, style="quiet"))
-    table.add_row("  length", f"{number(summary.length, 2)} steps")
+    table.add_row("  length", f"{decimal(summary.length, 2)} steps")
     table.add_row("  episodes", _endings(summary))
     out.print(table)
 
 
 def _mean(summary: Summary) -> Any:
-    from taskspec.cli.console import line, measured, number
+    from taskspec.base.numbers import decimal, estimate
+    from taskspec.cli.console import line
 
     if summary.half is None or summary.deviation == 0:
         every = "  in every episode" if summary.episodes > 1 else ""
-        return line((number(summary.mean), "title"), (every, "quiet"))
-    mean, half = measured(summary.mean, summary.half)
-    low, high = (measured(summary.mean + side * summary.half, summary.half)[0] for side in (-1, 1))
+        return line((decimal(summary.mean), "title"), (every, "quiet"))
+    mean, half = estimate(summary.mean, summary.half)
+    low, high = (estimate(summary.mean + side * summary.half, summary.half)[0] for side in (-1, 1))
     return line((mean, "title"), f" ± {half}", (f"   95 % CI: {low} to {high}", "quiet"))
 
 

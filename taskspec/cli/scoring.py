@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from taskspec.cli.failures import refuse
+from taskspec.base.diagnostics import spec_error
+from taskspec.base.numbers import decimal, estimate, number
 from taskspec.cli.options import Json, LimitsGiven, Modifiers, Parameters, TaskArgument, Variant
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from taskspec.exact import Difficulty, Return, Score, Scores, Yardsticks
+    from taskspec.exact import Difficulty, PomdpBounds, Return, Score, Scores
     from taskspec.task.task import Task
 
 Episodes = Annotated[int, typer.Option("--episodes", "-n", min=2, help="Used where simulation is needed.")]
@@ -68,14 +69,14 @@ def solve(
     from taskspec import exact
     from taskspec.cli.console import write_records
     from taskspec.cli.progress import progress
-    from taskspec.cli.targets import beside, tasks_of
+    from taskspec.targets import beside, tasks_of
 
     records = []
     found = tasks_of(task, variant, parameters or [], modifiers or [])
     for each in found:
         with progress(each.instance_id):
             measured, results = exact.scores(each, episodes, seed), exact.Results(each)
-            seen = exact.yardsticks(results)
+            seen = exact.pomdp_bounds(results)
             hard = exact.difficulty(results) if difficulty else None
         if output is not None:
             measured.save(output if len(found) == 1 else beside(output, each))
@@ -105,7 +106,7 @@ def score(
     """
     from taskspec import exact
     from taskspec.cli.console import write_json
-    from taskspec.cli.targets import task_of
+    from taskspec.targets import task_of
 
     found = task_of(task, variant, parameters or [], modifiers or [])
     known = None if scores is None else _known(scores, found)
@@ -126,7 +127,7 @@ def _known(path: Path, task: Task) -> Scores:
     try:
         return Scores.load(path, task)
     except (KeyError, TypeError, json_.JSONDecodeError):
-        raise refuse("E711", f"'{path}' contains no scores", "`taskspec solve TASK -o FILE` writes some") from None
+        raise spec_error("E711", f"'{path}' contains no scores", "`taskspec solve TASK -o FILE` writes some") from None
 
 
 # -- returns ------------------------------------------------------------------------------------------------------
@@ -139,7 +140,7 @@ def read_returns(path: Path) -> list[float]:
         SpecError: E710, E711 when there is no such file, or no numbers in it.
     """
     if not path.exists():
-        raise refuse("E710", f"there is no file '{path}'")
+        raise spec_error("E710", f"there is no file '{path}'")
     text = path.read_text(encoding="utf-8", errors="replace")
     try:
         found = _from_json(text) if path.suffix == ".json" else _from_csv(text)
@@ -147,9 +148,9 @@ def read_returns(path: Path) -> list[float]:
     except (ValueError, TypeError, KeyError, IndexError):
         values = []
     if not values:
-        raise refuse("E711", f"'{path}' contains no returns", "a JSON list of numbers, or one number per line")
+        raise spec_error("E711", f"'{path}' contains no returns", "a JSON list of numbers, or one number per line")
     if any(map(math.isnan, values)):
-        raise refuse("E711", f"return number {[*map(math.isnan, values)].index(True) + 1} of '{path}' is nan")
+        raise spec_error("E711", f"return number {[*map(math.isnan, values)].index(True) + 1} of '{path}' is nan")
     return values
 
 
@@ -177,25 +178,25 @@ def _is_number(text: str) -> bool:
 # -- output -------------------------------------------------------------------------------------------------------
 
 
-def _seen_record(seen: Yardsticks) -> dict[str, Any]:
+def _seen_record(seen: PomdpBounds) -> dict[str, Any]:
     """The best returns of those who see observations only, as the bounds that are proved."""
     values = {"remembering": seen.remembering, "memoryless": seen.memoryless}
     told = {k: None if v is None else list(v.ends) for k, v in values.items()}
     return told | {"why_not": seen.why_not}
 
 
-def _print_scores(task: Task, found: Scores, seen: Yardsticks | None) -> None:
+def _print_scores(task: Task, found: Scores, seen: PomdpBounds | None) -> None:
     from taskspec.cli.console import console, line
-    from taskspec.cli.records import defaults
+    from taskspec.task.record import settings
 
     out = console()
-    out.print(line((task.id, "name"), (f"  {defaults(task)}", "value")))
+    out.print(line((task.id, "name"), (f"  {settings(task)}", "value")))
     out.print(_score_table(found, seen))
     out.print(_ground(found), style="quiet")
     _print_discount(task)
 
 
-def _score_table(found: Scores, seen: Yardsticks | None) -> Table:
+def _score_table(found: Scores, seen: PomdpBounds | None) -> Table:
     from rich.table import Table
 
     from taskspec.cli.console import VisibleText
@@ -212,7 +213,7 @@ def _score_table(found: Scores, seen: Yardsticks | None) -> Table:
     return table
 
 
-def _seen_rows(seen: Yardsticks) -> Iterator[tuple[str, str, str, str]]:
+def _seen_rows(seen: PomdpBounds) -> Iterator[tuple[str, str, str, str]]:
     """Rows for the best of those who see observations only: name, return, how sure it is, a remark."""
     from taskspec.exact import Return
 
@@ -226,13 +227,12 @@ def _seen_rows(seen: Yardsticks) -> Iterator[tuple[str, str, str, str]]:
         elif value.error <= 1e-9 * abs(value.value):
             yield f"  {name}", *_return(Return(value.value, bound=value.error)), remark
         else:
-            low, high = (f"{end:.6g}".replace("-", "−") for end in value.ends)
+            low, high = (number(end) for end in value.ends)
             yield f"  {name}", f"{low} to {high}", "proved bounds", remark
 
 
 def _return(value: Return | None) -> tuple[str, str]:
     """A return, and how sure it is."""
-    from taskspec.cli.console import measured
     from taskspec.scores.saved import NUMBERS
 
     if value is None:
@@ -240,22 +240,20 @@ def _return(value: Return | None) -> tuple[str, str]:
     if not value.episodes:
         sure = NUMBERS[value.status].shown.format(episodes=f"{value.tested:,}") or value.status
         off = f"± {value.bound:.2g}, " if value.bound > 1e-10 * abs(value.value) else ""
-        return f"{value.value:.10g}".replace("-", "−"), off + sure
-    mean, half = measured(value.value, value.half)
+        return number(value.value, 10), off + sure
+    mean, half = estimate(value.value, value.half)
     if not math.isfinite(value.value):
         return mean, f"({value.episodes:,} episodes)"
     return mean, f"± {half} (95 % CI, {value.episodes:,} episodes)"
 
 
 def _remark(found: Scores, name: str) -> str:
-    from taskspec.cli.console import number
-
     if name != "expert":
         is_unsettled = getattr(found, name) is None and found.states is not None  # otherwise the last line says why
         return (found.why_not_exact or "") if is_unsettled else ""
     if found.gap is None:
         return ""
-    return "optimal" if abs(found.gap) < 1e-9 else f"{number(found.gap, 6)} below the optimum"
+    return "optimal" if abs(found.gap) < 1e-9 else f"{decimal(found.gap, 6)} below the optimum"
 
 
 def _ground(found: Scores) -> str:
@@ -279,21 +277,21 @@ def _print_difficulty(found: Difficulty, known: str | None) -> None:
 
     table = columns("  difficulty", "", "", right=(1,), fold=(2,))
     for name, value, unit, _ in found.rows():
-        shown = "unknown" if value is None else f"{value:.6g}".replace("-", "−")
+        shown = "unknown" if value is None else number(value)
         reason = found.why_not.get(name, unit)
         table.add_row(f"  {name}", shown, VisibleText("" if reason == known else reason, style="quiet"))
     console().print(table)
 
 
 def _print_score(task: Task, result: Score) -> None:
-    from taskspec.cli.console import console, line, number
+    from taskspec.cli.console import console, line
 
     out = console()
     low, high = result.interval()
     value = result.value
-    out.print(line((task.id, "name"), "  score ", (number(result.normalised), "title"),
-                   (f"   95 % confidence: {number(low)} to {number(high)}", "quiet")))  # fmt: skip
+    out.print(line((task.id, "name"), "  score ", (decimal(result.normalised), "title"),
+                   (f"   95 % confidence: {decimal(low)} to {decimal(high)}", "quiet")))  # fmt: skip
     ends = ((name, getattr(result.scores, name)) for name in ("random", "expert", "optimal"))
-    known = ", ".join(f"{name} {number(end.value)}" for name, end in ends if end is not None)
-    out.print(f"  mean return {number(value.value)} over {value.episodes:,} episodes; {known}", style="quiet")
+    known = ", ".join(f"{name} {decimal(end.value)}" for name, end in ends if end is not None)
+    out.print(f"  mean return {decimal(value.value)} over {value.episodes:,} episodes; {known}", style="quiet")
     _print_discount(task)

@@ -24,7 +24,7 @@ def show(
     """Show a task as a page, or the code generated from it."""
     from taskspec.cli.console import console, write_records
     from taskspec.cli.page import print_page
-    from taskspec.cli.targets import tasks_of
+    from taskspec.targets import tasks_of
 
     found = tasks_of(task, variant, parameters or [], modifiers or [])
     if json:
@@ -56,6 +56,6 @@ def _print_source(task: Task) -> None:
 
 
 def _record(task: Task) -> dict[str, Any]:
-    from taskspec.cli.records import constants, record
+    from taskspec.task.record import constants, record
 
     return {**record(task), "constants": constants(task), "spec": task.written}

@@ -79,8 +79,8 @@ def sweep(
     """
     from taskspec import experiments
     from taskspec.cli.progress import bar
-    from taskspec.cli.targets import settings
     from taskspec.experiments import sweep as run
+    from taskspec.targets import settings
 
     wanted = _formats(format)
     written = experiments.read(experiment)
@@ -134,8 +134,8 @@ def _print_json(swept: Swept) -> None:
 
 
 def _print(swept: Swept, files: Sequence[Path]) -> None:
+    from taskspec.base.files import near
     from taskspec.cli.console import console, line
-    from taskspec.cli.targets import near
 
     out = console(wide=True)
     out.print(line((swept.experiment.title or swept.experiment.name, "title")))
@@ -181,13 +181,13 @@ def _return(row: Measured, name: str) -> str:
 
 def _with_half(value: Any, half: Any) -> str:
     """A number, with half of its 95 % confidence interval where it is estimated."""
-    from taskspec.cli.console import measured, number
+    from taskspec.base.numbers import decimal, estimate
 
     if not isinstance(value, int | float):
         return "" if value is None else str(value)
     if not half or half <= 1e-9 * abs(value):
-        return number(value, 6)
-    mean, width = measured(value, half)
+        return decimal(value, 6)
+    mean, width = estimate(value, half)
     return f"{mean} ± {width}"
 
 

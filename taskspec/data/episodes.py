@@ -23,10 +23,11 @@ from taskspec.base import __version__
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.progress import tell
-from taskspec.data.actors import Actor, Now, actor_of
 from taskspec.data.transitions import Transitions, columns, concatenated, mapped
 from taskspec.envs.options import positive, seed_of
 from taskspec.model.model import misused
+from taskspec.policies.adapters import policy_of
+from taskspec.policies.policy import EpisodeBatch, SeededDraws, TaskPolicy
 from taskspec.registry import load
 from taskspec.task.task import Task, TaskLike
 
@@ -104,19 +105,20 @@ def _mapping(jobs: int) -> Iterator[Run]:
 def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
     """Some episodes, stepped together until all are over."""
     first, lanes = part
-    actor, seeds = actor_of(task, policy), draws.lane_seeds(seed, lanes, first)
-    task = actor.task
+    acting = policy_of(task, policy)
+    seeds = draws.lane_seeds(seed, lanes, first)
+    task = acting.task
     engine = NumpyEngine(task, lanes, Options("same_step"))
     engine.seed(seeds)
     engine.reset()
     b, tape, running = engine.buffers, _Tape(), np.ones(lanes, np.bool_)
     for t in count():
         if t >= LONGEST and task.horizon is None:
-            _refuse_endless(task, actor)
+            _refuse_endless(task, acting)
         tell(f"episodes {first + 1:,} to {first + lanes:,}, step {t + 1:,}")
         seen, state = b.seen.fresh(), {c.name: s for c, s in zip(task.state, b.state, strict=True)}
-        actions = _asked(actor, Now(t, seeds, running, seen, state), policy)
-        _step(engine, actions, task, actor)
+        actions = _asked(acting, EpisodeBatch(t, state, seen, SeededDraws(seeds, t), running), policy)
+        _step(engine, actions, task, acting)
         after = _after(b.seen.fresh(), b.final.view(), b.ended)
         tape.keep(seen, actions, b.reward.copy(), after, b.terminated.copy(), b.truncated.copy(), running)
         running = running & ~b.ended
@@ -125,24 +127,24 @@ def _record(task: Task, policy: Any, seed: int, part: Part) -> Transitions:
     raise AssertionError
 
 
-def _asked(actor: Actor, now: Now, policy: Any) -> Any:
+def _asked(acting: TaskPolicy, batch: EpisodeBatch, policy: Any) -> Any:
     """What the policy does. Where a file has it, its mistakes are messages; other mistakes are the caller's to see."""
     try:
-        return actor.act(now)
+        return acting.act(batch)
     except SpecError:
         raise
     except Exception as error:
         if not isinstance(policy, str):
             raise
-        message = f"the policy {actor.name} failed: {type(error).__name__}: {error}"
+        message = f"the policy {acting.name} failed: {type(error).__name__}: {error}"
         raise SpecError([Diagnostic("E713", None, message)]) from error
 
 
-def _step(engine: NumpyEngine, actions: Any, task: Task, actor: Actor) -> None:
+def _step(engine: NumpyEngine, actions: Any, task: Task, acting: TaskPolicy) -> None:
     try:
         engine.step(actions)
     except BadActionError:
-        message = f"the policy {actor.name} gave a value that is not an action of {task.id}, among {_shown(actions)}"
+        message = f"the policy {acting.name} gave a value that is not an action of {task.id}, among {_shown(actions)}"
         raise SpecError([Diagnostic("E706", None, message, f"an action is one of {task.action_space}")]) from None
 
 
@@ -183,9 +185,9 @@ def _stacked(steps: list[Any]) -> Any:
     return np.stack([np.asarray(step) for step in steps], axis=1)
 
 
-def _refuse_endless(task: Task, actor: Actor) -> NoReturn:
+def _refuse_endless(task: Task, acting: TaskPolicy) -> NoReturn:
     misused(
-        f"episodes of {actor.name} on {task.id} are still running after {LONGEST:,} steps", "give the task a horizon"
+        f"episodes of {acting.name} on {task.id} are still running after {LONGEST:,} steps", "give the task a horizon"
     )
 
 
@@ -238,9 +240,10 @@ def demonstrations(
         episodes = positive("episodes", 100 if episodes is None else episodes)
     else:
         transitions = positive("transitions", transitions)
-    actor, seed = actor_of(found, policy), seed_of(seed)
+    acting = policy_of(found, policy)
+    seed = seed_of(seed)
     data = recorded(found, policy, episodes, transitions, seed, positive("jobs", jobs))
-    told = described(found, "demonstrations", actor, seed) | {"episodes": len(data.starts), "transitions": len(data)}
+    told = described(found, "demonstrations", acting, seed) | {"episodes": len(data.starts), "transitions": len(data)}
     return Demonstrations(**columns(data), metadata=told, task=found)
 
 
@@ -252,13 +255,13 @@ def role(task: Task, who: Literal["expert", "learner"]) -> Task:
     return load(task, key, **{p.name: p.value for p in task.parameters if p.value != p.default})
 
 
-def described(task: Task, kind: str, actor: Actor, seed: int) -> dict[str, Any]:
+def described(task: Task, kind: str, acting: TaskPolicy, seed: int) -> dict[str, Any]:
     """What data is of, as plain data."""
-    value = actor.value
+    value = acting.value
     told = None if value is None else {"value": value.value, "bound": value.bound, "status": value.status}
     return {
         "kind": kind, "id": task.id, "instance": task.instance_id, "variant": task.variant, "parameters": dict(task.values),
         "modifiers": [str(m) for m in task.modifiers], "horizon": task.horizon, "discount": task.discount,
-        "content_hash": task.content_hash, "policy": actor.name, "seed": seed, "return": told,
+        "content_hash": task.content_hash, "policy": acting.name, "seed": seed, "return": told,
         "versions": {"taskspec": __version__, "numpy": np.__version__},
     }  # fmt: skip

@@ -15,11 +15,11 @@ from taskspec import draws
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import suggest
 from taskspec.base.extras import need
-from taskspec.data.actors import actor_of
 from taskspec.data.episodes import described, recorded, role
 from taskspec.data.transitions import EXTRA, Trajectory, Transitions, columns
 from taskspec.envs.options import positive, seed_of
 from taskspec.model.model import misused, refuse
+from taskspec.policies.adapters import policy_of
 from taskspec.registry import load
 from taskspec.scores.returns import Results
 from taskspec.task.task import Task, TaskLike
@@ -242,7 +242,7 @@ def preferences(
         SpecError: as for `demonstrations`; E712 where the teacher needs the exact range of returns, and there is none.
     """
     found, who = role(load(task), "learner"), teacher_of(teacher)
-    pairs, seed, actor = positive("pairs", pairs), seed_of(seed), actor_of(found, policy)
+    pairs, seed, acting = positive("pairs", pairs), seed_of(seed), policy_of(found, policy)
     length = None if length is None else positive("length", length)
     ends = return_ends(found, length) if who.needs_range else (0.0, 0.0)
     whole = recorded(found, policy, 2 * pairs, None, seed, positive("jobs", jobs))
@@ -253,7 +253,7 @@ def preferences(
         misused(f"the teacher {who} skipped all {pairs:,} pairs", "lower its threshold, or compare a better policy")
     told = {"teacher": str(who), "length": length, "shown": pairs, "skipped": pairs - len(kept),
             "range": list(ends) if who.needs_range else None}  # fmt: skip
-    told = described(found, "preferences", actor, seed) | told
+    told = described(found, "preferences", acting, seed) | told
     return Preferences(_of_pairs(segments, kept), labels[kept], returns.reshape(-1, 2)[kept], kept, told)
 
 

@@ -21,8 +21,8 @@ from taskspec.scores.difficulty import MEASURES as MEASURES
 from taskspec.scores.difficulty import Difficulty as Difficulty
 from taskspec.scores.difficulty import Measure as Measure
 from taskspec.scores.difficulty import difficulty as difficulty
-from taskspec.scores.pomdp_bounds import Yardsticks as Yardsticks
-from taskspec.scores.pomdp_bounds import yardsticks as yardsticks
+from taskspec.scores.partial_observability import PomdpBounds as PomdpBounds
+from taskspec.scores.partial_observability import pomdp_bounds as pomdp_bounds
 from taskspec.scores.returns import Results as Results
 from taskspec.scores.returns import Return as Return
 from taskspec.scores.returns import normalised as normalised
@@ -32,6 +32,6 @@ from taskspec.soundness.soundness import examine as examine
 from taskspec.soundness.soundness import soundness as soundness
 
 __all__ = [
-    "Accepted", "Difficulty", "Expert", "Model", "Report", "Return", "Score", "Scores", "Soundness", "StaleScores", "Verdict",
-    "Yardsticks", "check", "difficulty", "extract", "score", "scores",
+    "Accepted", "Difficulty", "Expert", "Model", "PomdpBounds", "Report", "Return", "Score", "Scores", "Soundness", "StaleScores",
+    "Verdict", "check", "difficulty", "extract", "pomdp_bounds", "score", "scores",
 ]  # fmt: skip

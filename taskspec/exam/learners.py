@@ -13,10 +13,10 @@ from typing import Any, NoReturn
 
 import taskspec
 from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.data.actors import function_of, is_function, place_of
 from taskspec.exam.case import SOURCES, Source
 from taskspec.jobs.code import code_files, code_hash
 from taskspec.learners import learner
+from taskspec.policies.files import function_of, is_function, place_of
 
 _OURS = Path(taskspec.__file__).resolve().parent
 DEFAULT: tuple[Source, ...] = ("demonstrations", "preferences")

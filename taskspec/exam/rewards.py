@@ -20,8 +20,8 @@ from taskspec.abstraction.abstraction import abstraction
 from taskspec.base.arrays import Array
 from taskspec.base.diagnostics import SpecError
 from taskspec.data import Tabular, tabular
-from taskspec.exam.policies import greedy
 from taskspec.model.model import misused, refuse
+from taskspec.policies.policy import greedy
 from taskspec.registry import load
 from taskspec.solve.backward import action_values, backward, first_values
 from taskspec.task.task import Task, TaskLike
@@ -30,6 +30,19 @@ NOTHING = 1e-11
 """Advantages that are this small, as a share of the largest value of an action, are rounding."""
 ROUNDS = 1000
 """Improvements of a plan without a horizon, at the most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """A policy, and the reward that it was learned from.
+
+    Args:
+        reward: float64 (S, A, S) over the states and actions of `task.tabular()`, or a function of (obs, action, next_obs), all
+            (N, ...); `reward_distance` says how far it is from the true one.
+    """
+
+    policy: Any
+    reward: Any = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,9 @@ from taskspec.base.limits import also
 from taskspec.exam.baselines import results_of
 from taskspec.exam.case import Case, ExamTerms
 from taskspec.exam.learners import train_at
-from taskspec.exam.policies import values
-from taskspec.exam.rewards import told
+from taskspec.exam.rewards import Learned, told
 from taskspec.learners import CannotLearn
+from taskspec.policies.values import ObservedValue, observed_value
 from taskspec.scores.returns import Results, Return
 from taskspec.task.task import Task
 
@@ -114,11 +114,15 @@ def _policies(learned: Any, seeds: int, train: Any) -> Sequence[Any]:
 def _scored(policy: Any, results: Results, seed: int) -> Row:
     if policy is None:
         raise TypeError("`train` returned no policy: does it end with `return`?")
-    found = values(policy, results, seed)
+    found = _value(policy, results, seed)
     row = {"seed": seed, **_told("deterministic", found.deterministic), **_told("stochastic", found.stochastic)}
     if getattr(policy, "reward", None) is not None:
         row |= told(results.task, policy.reward)
     return row
+
+
+def _value(policy: Any, results: Results, seed: int) -> ObservedValue:
+    return observed_value(results, policy.policy if isinstance(policy, Learned) else policy, seed)
 
 
 def _told(name: str, value: Return) -> Row:
@@ -129,7 +133,7 @@ def _curves(case: Case, results: Results) -> list[list[list[float]] | None]:
     """For each seed, points of steps and returns; None where the learner showed nothing."""
     if not case.curve:
         return [None] * len(case.seeds)
-    points = [(steps, [values(p, results, 0).deterministic.value for p in shown]) for steps, shown in case.curve]
+    points = [(steps, [_value(p, results, 0).deterministic.value for p in shown]) for steps, shown in case.curve]
     return [[[steps, found[i]] for steps, found in points] for i in range(len(case.seeds))]
 
 

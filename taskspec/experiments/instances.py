@@ -13,11 +13,12 @@ from taskspec import registry
 from taskspec.base import ids
 from taskspec.base.diagnostics import Collector, Diagnostic, Span, SpecError, raise_if_errors
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.data.actors import actor_of, is_function, place_of
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.experiments.validate import check_axes, check_questions
 from taskspec.experiments.values import Assignment, Axis, Values, combinations, count, listed, misplaced, sample
 from taskspec.modifiers import MODIFIERS, Modifier, modifier, modify
+from taskspec.policies.adapters import policy_of
+from taskspec.policies.files import is_function, place_of
 from taskspec.source import Path as Place
 from taskspec.task.build import bind
 from taskspec.task.parts import Parameter
@@ -243,7 +244,7 @@ class _Entry:
                 if is_function(policy):  # a check runs no code
                     place_of(policy)
                 else:
-                    actor_of(self.task, policy)
+                    policy_of(self.task, policy)
             except SpecError as error:
                 place = self.document.span(("policies", i))
                 self.collector.extend(replace(d, span=place) for d in error.diagnostics)

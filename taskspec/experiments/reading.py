@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, suggest
-from taskspec.data.actors import is_function
+from taskspec.policies.files import is_function
 from taskspec.registry import tasks_root
 from taskspec.source import Document, read_file
 from taskspec.task.schema.experiments import Experiment, check_experiment

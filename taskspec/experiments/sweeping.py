@@ -8,7 +8,6 @@ from pathlib import Path
 
 from taskspec import registry
 from taskspec.base import limits
-from taskspec.data.actors import is_function, place_of
 from taskspec.experiments.instances import Expanded, Instance, expand
 from taskspec.experiments.measure import Order, Questions, Sent, key, measure
 from taskspec.experiments.reading import ExperimentFile
@@ -16,6 +15,7 @@ from taskspec.experiments.results import Measured
 from taskspec.jobs.code import code_hash
 from taskspec.jobs.engine import Standing, run
 from taskspec.jobs.store import Job, JobResult, Store
+from taskspec.policies.files import is_function, place_of
 from taskspec.source import packed
 from taskspec.task.schema.experiments import Experiment
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 from taskspec.base.diagnostics import Collector, SpecError, suggest
 from taskspec.base.limits import how_to_raise, limits
-from taskspec.data.actors import is_function, place_of
 from taskspec.exam.results import folder_name
 from taskspec.experiments.measure import COLUMNS, SPEEDS
 from taskspec.experiments.reading import ExperimentFile
 from taskspec.learners import learner
+from taskspec.policies.files import is_function, place_of
 from taskspec.scores.difficulty import MEASURES
 from taskspec.source import Path as Place
 

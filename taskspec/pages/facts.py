@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from taskspec.exact import Report, Results, Return, Verdict, Yardsticks, verdicts, wrong_examples, yardsticks
+from taskspec.exact import PomdpBounds, Report, Results, Return, Verdict, pomdp_bounds, verdicts, wrong_examples
 from taskspec.pages.prose import CellTable, Formula, Inlines, Text
 from taskspec.printers import tree as m
 from taskspec.registry import load
@@ -74,7 +74,7 @@ def _facts(found: Results, said: Iterable[Verdict], wrong: frozenset[int]) -> Fa
     returns = {"optimal": found.optimal, "random": found.random, "worst": found.worst, "expert": found.expert}
     shown = {f"{name} return": _score_fact(value) for name, value in returns.items() if value is not None}
     unknown = tuple(f"{name} return" for name in ("optimal", "worst") if returns[name] is None)
-    seen = yardsticks(found)
+    seen = pomdp_bounds(found)
     if seen is not None:
         shown = _hidden(shown, seen)
     states = None if found.model is None else int(found.model.entered.sum())
@@ -85,7 +85,7 @@ def _score_fact(found: Return) -> ScoreFact:
     return ScoreFact(found.value, found.half if found.episodes else 0.0, found.episodes, found.tested)
 
 
-def _hidden(shown: dict[str, ScoreFact], seen: Yardsticks) -> dict[str, ScoreFact]:
+def _hidden(shown: dict[str, ScoreFact], seen: PomdpBounds) -> dict[str, ScoreFact]:
     """Scores of a task that hides its state: what the optimum knows is said, and what the best earn who see less follows."""
     found = {}
     for name, score in shown.items():

@@ -1,146 +1,360 @@
-"""What a policy does in a batch of states: its probabilities of actions where it has them, else the actions that it gives.
+"""Policies of observations: objects with `predict`, functions of an observation, and probabilities of actions.
 
-A policy is an object with `predict`, as Stable-Baselines3 and imitation have them. Observations are normalised as they were
-in training where the policy remembers how (`VecNormalize`), and what a recurrent policy remembers is handed back to it.
+Objects with `predict` follow Stable-Baselines3 and imitation. Observations are normalised as in training where the policy knows
+how (`VecNormalize`), and a recurrent policy is given its own memory.
 """
 
 from __future__ import annotations
 
 import inspect
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
 from functools import reduce
 from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.lang.batch import evaluate
 from taskspec.lang.ir import Role, draws, reads
+from taskspec.lang.types import Kind
 from taskspec.lang.variates.sample import WordLayout, batch_sampler
-from taskspec.model.model import misused
+from taskspec.model.model import Model, misused
+from taskspec.policies.files import function_of, is_function
+from taskspec.policies.named import named, unknown
+from taskspec.policies.policy import (
+    Actions,
+    EpisodeBatch,
+    SharedDraws,
+    Tabulated,
+    TaskPolicy,
+    drawn,
+    observation_of,
+    states_of,
+)  # fmt: skip
 from taskspec.rollout.rollout import State, reads_of
+from taskspec.solve.plans import Plan, stationary, timed
 from taskspec.task import spaces
 from taskspec.task.task import Task
 
 ASKS = 16
-"""How often a policy is asked about the same states before its actions are taken to be always the same."""
+"""How often a policy is asked about the same states before its actions are taken never to vary."""
 
 
-class Asked:
-    """A policy object and how it is asked.
+def policy_of(task: Task, policy: Any) -> TaskPolicy:
+    """Return the policy of a name, of `model.py:fn`, of a function of an observation, or of an object with `predict`.
 
-    Args:
-        task: whose states it is asked about.
-        policy: an object with `predict`, maybe with `action_probabilities`, or a policy of Stable-Baselines3.
-        deterministic: hand this flag to `predict`; None leaves it to the policy.
+    Raises:
+        SpecError: E710, E711 for a file that does not exist, or fails; E712, E713 as for `named`; E713 for anything else.
+    """
+    if isinstance(policy, str) and not is_function(policy):
+        return named(task, policy)
+    name = policy if isinstance(policy, str) else getattr(policy, "__name__", type(policy).__name__)
+    found = function_of(policy) if isinstance(policy, str) else policy
+    if hasattr(found, "predict"):
+        return Predictor(task, found, deterministic=True, name=name)
+    if callable(found):
+        return ObservationFunction(task, found, name=name)
+    unknown(name, ("a function of the observation", "an object with `predict`"))
+
+
+class ObservationPolicy(TaskPolicy):
+    """A policy that sees observations only.
+
+    Attributes:
+        memory: what a recurrent policy remembers of the last step; None for other policies.
+        may_explore: whether it may act at random now and then, so that its actions cannot be tabulated.
     """
 
-    def __init__(self, task: Task, policy: Any, deterministic: bool | None = None) -> None:
-        self.task, self.policy, self.deterministic = task, policy, deterministic
-        self.seen, self.done = task.observation_layout, task.action_layout
-        self._words = WordLayout.of(task.observation.nodes)
-        self._takes = _parameters(policy.predict)
-        self._normalise = _normaliser(policy)
+    memory: Any = None
+    may_explore = False
 
-    @property
-    def sees_state_alone(self) -> bool:
-        """Whether an observation is a function of the state, so that there is one for each state."""
-        nodes = self.task.observation.nodes
-        return not draws(nodes) and all(role is not Role.TIME for role, _ in reads(nodes))
+    def __init__(self, task: Task, name: str) -> None:
+        self.task = task
+        self.name = name
+        nodes = task.observation.nodes
+        self.layout = task.observation_layout
+        self.is_noisy = bool(draws(nodes))
+        self.sees_time = any(role is Role.TIME for role, _ in reads(nodes))
+        self._words = WordLayout.of(nodes)
 
-    @property
-    def sees_time(self) -> bool:
-        """Whether an observation is a function of the state and the time."""
-        nodes = self.task.observation.nodes
-        return not draws(nodes) and any(role is Role.TIME for role, _ in reads(nodes))
-
-    # -- observations ---------------------------------------------------------------------------------------------
-
-    def observations(self, state: State, t: int, rng: np.random.Generator) -> Any:
-        """Observations (N, *shape) of states by component, (*shape, N); a dict of them for a dict space."""
-        lanes = next(iter(state.values())).shape[-1]
+    def observe(self, states: State, t: int, rng: np.random.Generator) -> Any:
+        """Return observations (N, *shape) of states by component, (*shape, N); a dict of them for a dict space."""
+        lanes = next(iter(states.values())).shape[-1]
         words = rng.integers(0, 2**32, (self._words.count, lanes), dtype=np.uint32)
-        values = evaluate(self.task.observation.nodes, reads_of(state, {}, t), batch_sampler(self._words, words))
+        values = evaluate(self.task.observation.nodes, reads_of(states, {}, t), batch_sampler(self._words, words))
         flat = [np.broadcast_to(v, (*v.shape[:-1], lanes)).reshape(-1, lanes).T for v in values]
-        return self._normalise(spaces.pack_many(self.seen, flat))
+        return spaces.pack_many(self.layout, flat)
 
-    # -- answers --------------------------------------------------------------------------------------------------
+    def batch(self, states: State, t: int, rng: np.random.Generator, observed_at: int | None = None) -> EpisodeBatch:
+        """Return a batch with observations of states; `observed_at` is the time they show, if it differs from `t`."""
+        lanes = next(iter(states.values())).shape[-1]
+        observations = self.observe(states, t if observed_at is None else observed_at, rng)
+        return EpisodeBatch(t, states, observations, SharedDraws(rng, lanes), np.ones(lanes, np.bool_))
 
-    def probabilities(self, state: State, t: int) -> Array | None:
-        """Probabilities (A, N) of the actions of the exact model, first component slowest; None where it tells none."""
-        if self.deterministic:
+    @abstractmethod
+    def act(self, batch: EpisodeBatch) -> Any:
+        """Return actions (N, *shape), in the format of the environment."""
+
+    def choose(self, batch: EpisodeBatch) -> Actions:
+        actions = np.asarray(self.act(batch))
+        lanes = len(batch.running)
+        if len(np.atleast_1d(actions)) != lanes:
+            misused(f"`predict` gave {len(np.atleast_1d(actions))} actions for a batch of {lanes} observations")
+        rows = actions.reshape(lanes, -1)
+        found = {}
+        for c, segment in zip(self.task.action, self.actions.segments, strict=True):
+            part = rows[:, segment.first : segment.first + segment.size]
+            part = part + np.array(segment.starts) if segment.starts else part
+            values = part.astype(np.float64) if c.type.kind is Kind.REAL else np.rint(part).astype(np.int64)
+            found[c.name] = values.T.reshape(*c.type.shape, lanes)
+        return found
+
+    def probabilities(self, observations: Any) -> Array | None:
+        """Return probabilities float64 (N, A) of actions, first component slowest; None where they are unknown."""
+        return None
+
+    def tabulate(self, model: Model) -> Tabulated | None:
+        """Return its probabilities, or else its actions if they never vary, in all states of a model."""
+        if self.is_noisy:
             return None
-        seen = self.observations(state, t, np.random.default_rng(0))
-        if hasattr(self.policy, "action_probabilities"):
-            return np.asarray(self.policy.action_probabilities(seen), np.float64).T
-        return distribution(self.policy, seen)
+        for asked, answer in (("probabilities", self._probabilities), ("actions", self._constant)):
+            plan = self._plan(model, answer)
+            if plan is not None:
+                return Tabulated(plan, asked)  # type: ignore[arg-type]
+        return None
 
-    def actions(
-        self, state: State, t: int, rng: np.random.Generator, memory: Any = None, start: bool = True
-    ) -> tuple[dict[str, Array], Any]:
-        """Actions by component, (*shape, N), and what the policy wants to remember.
-
-        Args:
-            memory: what it wanted to remember at the last step.
-            start: whether episodes begin with these states.
-        """
-        lanes = next(iter(state.values())).shape[-1]
-        options: dict[str, Any] = {}
-        if self.deterministic is not None and "deterministic" in self._takes:
-            options["deterministic"] = self.deterministic
-        if "state" in self._takes and memory is not None:
-            options["state"] = memory
-        if "episode_start" in self._takes:
-            options["episode_start"] = np.full(lanes, start)
-        answer = self.policy.predict(self.observations(state, t, rng), **options)
-        actions, remembered = answer if isinstance(answer, tuple) else (answer, None)
-        rows = [spaces.unpack(self.done, action) for action in np.asarray(actions)]
-        if len(rows) != lanes:
-            misused(f"`predict` gave {len(rows)} actions for a batch of {lanes} observations")
-        columns = [np.array([row[i] for row in rows]).T for i in range(len(self.task.action))]
-        found = {c.name: v.reshape(*c.type.shape, lanes) for c, v in zip(self.task.action, columns, strict=True)}
-        return found, remembered
-
-    def constant_actions(self, state: State, t: int) -> dict[str, Array] | None:
-        """Actions by component, (*shape, N), where the policy gives the same ones each time and remembers nothing; else None.
-
-        A policy that could have been asked to be deterministic, and was not, may explore now and then: it is not tabulated.
-        """
-        if "deterministic" in self._takes and not self.deterministic:
+    def _plan(self, model: Model, answer: Callable[[Model, int], Array | None]) -> Plan | None:
+        """Return a plan from a function that gives (A, S) at a time; None where it gives None, or there is no last time."""
+        if not self.sees_time:
+            table = answer(model, 0)
+            return None if table is None else stationary(table)
+        if model.horizon is None:
             return None
-        first, memory = self.actions(state, t, np.random.default_rng(0))
-        if memory is not None:
+        tables = [answer(model, t) for t in range(model.horizon)]
+        known = [table for table in tables if table is not None]
+        return timed(known) if len(known) == len(tables) else None
+
+    def _probabilities(self, model: Model, t: int) -> Array | None:
+        found = self.probabilities(self.observe(states_of(model), t, np.random.default_rng(0)))
+        if found is None:
+            return None
+        if (
+            found.shape != (model.n_states, model.n_actions)
+            or not np.allclose(found.sum(axis=1), 1)
+            or (found < 0).any()
+        ):
+            misused(
+                f"`action_probabilities` gives rows of {model.n_actions} probabilities that sum to 1, one for each observation"
+            )
+        return found.T
+
+    def _constant(self, model: Model, t: int) -> Array | None:
+        """Return actions as probabilities (A, S); None for a policy that remembers, or whose actions vary."""
+        if self.may_explore:
+            return None
+        states = states_of(model)
+        first = self.choose(self.batch(states, 0, np.random.default_rng(0), observed_at=t))
+        if self.memory is not None:
             return None
         for _ in range(ASKS - 1):
-            again, _ = self.actions(state, t, np.random.default_rng(0))
+            again = self.choose(self.batch(states, 0, np.random.default_rng(0), observed_at=t))
             if not all(np.array_equal(first[name], again[name]) for name in first):
                 return None
-        return first
+        return one_hot(model, [first[c.name] for c in model.actions.components])
 
 
-def _parameters(function: Any) -> frozenset[str]:
+class Predictor(ObservationPolicy):
+    """An object with `predict`.
+
+    Args:
+        task: the task in which it acts.
+        policy: the object; it may have `action_probabilities`, or be a model of Stable-Baselines3.
+        deterministic: passed to `predict`; None leaves it to the policy.
+    """
+
+    def __init__(self, task: Task, policy: Any, deterministic: bool | None = None, name: str = "") -> None:
+        super().__init__(task, name)
+        self.policy = policy
+        self.deterministic = deterministic
+        self.takes = parameters(getattr(policy, "predict", None))
+        self.normalise = normaliser(policy)
+        self.may_explore = "deterministic" in self.takes and not deterministic
+
+    def act(self, batch: EpisodeBatch) -> Any:
+        options: dict[str, Any] = {}
+        if self.deterministic is not None and "deterministic" in self.takes:
+            options["deterministic"] = self.deterministic
+        if "state" in self.takes and batch.t and self.memory is not None:
+            options["state"] = self.memory
+        if "episode_start" in self.takes:
+            options["episode_start"] = np.full(len(batch.running), batch.t == 0)
+        answer = self.policy.predict(self.normalise(batch.observations), **options)
+        actions, self.memory = answer if isinstance(answer, tuple) else (answer, None)
+        return actions
+
+    def probabilities(self, observations: Any) -> Array | None:
+        if self.deterministic:
+            return None
+        if hasattr(self.policy, "action_probabilities"):
+            return np.asarray(self.policy.action_probabilities(self.normalise(observations)), np.float64)
+        return _sb3_probabilities(self.policy, self.normalise(observations))
+
+
+class ProbabilisticPolicy(ObservationPolicy):
+    """A policy given by its probabilities of actions.
+
+    Args:
+        task: the task in which it acts.
+        function: from observations (N, *shape) to probabilities (N, A).
+        seed: of its draws.
+    """
+
+    def __init__(self, task: Task, function: Callable[[Any], Array], seed: int) -> None:
+        super().__init__(task, "probabilities")
+        self.function = function
+        self.rng = np.random.default_rng(seed)
+
+    def act(self, batch: EpisodeBatch) -> Any:
+        rows = self.function(batch.observations)
+        index = drawn(rows.T, self.rng.random(len(rows)))
+        if self.actions.form == "discrete":
+            return index + self.actions.starts[0]
+        return np.stack(np.unravel_index(index, self.actions.counts), axis=1)
+
+    def probabilities(self, observations: Any) -> Array:
+        return np.asarray(self.function(observations), np.float64)
+
+
+class ObservationFunction(ObservationPolicy):
+    """A function from one observation to one action, which may take a generator as `rng`.
+
+    Args:
+        task: the task in which it acts.
+        function: the function.
+        name: for messages.
+        seed: of its draws; None takes those of each batch.
+    """
+
+    def __init__(self, task: Task, function: Callable[..., Any], name: str, seed: int | None = None) -> None:
+        super().__init__(task, name)
+        self.function = function
+        self.takes_rng = "rng" in parameters(function)
+        self.rng = None if seed is None else np.random.default_rng(seed)
+
+    def act(self, batch: EpisodeBatch) -> Array:
+        running = np.flatnonzero(batch.running)
+        chosen = np.array([self._one(batch, int(lane)) for lane in running])
+        if len(running) == len(batch.running):
+            return chosen
+        actions = np.repeat(chosen[:1], len(batch.running), axis=0)  # actions after the end of an episode do not matter
+        actions[running] = chosen
+        return actions
+
+    def _one(self, batch: EpisodeBatch, lane: int) -> Any:
+        observation = observation_of(batch.observations, lane)
+        if not self.takes_rng:
+            return self.function(observation)
+        return self.function(observation, rng=self.rng or batch.draws.generator(lane))
+
+
+class StateFunction(TaskPolicy):
+    """A function from states by component, (*shape, N), and the time to actions by component.
+
+    Raises:
+        SpecError: (E713) when it takes other arguments; once it is asked, when it gives anything else.
+    """
+
+    def __init__(self, task: Task, function: Callable[..., Any]) -> None:
+        self.task = task
+        self.name = getattr(function, "__name__", type(function).__name__)
+        self.function = function
+        self.names = [c.name for c in task.action]
+        actions = ", ".join(f"{name!r}: ..." for name in self.names)
+        self.hint = f"`lambda state, t: {{{actions}}}`; of observations, an object with `predict`"
+        try:
+            inspect.signature(function).bind({}, 0)
+        except ValueError:  # functions that are not written in Python have no signature
+            pass
+        except TypeError:
+            misused("a function that is a policy takes the states and the time", self.hint)
+
+    def choose(self, batch: EpisodeBatch) -> Actions:
+        answer = self.function(batch.states, batch.t)
+        if isinstance(answer, Mapping) and all(name in answer for name in self.names):
+            return answer
+        given = (
+            ", ".join(map(str, answer)) if isinstance(answer, Mapping) else f"a value of type {type(answer).__name__}"
+        )
+        misused(
+            f"a function that is a policy gives the action by component, {', '.join(self.names)}, not {given or 'nothing'}",
+            self.hint,
+        )
+
+    def tabulate(self, model: Model) -> Tabulated:
+        """Return its actions in all states; the plan raises `Varies` if they are not always the same."""
+
+        def ask(t: int) -> Array:
+            states = {name: v.copy() for name, v in states_of(model).items()}
+            draws = SharedDraws(np.random.default_rng(0), model.n_states)
+            chosen = self.choose(EpisodeBatch(t, states, None, draws, np.ones(model.n_states, np.bool_)))
+            values = [np.asarray(chosen[c.name]) for c in model.actions.components]
+            return one_hot(model, [np.broadcast_to(v, (*v.shape[:-1], model.n_states)) for v in values])
+
+        def plan(t: int) -> Array:
+            first = ask(t)
+            if any(not np.array_equal(first, ask(t)) for _ in range(ASKS - 1 if t == 0 else 1)):
+                raise Varies
+            return first
+
+        return Tabulated(plan, "actions")
+
+
+class Varies(Exception):
+    """A policy does not give the same actions each time it is asked about the same states."""
+
+
+def one_hot(model: Model, values: list[Array]) -> Array:
+    """Return actions by component, (*shape, S), as probabilities (A, S).
+
+    Raises:
+        SpecError: E706 for an action outside the action space.
+    """
+    code, outside = model.actions.encode(values, model.n_states)
+    if outside is not None and outside.any():
+        state = model.state_name(int(np.flatnonzero(outside)[0]))
+        raise SpecError([Diagnostic("E706", None, f"the policy chose an action outside the action space in {state}")])
+    table = np.zeros((model.n_actions, model.n_states))
+    table[code, np.arange(model.n_states)] = 1.0
+    return table
+
+
+def parameters(function: Any) -> frozenset[str]:
+    """Return the names of a function's parameters; none where they are unknown."""
     try:
         return frozenset(inspect.signature(function).parameters)
     except (TypeError, ValueError):
         return frozenset()
 
 
-def _normaliser(policy: Any) -> Any:
-    """How a model of Stable-Baselines3 that was trained behind `VecNormalize` wants observations; else as they are."""
+def normaliser(policy: Any) -> Callable[[Any], Any]:
+    """Return the normalisation of observations that a model of Stable-Baselines3 was trained with (`VecNormalize`)."""
     wrapper = policy.get_vec_normalize_env() if hasattr(policy, "get_vec_normalize_env") else None
-    return (lambda seen: seen) if wrapper is None else wrapper.normalize_obs
+    return (lambda observations: observations) if wrapper is None else wrapper.normalize_obs
 
 
-def distribution(policy: Any, seen: Any) -> Array | None:
-    """Probabilities (A, N) from a policy of Stable-Baselines3 with categorical actions; None for any other."""
+def _sb3_probabilities(policy: Any, observations: Any) -> Array | None:
+    """Return probabilities (N, A) of a policy of Stable-Baselines3 with categorical actions; None for any other."""
     actor = getattr(policy, "policy", policy)
     if not (hasattr(actor, "get_distribution") and hasattr(actor, "obs_to_tensor")):
         return None
     actor.set_training_mode(False)
-    found = actor.get_distribution(actor.obs_to_tensor(seen)[0]).distribution
+    found = actor.get_distribution(actor.obs_to_tensor(observations)[0]).distribution
     parts = found if isinstance(found, list) else [found]
     if any(type(part).__name__ != "Categorical" for part in parts):
         return None
     rows = [part.probs.detach().cpu().numpy().astype(np.float64) for part in parts]
     joint = reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), rows)
-    table: Array = (joint / joint.sum(axis=1, keepdims=True)).T
+    table: Array = joint / joint.sum(axis=1, keepdims=True)
     return table

@@ -1,4 +1,4 @@
-"""Experts as policies: those of specs, and those that an exact model gives."""
+"""Experts as policies for other libraries: those of specs, and those planned on an exact model."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import numpy as np
 
 from taskspec.base.arrays import Array
 from taskspec.lang.ir import Read, Role, reads
+from taskspec.lang.types import Kind
 from taskspec.model.model import misused, refuse
-from taskspec.policies.named import planned
+from taskspec.policies.named import decoded, planned, probabilities_of
+from taskspec.policies.policy import Actions
 from taskspec.registry import load
 from taskspec.rollout.rollout import State, by_expert
 from taskspec.scores.returns import Given, Results
@@ -24,8 +26,8 @@ if TYPE_CHECKING:
 class Expert:
     """The task's expert as a policy: with `predict` for Stable-Baselines3, with spaces and callable for imitation.
 
-    The recurrent state that `predict` hands back counts the steps of each environment, and holds what the expert
-    remembers and did. `gap` certifies how far it is below the optimum.
+    The recurrent state that `predict` returns has the number of steps in each environment, the expert's memory and its last
+    actions. `gap` is how far its return is below the optimum.
 
     Args:
         task: the task, its id or its path.
@@ -49,7 +51,8 @@ class Expert:
         self.observation: spaces.SpaceLayout = task.observation_layout
         self.action: spaces.SpaceLayout = task.action_layout
         self.memory: ExpertMemory | None = task.memory if self.given is None else None
-        self.where: dict[str, int] = _where_states_are(task, self._looked_at())
+        self.is_expressed: bool = isinstance(task.expert, tuple) and self.given is None
+        self.shown_by: dict[str, int] = _shown_by(task, self._needed())
 
     @property
     def gap(self) -> float | None:
@@ -60,29 +63,29 @@ class Expert:
     def predict(
         self, observation: Any, state: Any = None, episode_start: Any = None, deterministic: bool = False
     ) -> tuple[Any, Any]:
-        """Actions for one observation or a batch of them, and what to hand back: the steps taken, the memory, the action.
+        """Return actions for one observation or a batch of them, and the recurrent state: steps taken, memory, actions.
 
         Args:
-            state: what the last call handed back, or None.
-            episode_start: (N,) whether an episode begins with this observation.
+            observation: one of the environment's, or a batch of them.
+            state: the recurrent state that the last call returned, or None.
+            episode_start: bool (N,), whether an episode begins with this observation.
             deterministic: take the most likely action instead of drawing one.
         """
         single, batch = self._split(observation)
         steps = np.zeros(len(batch), np.int64) if state is None else np.asarray(state[0]).copy()
         if episode_start is not None:
             steps[np.asarray(episode_start, np.bool_).reshape(-1)] = 0
-        kept = self._remembered(batch, steps, state)
-        actions = [self._choose(o, int(t), m, deterministic) for o, t, m in zip(batch, steps, kept, strict=True)]
+        memories = self._remembered(batch, steps, state)
+        actions = [self._choose(o, int(t), m, deterministic) for o, t, m in zip(batch, steps, memories, strict=True)]
         packed = [spaces.pack(self.action, action) for action in actions]
-        done = (
-            []
-            if self.memory is None
-            else [*map(_stacked, zip(*kept, strict=True)), *map(_stacked, zip(*actions, strict=True))]
-        )
-        return (packed[0] if single else np.stack(packed)), (steps + 1, *done)
+        kept: list[Array] = []
+        if self.memory is not None:
+            kept += [np.array(rows) for rows in zip(*memories, strict=True)]
+            kept += [np.array(rows) for rows in zip(*actions, strict=True)]
+        return (packed[0] if single else np.stack(packed)), (steps + 1, *kept)
 
     def __call__(self, observation: Any, state: Any = None, episode_start: Any = None) -> tuple[Any, Any]:
-        """Actions and steps taken, as `predict` gives them: a policy as imitation's rollouts call it."""
+        """Return what `predict` returns; imitation's rollouts call policies like this."""
         return self.predict(observation, state, episode_start)
 
     @property
@@ -94,7 +97,7 @@ class Expert:
         return self.task.action_space
 
     def _split(self, observation: Any) -> tuple[bool, list[Any]]:
-        """Whether this is one observation, and the observations one by one."""
+        """Return whether this is one observation, and the observations one by one."""
         if not isinstance(observation, dict):
             single = np.ndim(observation) == len(self.observation.shape)
             return single, [observation] if single else list(observation)
@@ -104,15 +107,15 @@ class Expert:
         lanes = len(observation[first.name])
         return False, [{name: value[i] for name, value in observation.items()} for i in range(lanes)]
 
-    def _looked_at(self) -> set[str]:
-        """The components of the state that the expert's actions depend on."""
+    def _needed(self) -> set[str]:
+        """Return the state components that the expert's actions depend on."""
         own = {c.name for c in self.task.state}
-        if isinstance(self.task.expert, tuple) and self.given is None:
+        if self.is_expressed and isinstance(self.task.expert, tuple):
             return own & {name for role, name in reads(self.task.expert) if role is Role.STATE}
         return own
 
     def _remembered(self, batch: list[Any], steps: Array, state: Any) -> list[list[tuple[Any, ...]]]:
-        """What the expert remembers in each environment after a batch of observations: flat values by component."""
+        """Return the expert's memory in each environment after a batch of observations, as flat values by component."""
         if self.memory is None:
             return [[] for _ in batch]
         found = []
@@ -124,42 +127,41 @@ class Expert:
         return found
 
     def _choose(
-        self, observation: Any, t: int, kept: list[tuple[Any, ...]], deterministic: bool
+        self, observation: Any, t: int, memory: list[tuple[Any, ...]], deterministic: bool
     ) -> list[tuple[Any, ...]]:
-        state = self._state(observation)
-        for c, flat in zip(() if self.memory is None else self.memory.components, kept, strict=True):
-            state[c.name] = np.array(flat).reshape(*c.type.shape, 1)
-        if isinstance(self.task.expert, tuple) and self.given is None:
-            chosen = by_expert(self.task)(state, t, self.rng)
-            return [tuple(np.asarray(chosen[c.name]).reshape(-1).tolist()) for c in self.task.action]
-        return self._planned(state, t, deterministic)
+        """Return the action for one observation, as flat values by component."""
+        states = self._states(observation)
+        for c, flat in zip(() if self.memory is None else self.memory.components, memory, strict=True):
+            states[c.name] = np.array(flat).reshape(*c.type.shape, 1)
+        chosen = (
+            by_expert(self.task)(states, t, self.rng) if self.is_expressed else self._plan(states, t, deterministic)
+        )
+        return [tuple(np.asarray(chosen[c.name]).reshape(-1).tolist()) for c in self.task.action]
 
-    def _planned(self, state: State, t: int, deterministic: bool) -> list[tuple[Any, ...]]:
-        model, plan = self.results.model, self.results.expert_plan
-        if model is None or plan is None:
+    def _plan(self, states: State, t: int, deterministic: bool) -> Actions:
+        plan = self.results.expert_plan
+        if self.results.model is None or plan is None:
             refuse(f"the expert of {self.task.name} needs an exact model: {self.results.why_not}")
-        found = self.results.abstraction
-        mapped = state if found is None else found.map(state)
-        row = plan(t)[:, int(model.state_indices(mapped, 1)[0])]
-        action = int(row.argmax()) if deterministic else int(self.rng.choice(len(row), p=row / row.sum()))
-        values = model.actions.decode(np.array([action]))
-        return [tuple(values[Role.ACTION, c.name].reshape(-1).tolist()) for c in model.actions.components]
+        pi = probabilities_of(self.results, plan, states, t)[:, 0]
+        action = int(pi.argmax()) if deterministic else int(self.rng.choice(len(pi), p=pi / pi.sum()))
+        return decoded(self.results, np.array([action]))
 
-    def _state(self, observation: Any) -> dict[str, Array]:
+    def _states(self, observation: Any) -> dict[str, Array]:
+        """Return the state components that an observation shows, (*shape, 1)."""
         flats = spaces.unpack(self.observation, observation)
-        state = {}
-        for c in (c for c in self.task.state if c.name in self.where):
-            value = np.array(flats[self.where[c.name]]).reshape(*c.type.shape, 1)
-            state[c.name] = value if c.type.kind == 2 else np.rint(value).astype(np.int64)
-        return state
+        states = {}
+        for c in (c for c in self.task.state if c.name in self.shown_by):
+            value = np.array(flats[self.shown_by[c.name]]).reshape(*c.type.shape, 1)
+            states[c.name] = value if c.type.kind is Kind.REAL else np.rint(value).astype(np.int64)
+        return states
 
 
-def _stacked(rows: tuple[tuple[Any, ...], ...]) -> Array:
-    return np.array(rows)
+def _shown_by(task: Task, wanted: set[str]) -> dict[str, int]:
+    """Return the index of the observed component that shows each of some state components.
 
-
-def _where_states_are(task: Task, wanted: set[str]) -> dict[str, int]:
-    """For every wanted state component the number of the observed one that shows it as it is."""
+    Raises:
+        SpecError: E712 where one is not shown as it is.
+    """
     found: dict[str, int] = {}
     for i, node in enumerate(task.observation.nodes):
         if isinstance(node, Read) and node.role is Role.STATE:

@@ -1,113 +1,112 @@
-"""The value of whatever policy is handed in: a table, a function, an expert, or an object with `predict`."""
+"""Expected returns of policies: tables, functions, experts, and objects with `predict`."""
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.diagnostics import Diagnostic, SpecError
-from taskspec.lang.ir import Role
 from taskspec.model.model import Model, misused, refuse
-from taskspec.policies.adapters import ASKS, Asked
+from taskspec.policies.adapters import (
+    ObservationFunction,
+    ObservationPolicy,
+    Predictor,
+    ProbabilisticPolicy,
+    StateFunction,
+    Varies,
+    normaliser,
+)  # fmt: skip
 from taskspec.policies.experts import Expert
 from taskspec.policies.named import planned
-from taskspec.rollout.rollout import State
+from taskspec.policies.policy import Asking, EpisodeBatch, SharedDraws, TaskPolicy, greedy, states_of
+from taskspec.rollout.rollout import Rollout, State
 from taskspec.scores.returns import Results, Return
 from taskspec.solve import solve
 from taskspec.solve.plans import Plan, stationary, timed
 from taskspec.task.task import Task
 
-Function = Callable[[State, int], Mapping[str, Any]]
-Asking = Literal["probabilities", "actions", "samples"]
-"""What the value of a policy rests on: its probabilities of actions, its actions where they are always the same, or episodes."""
-
 
 @dataclass(frozen=True, slots=True)
-class Valued:
-    """The expected return of a policy, and in which way the policy was asked."""
+class PolicyValue:
+    """The expected return of a policy, and what it rests on."""
 
     value: Return
     asked: Asking
 
 
-def policy_value(results: Results, policy: Any, deterministic: bool | None) -> Valued:
-    """The expected return of a policy: exact where the task has a model and the policy can be tabulated on it.
+def policy_value(results: Results, policy: Any, deterministic: bool | None = None) -> PolicyValue:
+    """Return the expected return of a policy: exact if the task has a model on which the policy can be tabulated.
 
-    Where it has to be simulated, `results` say in how many episodes, and of which seed.
+    Args:
+        results: of the task; they give the number of simulated episodes, and their seed.
+        policy: a table over the states of the exact model (see `plan_of_table`), a function of the states and the time, an
+            `Expert`, an object with `predict`, or a `TaskPolicy`.
+        deterministic: passed to `predict`.
+
+    Raises:
+        SpecError: E706 for actions outside the action space, E712 where an exact model is needed and there is none, E713 for
+            anything else.
     """
-    task, model = results.task, results.model
-    if isinstance(policy, list | tuple) or hasattr(policy, "__array__"):
-        return _tabulated(policy, results)
+    if is_table(policy):
+        return _table_value(results, np.asarray(policy))
     if isinstance(policy, Expert) and not deterministic:
-        return _as_expert(policy, results)
+        return _expert_value(results, policy)
+    if isinstance(policy, TaskPolicy):
+        return _value(results, policy)
     if hasattr(policy, "predict"):
-        return _predicted(Asked(task, policy, deterministic), results)
+        return _value(results, Predictor(results.task, policy, deterministic))
     if not callable(policy):
         hint = f"`Expert(task, {policy!r})`" if isinstance(policy, str) and planned(policy) is not None else None
         misused(f"{type(policy).__name__} is not a policy", hint or "a table, a function, or an object with `predict`")
-    function = _of_states(task, policy)
-    if model is not None and model.task is task:
+    return _value(results, StateFunction(results.task, policy))
+
+
+def is_table(policy: Any) -> bool:
+    """Return whether a policy is a table: a list or an array."""
+    return isinstance(policy, list | tuple) or hasattr(policy, "__array__")
+
+
+def _value(results: Results, policy: TaskPolicy) -> PolicyValue:
+    model = results.model
+    if model is not None and model.task is policy.task:
+        found = policy.tabulate(model)
         try:
-            return Valued(Return(solve.policy_return(model, plan_of_function(model, function))), "actions")
-        except _Varies:
+            if found is not None:
+                return PolicyValue(Return(solve.policy_return(model, found.plan)), found.asked)
+        except Varies:
             pass
-    return Valued(results.simulated(lambda state, t, rng: function(state, t)), "samples")
+
+    def choose(states: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
+        if isinstance(policy, ObservationPolicy):
+            return policy.choose(policy.batch(states, t, rng))
+        lanes = next(iter(states.values())).shape[-1]
+        return policy.choose(EpisodeBatch(t, states, None, SharedDraws(rng, lanes), np.ones(lanes, np.bool_)))
+
+    return PolicyValue(results.simulated(choose), "samples")
 
 
-def _of_states(task: Task, policy: Callable[..., Any]) -> Function:
-    """A function from states and the time to actions by component, whose arguments and answers are looked at.
-
-    Raises:
-        SpecError: (E713) when it takes something else; once it is asked, when it gives something else.
-    """
-    names = [c.name for c in task.action]
-    hint = f"`lambda state, t: {{{', '.join(f'{name!r}: ...' for name in names)}}}`; of observations, an object with `predict`"
-    try:
-        inspect.signature(policy).bind({}, 0)
-    except ValueError:  # nothing is known of it
-        pass
-    except TypeError:
-        misused("a function that is a policy takes the states and the time", hint)
-
-    def chosen(state: State, t: int) -> Mapping[str, Any]:
-        answer = policy(state, t)
-        if not isinstance(answer, Mapping) or any(name not in answer for name in names):
-            given = (
-                ", ".join(map(str, answer))
-                if isinstance(answer, Mapping)
-                else f"a value of type {type(answer).__name__}"
-            )
-            misused(
-                f"a function that is a policy gives the action by component, {', '.join(names)}, not {given or 'nothing'}",
-                hint,
-            )
-        return answer
-
-    return chosen
-
-
-def _tabulated(table: Any, results: Results) -> Valued:
-    model, array = results.model, np.asarray(table)
-    if array.ndim == 1 and array.dtype.kind == "f":
-        misused("a list of reals is not a policy", "returns of episodes are given as `score(task, returns=[...])`")
-    if model is None:
-        refuse(f"a table of actions needs an exact model: {results.why_not}")
-    plan = plan_of_table(model, array)
-    return Valued(Return(solve.policy_return(model, plan)), "probabilities" if array.dtype.kind == "f" else "actions")
-
-
-def _as_expert(expert: Expert, results: Results) -> Valued:
-    """The expert knows its own return, and the probabilities behind its actions."""
+def _expert_value(results: Results, expert: Expert) -> PolicyValue:
     results = results if expert.given is None else expert.results
     value = results.expert
     if value is None:
         refuse(f"the expert of {expert.task.name} has no return: {results.why_not}")
-    return Valued(value, "probabilities" if value.exact else "samples")
+    return PolicyValue(value, "probabilities" if value.exact else "samples")
+
+
+# -- tables over the states of an exact model -------------------------------------------------------------------------
+
+
+def _table_value(results: Results, table: Array) -> PolicyValue:
+    model = results.model
+    if table.ndim == 1 and table.dtype.kind == "f":
+        misused("a list of reals is not a policy", "returns of episodes are given as `score(task, returns=[...])`")
+    if model is None:
+        refuse(f"a table of actions needs an exact model: {results.why_not}")
+    value = Return(solve.policy_return(model, plan_of_table(model, table)))
+    return PolicyValue(value, "probabilities" if table.dtype.kind == "f" else "actions")
 
 
 def plan_of_table(model: Model, table: Array) -> Plan:
@@ -116,7 +115,8 @@ def plan_of_table(model: Model, table: Array) -> Plan:
     Raises:
         SpecError: E713 for another table.
     """
-    a, n = model.n_actions, model.n_states
+    a = model.n_actions
+    n = model.n_states
     if table.dtype.kind in "iu" and table.shape[-1:] == (n,) and table.ndim <= 2 and table.shape != (n, a):
         if not ((table >= 0) & (table < a)).all():
             misused(f"an action of the table is not in 0 to {a - 1}")
@@ -124,19 +124,23 @@ def plan_of_table(model: Model, table: Array) -> Plan:
         return stationary(hot) if table.ndim == 1 else timed(list(hot))
     if table.shape[-2:] != (n, a) or table.ndim > 3:
         message = f"a table of probabilities has shape ({n}, {a}) or (T, {n}, {a}), not {table.shape}"
-        misused(message, transposed(table, n, a))
+        misused(message, _transposed(table, n, a))
     table = table.astype(np.float64)
     if np.isnan(table).any():
         misused("the table of probabilities has NaN in it", "every entry is a probability")
-    if not np.allclose(table.sum(axis=-1), 1) or (table < 0).any():
+    if not _are_probabilities(table):
         is_square_transposed = a == n and np.allclose(table.sum(axis=-2), 1)
-        hint = transposed(table, n, a) if is_square_transposed else None
+        hint = _transposed(table, n, a) if is_square_transposed else None
         misused("the probabilities of the actions in a state are at least 0, and sum to 1", hint)
     by_action = np.moveaxis(table, -1, -2)
     return stationary(by_action) if table.ndim == 2 else timed(list(by_action))
 
 
-def transposed(table: Array, rows: int, actions: int) -> str | None:
+def _are_probabilities(table: Array) -> bool:
+    return bool((table >= 0).all() and np.allclose(table.sum(axis=-1), 1))
+
+
+def _transposed(table: Array, rows: int, actions: int) -> str | None:
     """Return the hint for a table whose actions come before its states or observations; None for any other."""
     if table.ndim not in (2, 3) or table.shape[-2:] != (actions, rows):
         return None
@@ -144,96 +148,116 @@ def transposed(table: Array, rows: int, actions: int) -> str | None:
     return f"this table is transposed: actions are its last axis, as in {way}"
 
 
-class _Varies(Exception):
-    """A policy does not give the same actions each time it is asked about the same states."""
+# -- policies of observations, greedy and stochastic ------------------------------------------------------------------
 
 
-def plan_of_function(model: Model, policy: Function) -> Plan:
-    """A function from states by component, (*shape, S), and the time to actions by component.
+@dataclass(frozen=True, slots=True)
+class ObservedValue:
+    """The expected returns of a policy of observations: with its most likely actions, and with those that it draws."""
+
+    deterministic: Return
+    stochastic: Return
+
+
+def observed_value(results: Results, policy: Any, seed: int) -> ObservedValue:
+    """Return the expected returns of a policy of observations: exact if the task has a model on which it can be tabulated.
+
+    Args:
+        results: of the task.
+        policy: an object with `predict` (and maybe `probabilities`), a function of the observation, or a table (see `_of_table`).
+        seed: of what it draws.
 
     Raises:
-        _Varies: when its actions are not always the same.
+        SpecError: E706 for actions outside the action space, E713 for anything that is not a policy.
     """
-
-    def ask(t: int) -> Array:
-        states = {name: v.copy() for (role, name), v in model.reads(t).items() if role is Role.STATE}
-        chosen = policy(states, t)
-        values = [np.asarray(chosen[c.name]) for c in model.actions.components]
-        return one_hot(model, [np.broadcast_to(v, (*v.shape[:-1], model.n_states)) for v in values])
-
-    def at(t: int) -> Array:
-        first = ask(t)
-        if any(not np.array_equal(first, ask(t)) for _ in range(ASKS - 1 if t == 0 else 1)):
-            raise _Varies
-        return first
-
-    return at
-
-
-def one_hot(model: Model, values: list[Array]) -> Array:
-    """Actions by component (*shape, S) as probabilities (A, S)."""
-    code, outside = model.actions.encode(values, model.n_states)
-    if outside is not None and outside.any():
-        state = model.state_name(int(np.flatnonzero(outside)[0]))
-        raise SpecError([Diagnostic("E706", None, f"the policy chose an action outside the action space in {state}")])
-    table = np.zeros((model.n_actions, model.n_states))
-    table[code, np.arange(model.n_states)] = 1.0
-    return table
-
-
-# -- objects with `predict` -----------------------------------------------------------------------
-
-
-def _predicted(asked: Asked, results: Results) -> Valued:
-    """The value of an object with `predict`, asked about every state at once, or in episodes."""
-    model = results.model
-    if model is not None and model.task is asked.task and (asked.sees_state_alone or asked.sees_time):
-        for way in _ANSWERS:
-            plan = _plan(asked, model, _ANSWERS[way])
-            if plan is not None:
-                return Valued(Return(solve.policy_return(model, plan)), way)
-    memory: list[Any] = [None]
-
-    def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
-        actions, memory[0] = asked.actions(state, t, rng, None if t == 0 else memory[0], start=t == 0)
-        return actions
-
-    return Valued(results.simulated(choose), "samples")
-
-
-def _plan(asked: Asked, model: Model, answer: Callable[[Asked, Model, int], Array | None]) -> Plan | None:
-    """The policy's answers for all states as a plan; None where there is one of no such kind."""
-    horizon = model.task.horizon
-    if asked.sees_state_alone:
-        table = answer(asked, model, 0)
-        return None if table is None else stationary(table)
-    if horizon is None:
-        return None
-    tables = [answer(asked, model, t) for t in range(horizon)]
-    known = [table for table in tables if table is not None]
-    return timed(known) if len(known) == len(tables) else None
-
-
-def _chances(asked: Asked, model: Model, t: int) -> Array | None:
-    found = asked.probabilities(states_of(model), t)
-    if found is None:
-        return None
-    wanted = (model.n_actions, model.n_states)
-    if found.shape != wanted or not np.allclose(found.sum(axis=0), 1) or (found < 0).any():
+    if is_table(policy):
+        return _of_table(results, np.asarray(policy), seed)
+    probabilities = _probabilities(policy, results.task)
+    if probabilities is not None:
+        return _of_probabilities(results, probabilities, probabilities, seed)
+    if hasattr(policy, "predict"):
+        predictor = Predictor(results.task, policy, deterministic=True)
+        best = _value(results, predictor).value
+        if "deterministic" not in predictor.takes:
+            return ObservedValue(best, best)
+        return ObservedValue(best, _value(results, Predictor(results.task, policy, deterministic=False)).value)
+    if not callable(policy):
         misused(
-            f"`action_probabilities` gives rows of {wanted[0]} probabilities that sum to 1, one for each observation"
+            f"{type(policy).__name__} is not a policy",
+            "a table, a function of the observation, an object with `predict`",
         )
-    return found
+    value = _value(results, ObservationFunction(results.task, policy, name="", seed=seed)).value
+    return ObservedValue(value, value)
 
 
-def _constant(asked: Asked, model: Model, t: int) -> Array | None:
-    chosen = asked.constant_actions(states_of(model), t)
-    return None if chosen is None else one_hot(model, [chosen[c.name] for c in model.actions.components])
+Probabilities = Callable[[Any], Array]
+"""From observations (N, *shape) to the probabilities of actions (N, A)."""
 
 
-_ANSWERS: dict[Asking, Callable[[Asked, Model, int], Array | None]] = {"probabilities": _chances, "actions": _constant}
+def _probabilities(policy: Any, task: Task) -> Probabilities | None:
+    """Return the probabilities that a policy gives of finite actions; None where it gives none."""
+    if task.action_layout.form == "box":
+        return None
+    if hasattr(policy, "probabilities"):
+        normalise = normaliser(policy)
+        return lambda observations: np.asarray(policy.probabilities(normalise(observations)), np.float64)
+    predictor = Predictor(task, policy)
+    if not hasattr(policy, "action_probabilities"):
+        if not hasattr(policy, "predict"):
+            return None
+        start = predictor.observe(Rollout(task, 1).start(), 0, np.random.default_rng(0))
+        if predictor.probabilities(start) is None:
+            return None
+    return lambda observations: np.asarray(predictor.probabilities(observations), np.float64)
 
 
-def states_of(model: Model) -> State:
-    """All states of a model by component, (*shape, S)."""
-    return {name: v for (role, name), v in model.reads().items() if role is Role.STATE}
+def _of_probabilities(results: Results, values: Probabilities, stochastic: Probabilities, seed: int) -> ObservedValue:
+    """Return the values of the greedy policy of some values (N, A), and of a stochastic policy."""
+    both = (lambda observations: greedy(values(observations)), stochastic)
+    best, random = (_value(results, ProbabilisticPolicy(results.task, each, seed)).value for each in both)
+    return ObservedValue(best, random)
+
+
+def _of_table(results: Results, table: Array, seed: int) -> ObservedValue:
+    """Return the values of a table over observations that are one number.
+
+    The table has actions (O,) or (T, O), or probabilities or values (O, A) or (T, O, A). A table of values, whose rows are not
+    probabilities, is a greedy policy.
+    """
+    seen = results.task.observation_layout
+    actions = results.task.action_layout
+    if seen.form != "discrete" or actions.form not in ("discrete", "multi_discrete"):
+        misused(f"a table is a policy where observations are one number and actions finite, not on {results.task.id}")
+    o = seen.counts[0]
+    a = int(np.prod(actions.counts))
+    if table.dtype.kind in "iu" and table.shape[-1:] == (o,) and table.shape[-2:] != (o, a):
+        index = table - actions.starts[0] if actions.form == "discrete" else table
+        if not ((index >= 0) & (index < a)).all():
+            misused(f"an action of the table is not in {results.task.action_space}")
+        table = np.eye(a)[index]
+    if table.ndim not in (2, 3) or table.shape[-2:] != (o, a):
+        misused(
+            f"a table has shape ({o},) for actions, ({o}, {a}) for their probabilities or values; maybe with "
+            f"the time in front; not {table.shape}",
+            _transposed(table, o, a),
+        )
+    if not np.isfinite(table).all():
+        what = "NaN" if np.isnan(table).any() else "an infinite number"
+        misused(f"the table of probabilities or values of actions has {what} in it", "every entry is a finite number")
+    stochastic = table if _are_probabilities(table) else greedy(table)
+    if table.ndim == 3:
+        return ObservedValue(_timed_value(results, greedy(table)), _timed_value(results, stochastic))
+    start = seen.starts[0]
+    return _of_probabilities(
+        results, lambda rows: table[np.asarray(rows) - start], lambda rows: stochastic[np.asarray(rows) - start], seed
+    )
+
+
+def _timed_value(results: Results, table: Array) -> Return:
+    """Return the value of a table (T, O, A) on the exact model, if its states and observations are one to one."""
+    model = results.model
+    policy = Predictor(results.task, None)
+    if model is None or model.task is not results.task or policy.is_noisy or policy.sees_time:
+        misused(f"a table over the time is a policy where observations show the state, not on {results.task.id}")
+    observations = policy.observe(states_of(model), 0, np.random.default_rng(0)) - policy.layout.starts[0]
+    return _table_value(results, table[:, observations].astype(np.float64)).value

@@ -26,7 +26,7 @@ from taskspec.task.task import Component, Task
 Key = tuple[Role, str]
 State = dict[str, Array]
 Choose = Callable[[State, int, np.random.Generator], Mapping[str, Array]]
-"""Gives actions by name, (*shape, lanes), from the state by name and the time."""
+"""A function from the state by component and the time to actions by component, (*shape, lanes)."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def is_bounded(task: Task) -> bool:
 
 
 def at_random(task: Task) -> Choose:
-    """Random actions as those of `action_space.sample()`: uniform, where a range has both ends."""
+    """Return random actions like those of `action_space.sample()`: uniform, where a range has both ends."""
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]
@@ -92,7 +92,7 @@ def at_random(task: Task) -> Choose:
 
 
 def uniform(c: Any, lanes: int, rng: np.random.Generator) -> Array:
-    """Random values of a component, (*shape, lanes): uniform where its range has both ends."""
+    """Return random values of a component, (*shape, lanes): uniform where its range has both ends."""
     rows: list[Array] = []
     for low, high in zip(c.low, c.high, strict=True):
         if not (math.isfinite(low) and math.isfinite(high)):
@@ -108,7 +108,7 @@ def uniform(c: Any, lanes: int, rng: np.random.Generator) -> Array:
 
 
 def _unbounded(low: float, high: float, lanes: int, rng: np.random.Generator) -> Array:
-    """Values (lanes,) of a range that lacks an end, as Gymnasium's `Box` samples them.
+    """Return values (lanes,) of a range that lacks an end, distributed like those of Gymnasium's `Box`.
 
     Standard normal where there is no end; one end plus, or minus, an exponential of mean 1 where there is one.
     """
@@ -120,27 +120,32 @@ def _unbounded(low: float, high: float, lanes: int, rng: np.random.Generator) ->
 
 
 def by_expert(task: Task) -> Choose:
-    """The actions of an expert given by expressions."""
-    experts = task.expert
-    assert isinstance(experts, tuple)
+    """Return the actions of an expert given by expressions."""
+    assert isinstance(task.expert, tuple)
+    layout = WordLayout.of(task.expert)
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]
-        layout = WordLayout.of(experts)
-        words = rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32)
-        values = evaluate(experts, reads_of(state, {}, t), batch_sampler(layout, words))
-        return {c.name: np.broadcast_to(v, (*v.shape[:-1], lanes)) for c, v in zip(task.action, values, strict=True)}
+        return expert_actions(task, state, t, layout, rng.integers(0, 2**32, (layout.count, lanes), dtype=np.uint32))
 
     return choose
 
 
+def expert_actions(task: Task, state: State, t: int, layout: WordLayout, words: Array) -> Mapping[str, Array]:
+    """Return actions by component, (*shape, N), of an expert given by expressions, from random words uint32 (count, N)."""
+    assert isinstance(task.expert, tuple)
+    values = evaluate(task.expert, reads_of(state, {}, t), batch_sampler(layout, words))
+    pairs = zip(task.action, values, strict=True)
+    return {c.name: _spread(v, words.shape[-1]) for c, v in pairs}
+
+
 LANES, STEPS, MANY_STEPS = 64, 60, 1000
 HELD = 0.25
-"""Nominal seconds for the longer ones of the episodes that are looked at."""
+"""Nominal seconds for the episodes of constant actions."""
 
 
 def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
-    """States in which some episodes act, with actions and times; with `ends`, the states in which they end as well.
+    """Return states in which some episodes act, with actions and times; with `ends`, also the states in which they end.
 
     Episodes act at random, by holding on to an action, and by the expert.
     """
@@ -158,7 +163,7 @@ def visited(task: Task, ends: bool = False) -> Mapping[Key, Array]:
 
 
 def _affordable(task: Task) -> int:
-    """How many steps are taken by holding on to an action, which leads far: more than others where they cost little.
+    """Return the number of steps for constant actions, which lead far: more than for others if steps are cheap.
 
     They are taken one after the other as far as an episode goes, and side by side beyond, which is quicker.
     """
@@ -169,7 +174,7 @@ def _affordable(task: Task) -> int:
 def _episodes(
     task: Task, choose: Choose, lanes: int, most: int, ends: bool, rng: np.random.Generator
 ) -> Iterator[dict[Key, Array]]:
-    """What is read in episodes of so many steps together, step by step; new ones begin when the last of all lanes has ended."""
+    """Yield the reads of each step of episodes with `most` steps together; new ones begin when all lanes have ended."""
     rollout = Rollout(task, lanes)
     state, going, t, episode = rollout.start(), np.ones(lanes, np.bool_), 0, 0
     for steps in range(most):
@@ -188,17 +193,17 @@ def _episodes(
 
 
 def _picked(reads: Mapping[Key, Array], lanes: Array) -> dict[Key, Array]:
-    """Those lanes of what is read that a condition (N,) holds for."""
+    """Return some lanes, bool (N,), of the reads."""
     return {key: _spread(value, len(lanes))[..., lanes] for key, value in reads.items()}
 
 
 def _spread(values: Array, lanes: int) -> Array:
-    """Values (*shape, 1) or (*shape, lanes) in all lanes."""
+    """Return values (*shape, 1) or (*shape, lanes) as (*shape, lanes)."""
     return values if values.shape[-1] == lanes else np.broadcast_to(values, (*values.shape[:-1], lanes))
 
 
 def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.Generator) -> dict[Key, Array]:
-    """States, and their times, that one step leads to from what is read, where it stays in the state space.
+    """Return the next states of reads, and their times, as far as they stay in the state space.
 
     A step that ends the episode counts with `ends` alone: a state that only such steps lead to is one that no episode acts in.
     """
@@ -220,7 +225,7 @@ def entered(task: Task, reads: Mapping[Key, Array], ends: bool, rng: np.random.G
 
 
 def _within(c: Component, values: Array) -> Array:
-    """Actions as the environment takes them: an expert that is yet to be looked at may give others."""
+    """Clip actions to the action space: an expert that is not checked yet may leave it."""
     if c.type.kind is Kind.BOOL or (not c.is_finite and c.type.kind is Kind.INT):
         return values
     low, high = (np.array(ends, values.dtype).reshape(*c.type.shape, 1) for ends in (c.low, c.high))
@@ -228,7 +233,7 @@ def _within(c: Component, values: Array) -> Array:
 
 
 def _held(task: Task) -> Choose:
-    """One action for each lane, the same in a whole episode: it drives states to where they end up."""
+    """Return one action for each lane and episode, which drives states far."""
     actions = sampled_actions(task)
     chosen: list[Mapping[str, Array]] = []
 
@@ -241,7 +246,7 @@ def _held(task: Task) -> Choose:
 
 
 def sampled_actions(task: Task) -> Choose:
-    """Actions over the whole range and at its ends; a range without an end is cut."""
+    """Return actions over the whole range and at its ends; a range without an end is cut."""
 
     def choose(state: State, t: int, rng: np.random.Generator) -> Mapping[str, Array]:
         lanes = next(iter(state.values())).shape[-1]

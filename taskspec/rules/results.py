@@ -31,7 +31,7 @@ from taskspec.rules.conditions import (
 )
 from taskspec.rules.evaluator import Evaluator, Truth, Undecidable
 from taskspec.rules.vocabulary import RESULTS, RETURNS, InvalidClaim, holds_of_all, refuse_misplaced, rule_named
-from taskspec.scores.pomdp_bounds import SEARCHES, best_observing
+from taskspec.scores.partial_observability import SEARCHES, best_observing
 from taskspec.scores.returns import Results
 from taskspec.solve.enclosure import (
     Enclosure,

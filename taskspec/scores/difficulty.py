@@ -12,8 +12,8 @@ from taskspec.base.diagnostics import SpecError, suggest
 from taskspec.base.display import html_table
 from taskspec.base.progress import tell
 from taskspec.model.model import Model, misused, refuse
-from taskspec.scores.hidden import hidden_bits
 from taskspec.scores.lookahead import effective_horizon, least_lookahead
+from taskspec.scores.partial_observability import hidden_bits
 from taskspec.scores.random_success import best_chance, mean_length, reward_chance, solution_length
 from taskspec.scores.returns import Results
 from taskspec.solve.enclosure import NoNumber
@@ -22,15 +22,16 @@ from taskspec.task.task import TaskLike
 
 __all__ = ["MEASURES", "Difficulty", "Measure", "difficulty"]
 
-# ---------- measures
-# The measures of difficulty in one table: what each is, in which unit, after whom, and how it is worked out.
-
 
 @dataclass(frozen=True)
 class Measure:
-    """A measure of difficulty. `of` gives its value for the results of a task, and raises SpecError (E712) where it has none.
+    """A measure of difficulty.
 
-    `doc` is what it is, in a sentence; `formula` says the same in TeX; `source` is the work that it comes from.
+    Attributes:
+        doc: a sentence about it.
+        formula: the same in TeX.
+        source: the work that it comes from.
+        of: its value for the results of a task; raises SpecError (E712) where it has none.
     """
 
     name: str
@@ -42,7 +43,7 @@ class Measure:
 
 
 def _model(results: Results) -> Model:
-    """The exact model. SpecError (E712): there is none, or the abstraction that it is of is not faithful."""
+    """Return the exact model; raise E712 if there is none, or its abstraction is not faithful."""
     if results.model is None:
         refuse(results.why_not or "there is no exact model", results.remedy)
     if results.faith is not None and results.faith.problem is not None:
@@ -51,7 +52,7 @@ def _model(results: Results) -> Model:
 
 
 def _return(results: Results, which: str) -> float:
-    """The optimal or random return. SpecError (E712): it is not known exactly."""
+    """Return the optimal or random return; raise E712 if it is not known exactly."""
     _model(results)
     found = results.enclosure(which)
     if found is None:
@@ -64,7 +65,7 @@ def _on_model(function: Callable[[Model], float]) -> Callable[[Results], float]:
 
 
 def _branching(model: Model) -> float:
-    """The mean number of states that one of the actions may lead to, from the states in which episodes act."""
+    """Return the mean number of possible next states of states in which episodes act."""
     step = model.step(0)
     both = step.going if step.ending is None else step.going + step.ending
     reached = both[: model.n_states]
@@ -165,10 +166,6 @@ MEASURES: dict[str, Measure] = _table([
 """Every measure by name."""
 
 
-# ---------- told
-# The measures of one task: those asked for, each worked out or with the reason why it is not known.
-
-
 @dataclass(frozen=True, eq=False)
 class Difficulty(Mapping[str, float | None]):
     """Measures of a task's difficulty by name, in the order of `MEASURES`; None where one is not known.
@@ -205,7 +202,7 @@ class Difficulty(Mapping[str, float | None]):
 
 
 def difficulty(task: TaskLike | Results, names: Sequence[str] | None = None) -> Difficulty:
-    """How hard a task is by measures from theory, worked out on its exact model.
+    """Return measures of difficulty from theory, computed on the exact model of a task.
 
     Args:
         task: the task, its id or its path, or `Results` of it, which spares working out what is known already.

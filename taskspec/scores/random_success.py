@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from taskspec.base.arrays import Array
-from taskspec.base.limits import how_to_raise, limits
+from taskspec.base.limits import count, how_to_raise, limits
 from taskspec.model.model import Model, Step, refuse, scipy_sparse
-from taskspec.scores.lookahead import RandomSteps, StepOutcomes
+from taskspec.model.transitions import Steps
 from taskspec.solve.backward import action_values, all_values, backward, first_values
 from taskspec.solve.chains import Chain, leading_to
 from taskspec.solve.infinite_horizon import Endless
 from taskspec.solve.plans import Plan, optimal_plan
 from taskspec.solve.solve import best, policy_return
 
-# ---------- lengths
-# How long episodes take: expectations of steps, as returns of the same model paid for them.
+# -- lengths: expected returns of the same model with a reward of 1 for each step -------------------------------------
 
 
 def mean_length(model: Model, plan: Plan) -> float:
-    """The expected number of steps of an episode under a policy."""
+    """Return the expected number of steps of an episode under a policy."""
     if model.horizon is not None and all(step.ending is None for step in model.steps):
         return model.horizon
     steps = {id(step): _with_reward(step, np.ones_like(step.reward)) for step in model.steps}
@@ -33,12 +33,12 @@ def _with_reward(step: Step, reward: Array) -> Step:
 
 
 def undiscounted(model: Model, steps: tuple[Step, ...]) -> Model:
-    """The model with other steps, without a discount."""
+    """Return the model with other steps, without a discount."""
     return replace(model, task=replace(model.task, discount=1.0), steps=steps)
 
 
 def solution_length(model: Model) -> float:
-    """The least expected number of steps by which a policy of optimal return comes to where nothing is left to earn or lose."""
+    """Return the least expected number of steps in which an optimal policy reaches a state without further rewards."""
     plan = optimal_plan(model)
     if model.horizon is None:
         return _endless_solution(model, plan(0) > 0)
@@ -66,7 +66,7 @@ def _pays(step: Step, shape: tuple[int, int]) -> Array:
 
 
 def _endless_solution(model: Model, best: Array) -> float:
-    """Without a horizon: the shortest way on the same model with actions that are not best replaced by one that is."""
+    """Return the solution length without a horizon: the shortest path if only optimal actions are allowed."""
     step, shape = model.step(0), best.shape
     busy = leading_to(step.going, np.asarray(_pays(step, shape).any(axis=0)))
     action = np.where(best, np.arange(model.n_actions)[:, None], best.argmax(axis=0))
@@ -77,18 +77,83 @@ def _endless_solution(model: Model, best: Array) -> float:
     return -Endless(undiscounted(model, (kept,))).best().value
 
 
-# ---------- luck
-# What random actions come to by luck: the chance of a best episode, and that of any reward at all.
+# -- outcomes of one step ---------------------------------------------------------------------------------------------
 
-RATE = 2_000_000
-"""Outcomes of pairs of a state and a return so far that are gone through in a second, nominally."""
-CLOSE = 1e-9
-"""By how much of the largest return one may miss the best and still be as good."""
-GRAIN = 2.0**-40
+CHUNK = 65_536
+LISTING_RATE = 1_000_000
+"""Nominal number of outcomes that are listed in a second."""
+
+
+@dataclass(frozen=True)
+class StepOutcomes:
+    """All outcomes (N,) of one step of random actions, sorted by `state` and distinct: next state, reward, end, probability.
+
+    `first` (S + 1,) has the index of the first outcome of each state.
+    """
+
+    state: Array
+    target: Array
+    reward: Array
+    ends: Array
+    weight: Array
+    first: Array
+
+
+class RandomSteps:
+    """Outcomes of random actions at each time, in the states in which episodes act.
+
+    Raises:
+        SpecError: (E712) when there are too many, or infinitely many.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.steps = model, Steps(model.task, as_paid=True)
+        self.acting = np.flatnonzero(model.acting)
+        self._known: dict[int, StepOutcomes] = {}
+        if self.steps.branching == np.inf:
+            refuse("rewards are drawn from a distribution that has infinitely many outcomes")
+        times = (model.horizon or 1) if self.steps.uses_time else 1
+        size = times * len(self.acting) * model.n_actions * self.steps.branching
+        if size > limits().seconds * LISTING_RATE:
+            refuse(f"random steps have {count(int(size))} outcomes", how_to_raise("seconds", size / LISTING_RATE))
+
+    def at(self, t: int) -> StepOutcomes:
+        time = t if self.steps.uses_time else 0
+        if time not in self._known:
+            self._known[time] = self._listed(time)
+        return self._known[time]
+
+    def _listed(self, t: int) -> StepOutcomes:
+        parts = list(self._parts(t))
+        state, target, reward, ends, weight = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        order = np.lexsort((reward, ends, target, state))
+        state, target, reward, ends, weight = (x[order] for x in (state, target, reward, ends, weight))
+        new = np.ones(len(state), np.bool_)
+        new[1:] = np.logical_or.reduce([x[1:] != x[:-1] for x in (state, target, reward, ends)])
+        at = np.flatnonzero(new)
+        total = np.add.reduceat(weight, at) / self.model.n_actions
+        first = np.searchsorted(state[at], np.arange(self.model.n_states + 1))
+        return StepOutcomes(state[at], target[at], reward[at], ends[at], total, first)
+
+    def _parts(self, t: int) -> Iterator[tuple[Array, ...]]:
+        """Yield states, next states, rewards, ends and probabilities of outcomes, in chunks of actions and states."""
+        codes, rows = self.model.codes, len(self.acting) * self.model.n_actions
+        size = max(1, int(CHUNK // max(1.0, min(self.steps.branching, CHUNK))))
+        for low in range(0, rows, size):
+            action, which = np.divmod(np.arange(low, min(rows, low + size)), len(self.acting))
+            state = self.acting[which]
+            for found in self.steps.outcomes(codes[state], action, t):
+                at = state if found.origin is None else state[found.origin]
+                target = np.searchsorted(codes, found.code)
+                given = (at, target, found.reward.astype(np.float64), found.terminal, found.weight)
+                yield tuple(np.broadcast_to(x, (len(at),)) for x in given)
+
+
+# -- probability of a reward ------------------------------------------------------------------------------------------
 
 
 def reward_chance(model: Model) -> float:
-    """The probability that an episode of random actions is ever paid a reward other than 0."""
+    """Return the probability that an episode of random actions has a reward other than 0."""
     steps = RandomSteps(model)
     if model.horizon is None:
         return float(model.start @ _ever_paid(model, steps.at(0)))
@@ -101,13 +166,13 @@ def reward_chance(model: Model) -> float:
 
 
 def _backed_up(found: StepOutcomes, states: int, later: Array) -> Array:
-    """The chance (S,) of a reward now, or else of one after this step."""
+    """Return the probability (S,) of a reward now or, by `later`, after this step."""
     hit = np.where(found.reward != 0, 1.0, np.where(found.ends, 0.0, later[found.target]))
     return np.bincount(found.state, found.weight * hit, states)
 
 
 def _ever_paid(model: Model, found: StepOutcomes) -> Array:
-    """The chance (S,) of a reward at some time, without a horizon."""
+    """Return the probability (S,) of a reward at any time, without a horizon."""
     n = model.n_states
     unpaid = (found.reward == 0) & ~found.ends
     entries = (found.weight[unpaid], (found.state[unpaid], found.target[unpaid]))
@@ -116,22 +181,27 @@ def _ever_paid(model: Model, found: StepOutcomes) -> Array:
     return Chain(matrix, lambda x: x, leading_to(matrix, now > 0)).solved(now)
 
 
-# -- the chance of a best episode -------------------------------------------------------------------------------------
+# -- probability of a best episode ------------------------------------------------------------------------------------
+
+RATE = 2_000_000
+"""Nominal number of outcomes of pairs of a state and a return so far in a second."""
+CLOSE = 1e-9
+"""Relative tolerance for optimality, as a share of the largest return."""
+GRAIN = 2.0**-40
 
 
 def best_chance(model: Model) -> float:
-    """The probability that the return of random actions is at least what the optimal policy expects from the same first state."""
+    """Return the probability that a return of random actions is at least the optimal value of its first state."""
     if model.horizon is None:
         refuse("episodes have no horizon")
     return _Trials(model, model.horizon).chance()
 
 
 class _Trials:
-    """Random episodes, as states with what is still missing to the best return, alike ones together.
+    """Distribution of random episodes over pairs of a state and the return still missing to the best one.
 
-    What is missing is counted in whole grains of the largest possible return, so that sums in whatever order are equal.
-    A state is followed no further once whatever happens decides: `most` and `least`, (S,) for each time, are the largest and the
-    smallest return that anything may still bring.
+    The missing return is an integer multiple of `grain`, so that sums do not depend on their order. A pair is dropped once its
+    outcome is decided: `most` and `least`, (S,) for each time, are the largest and the smallest return from there on.
     """
 
     def __init__(self, model: Model, horizon: int) -> None:
@@ -147,7 +217,7 @@ class _Trials:
         self.spent = 0
 
     def _extremes(self, extreme: np.ufunc) -> list[Array]:
-        """Return the largest or smallest return (S,) that anything may still bring, at each time."""
+        """Return the largest or smallest possible return (S,) from each time on."""
 
         def backup(t: int, value: Array) -> Array:
             """Return the return (N,) of each outcome."""
@@ -184,7 +254,7 @@ class _Trials:
     def _stepped(
         self, t: int, factor: float, state: Array, missing: Array, weight: Array
     ) -> tuple[Array, Array, Array, float]:
-        """States, what is missing, and probabilities after a step, and the probability of a best episode that it ends."""
+        """Return states, missing returns and probabilities after a step, and the probability of best episodes that it ends."""
         found = self.steps.at(t)
         counts = found.first[state + 1] - found.first[state]
         self._spend(int(counts.sum()))
@@ -203,7 +273,7 @@ class _Trials:
 
 
 def _merged(state: Array, missing: Array, weight: Array) -> tuple[Array, Array, Array]:
-    """Alike ones together."""
+    """Merge equal pairs of a state and a missing return."""
     if not len(state):
         return state, missing, weight
     order = np.lexsort((missing, state))

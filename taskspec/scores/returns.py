@@ -37,9 +37,11 @@ LARGE = 1e100
 class Return:
     """An expected return.
 
-    `error` is the standard error of an estimate from `episodes`; both are 0 when it was computed from a model, and the
-    truth then lies within `bound` of the value. `tested` counts the episodes on which the abstraction was tested that
-    it rests on; 0 where there is none, or it is proved.
+    Attributes:
+        error: the standard error of an estimate; 0 for a value computed from a model.
+        episodes: of an estimate; 0 for a value computed from a model.
+        bound: the largest possible rounding error of a value computed from a model.
+        tested: the episodes on which the abstraction was tested; 0 without an abstraction, or if it is proved.
     """
 
     value: float
@@ -54,23 +56,23 @@ class Return:
 
     @property
     def exact(self) -> bool:
-        """Whether it was computed, from the task's own model or from one that is proved to be as good."""
+        """Whether it was computed from the task's own model, or from a proved abstraction."""
         return self.status == "exact"
 
     def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
-        """A confidence interval (normal approximation); what is known for certain when exact."""
+        """Return a confidence interval (normal approximation); a proved one if the return is exact."""
         width = self.bound + NormalDist().inv_cdf(0.5 + confidence / 2) * self.error
         return self.value - width, self.value + width
 
     @property
     def half(self) -> float:
-        """Half the width of the 95 % confidence interval: what is printed after ±."""
+        """Half the width of the 95 % confidence interval, printed after ±."""
         low, high = self.interval()
         return (high - low) / 2
 
     @classmethod
     def estimated(cls, returns: Sequence[float] | Array) -> Return:
-        """From the returns of episodes (N,)."""
+        """Return the mean of the returns (N,) of episodes."""
         found = np.asarray(returns, dtype=np.float64)
         largest = float(np.abs(found).max(initial=0.0))
         scale = largest if LARGE < largest < math.inf else 1.0  # squares and sums of large ones would be infinite
@@ -82,10 +84,14 @@ class Return:
 
 
 class Results:
-    """Everything that is known about a task's returns, worked out when asked for.
+    """All results about a task's returns, computed when they are read.
 
-    `model` is that of the task or of its abstraction, or None; `why_not` then says why. `expert` is "optimal" or `Soft`, in place
-    of the spec's.
+    `model` is that of the task or of its abstraction; without one it is None, and `why_not` gives the reason.
+
+    Args:
+        episodes, seed: of simulated returns.
+        limit: the largest number of states of the model.
+        expert: "optimal" or `Soft`, in place of the spec's expert.
     """
 
     def __init__(
@@ -98,7 +104,7 @@ class Results:
         self.limit: int | None = limit
         self.unsettled: str | None = None
         self.searched: dict[tuple[str, bool], Enclosure] = {}
-        """What `scoring.yardsticks` found of those who see observations only, by name and reading."""
+        """Best returns under observations that hide the state, by name and reading."""
         self._enclosures: dict[tuple[str, bool], Enclosure | None] = {}
         self._samples: dict[tuple[str, int], Return | None] = {}
 
@@ -108,11 +114,11 @@ class Results:
 
     @cached_property
     def faith(self) -> Faith | None:
-        """What is known of the abstraction; None where there is none."""
+        """The verification of the abstraction; None without an abstraction."""
         return None if self.abstraction is None else examined(self.abstraction)
 
     def tested(self, which: str = "") -> int:
-        """The episodes that what comes from the model rests on: 0 where it is the task's own, or proved to be as good."""
+        """Return the episodes on which the abstraction was tested; 0 without an abstraction, or if it is proved."""
         if self.faith is None:
             return 0
         return max(self.faith.episodes, self.faith.expert_episodes) if which == "expert" else self.faith.episodes
@@ -133,7 +139,7 @@ class Results:
 
     @property
     def why_not(self) -> str | None:
-        """Why there is no exact model, or why some value on it does not exist, in words; None when all is well."""
+        """The reason why there is no exact model, or why some return is unknown; None if there is none."""
         found = self._extracted
         if isinstance(found, Model):
             return self.unsettled
@@ -141,7 +147,7 @@ class Results:
 
     @property
     def remedy(self) -> str | None:
-        """What would give the task an exact model, where it has none; None where that is not known."""
+        """A hint how to get an exact model, where there is none."""
         found = self._extracted
         return None if isinstance(found, Model) else found.diagnostics[0].hint
 
@@ -152,7 +158,7 @@ class Results:
 
     @cached_property
     def remembering(self) -> Results:
-        """The results of the task in whose state the expert's memory is; these themselves where it has none."""
+        """The results of the task whose state includes the expert's memory; these results for experts without memory."""
         if self.task.memory is None or self.given is not None:
             return self
         return Results(self.task.remembering(), self.episodes, self.seed, self.limit)
@@ -179,12 +185,12 @@ class Results:
 
     @cached_property
     def random(self) -> Return | None:
-        """Of uniformly random actions; None where the action has no finite range."""
+        """The return of uniformly random actions; None for actions without a finite range."""
         return self._return("random")
 
     @cached_property
     def expert(self) -> Return | None:
-        """Of the spec's expert; None where there is none, or it cannot be worked out."""
+        """The return of the expert; None where there is none, or it is unknown."""
         return self._return("expert")
 
     def _return(self, which: str) -> Return | None:
@@ -194,7 +200,7 @@ class Results:
         return Return(found.value, bound=found.error, tested=self.tested(which))
 
     def enclosure(self, which: str, as_written: bool = False) -> Enclosure | None:
-        """The optimal, worst, random or expert return; None without a model, or where it is not known to be finite."""
+        """Return bounds of the optimal, worst, random or expert return; None without a model, or if it may be infinite."""
         if which == "expert" and self.remembering is not self:
             found, self.unsettled = self.remembering.enclosure(which, as_written), self.remembering.why_not
             return found
@@ -223,7 +229,7 @@ class Results:
         return found
 
     def sample(self, which: str, episodes: int | None = None) -> Return | None:
-        """The random or expert return from episodes; None where these do not end, and for other returns."""
+        """Return the simulated random or expert return; None where episodes do not end, and for other returns."""
         if which == "expert" and self.remembering is not self:
             return self.remembering.sample(which, episodes)
         key = (which, episodes or self.episodes)
@@ -238,14 +244,14 @@ class Results:
         return at_random(self.task) if which == "random" and is_bounded(self.task) else None
 
     def interval(self, sample: Return, confidence: float, soundly: bool) -> Enclosure:
-        """Where the expectation behind a sample lies; `soundly`: whatever the distribution of the returns."""
+        """Return a confidence interval of the expectation; `soundly`: valid for any distribution of the returns."""
         if not soundly:
             low, high = sample.interval(confidence)
             return Enclosure.exactly(low).hull(Enclosure.exactly(high))
         return mean_interval(sample.value, sample.error, sample.episodes, *return_range(self.task), confidence)
 
     def estimated(self, choose: Choose, episodes: int | None) -> Return | None:
-        """A return from episodes; None where these do not end."""
+        """Return the simulated return of a policy; None where episodes do not end."""
         try:
             return self.simulated(choose, episodes)
         except SpecError as error:
@@ -254,7 +260,7 @@ class Results:
 
     @cached_property
     def expert_plan(self) -> Plan | None:
-        """The expert as probabilities of actions in the model; None where there is none."""
+        """The expert as probabilities of actions (A, S) at each time; None without a model, or where they are unknown."""
         try:
             rule = self.expert_rule
             return None if self.model is None or rule is None else tables(self.model, rule)
@@ -263,16 +269,16 @@ class Results:
             return None
 
     def simulated(self, choose: Choose, episodes: int | None = None) -> Return:
-        """The return of a policy estimated from episodes."""
+        """Return the simulated return of a policy."""
         return Return.estimated(simulate(self.task, choose, episodes or self.episodes, self.seed))
 
 
 def normalised(value: float, random: float, expert: float, floor: float | None = -1.0) -> float:
-    """A score on which random actions are at 0 and the expert at 1.
+    """Return a score normalised so that random actions have 0 and the expert has 1.
 
     Args:
-        floor: scores below it are reported as it; the paper truncates EarlyTermNeg, whose worst
-            policies score below -3, at -1.
+        value, random, expert: returns.
+        floor: the smallest score, or None; the seals paper truncates EarlyTermNeg, whose worst policies score below -3, at -1.
 
     Returns:
         nan where the expert is as good as random actions, and for a value that is nan.

@@ -1,4 +1,4 @@
-"""How sure a result is, in one word, and scores read back from files."""
+"""Verdicts and statuses of results, from which the language reference is made; and scores read back from files, validated."""
 
 from __future__ import annotations
 
@@ -10,11 +10,6 @@ from typing import Any, Literal, NoReturn
 
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.model.model import misused
-
-# ---------- statuses
-# How sure a result is, in one word, the same wherever it is told: by `check` and `solve`, on pages, in JSON.
-#
-# The language reference is made from these tables.
 
 OfClaim = Literal["proved", "tested", "undecided", "false", "contradicted", "broken"]
 OfNumber = Literal["exact", "tested", "estimated"]
@@ -56,12 +51,11 @@ NUMBERS: dict[OfNumber, Status] = {
 }  # fmt: skip
 
 
-# ---------- saved
-# Scores read back from a file, which may be damaged: every part is looked at before it is believed.
+# -- scores in files --------------------------------------------------------------------------------------------------
 
 
 def read(path: str | Path, returns: Iterable[str]) -> dict[str, Any]:
-    """What a file of scores says, by name; `returns` are the names of returns.
+    """Read a file of scores, by name; `returns` are the names of returns.
 
     Raises:
         SpecError: E710, E711 when there is no such file, or it cannot be read; E713 when it contains no scores.

@@ -23,7 +23,7 @@ from taskspec import experiments, load
 from taskspec.base import limits
 from taskspec.base.diagnostics import SpecError
 from taskspec.base.limits import Limits, changed, count, how_to_raise, table
-from taskspec.base.progress import told_to
+from taskspec.base.progress import progress_listener
 from taskspec.exact import check
 from taskspec.experiments.reading import described
 from taskspec.model.extract import extract
@@ -207,7 +207,7 @@ def test_a_claim_that_needs_a_model_says_how_to_have_it(set_limits: Any) -> None
 def test_long_analyses_tell_what_they_are_at() -> None:
     told: list[str] = []
     task = written(claims="[optimal_return > 0, 'probability(s == 9, under=soft(1)) > 0']")
-    with told_to(lambda what, share: told.append(what)):
+    with progress_listener(lambda what, share: told.append(what)):
         check(task)
         extract(task, reachable=True)
     assert told[0] == "soundness"

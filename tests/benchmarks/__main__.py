@@ -11,8 +11,7 @@ from taskspec.backends.table import BACKENDS, PROGRAMS
 from taskspec.base.limits import Limits
 from taskspec.cli.app import Commands
 from taskspec.cli.failures import misuse
-from taskspec.cli.options import CHARTS, Json, Parameters, complete_targets, flowed
-from taskspec.cli.targets import checked_choice
+from taskspec.cli.options import CHARTS, Json, Parameters, checked_choice, complete_targets, flowed
 
 VECTOR = ("auto", *BACKENDS)
 

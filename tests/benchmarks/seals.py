@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taskspec.base.diagnostics import suggest
+from taskspec.base.diagnostics import spec_error, suggest
 from taskspec.base.extras import need
 from taskspec.base.machine import machine
 from taskspec.cli.console import VisibleText, columns, console, write_json
-from taskspec.cli.failures import refuse
 from taskspec.envs.speed import race
 from tests.benchmarks.printed import Progress, footer, percent
 from tests.benchmarks.race import spread
@@ -56,7 +55,7 @@ def _chosen(names: Sequence[str]) -> list[Pair]:
     for name in names:
         if name not in known:
             hint = suggest(name, known) or ", ".join(pair.theirs for pair in pairs)
-            raise refuse("E701", f"the benchmark has no task '{name}'", hint)
+            raise spec_error("E701", f"the benchmark has no task '{name}'", hint)
     return list(dict.fromkeys(known[name] for name in names)) if names else list(pairs)
 
 

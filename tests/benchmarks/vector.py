@@ -13,15 +13,15 @@ import typer
 
 from taskspec.backends import table as select
 from taskspec.backends.table import BACKENDS, PROGRAMS, QUICKEST
-from taskspec.base.diagnostics import SpecError, TaskspecError
+from taskspec.base.diagnostics import SpecError, TaskspecError, spec_error
 from taskspec.base.extras import is_installed, need
 from taskspec.base.machine import machine
 from taskspec.cli.console import console, say, write_json
-from taskspec.cli.failures import misuse, refuse, show
-from taskspec.cli.options import CHARTS
-from taskspec.cli.targets import checked_choice, files_of, task_in, variants_of
+from taskspec.cli.failures import misuse, show
+from taskspec.cli.options import CHARTS, checked_choice
 from taskspec.envs.speed import Drive, race
 from taskspec.registry import load
+from taskspec.targets import files_of, task_in, variants_of
 from taskspec.task.task import Task
 from tests.benchmarks import printed, tables
 from tests.benchmarks.chart import draw
@@ -195,7 +195,7 @@ def _made(contestant: Contestant, found: Found) -> Drive | None:
         found.errors.append(error)
     except MemoryError:
         found.errors.append(
-            refuse("E713", f"there is no memory for {c.lanes:,} lanes of {c.task} on {c.program}", "fewer --lanes")
+            spec_error("E713", f"there is no memory for {c.lanes:,} lanes of {c.task} on {c.program}", "fewer --lanes")
         )
     except Exception as error:
         if c.program in PROGRAMS:

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from taskspec.base.diagnostics import CODES, SpecError
-from taskspec.cli.checking import check_file
-from taskspec.cli.targets import File
+from taskspec.check.files import check_file
+from taskspec.cli.check import examine
 from taskspec.exact import Results, extract
 from taskspec.source import read_text
+from taskspec.targets import File
 from taskspec.task.build import build
 
 FOLDER = Path(__file__).parents[1] / "errors"
@@ -22,7 +23,7 @@ FILES = sorted([*FOLDER.glob("W5*.yaml"), *FOLDER.glob("E6*.yaml")])
 def test_one_diagnostic_at_its_place(path: Path) -> None:
     expected = re.match(r"# expect: ([EW]\d+) (\d+:\d+)\n", path.read_text(encoding="utf-8"))
     assert expected is not None
-    (found,) = check_file(File(path, "")).diagnostics
+    (found,) = check_file(File(path, ""), examine).diagnostics
     assert found.span is not None
     assert (found.code, f"{found.span.line}:{found.span.column}") == expected.groups()
 
@@ -37,7 +38,7 @@ def test_a_stand_in_that_starts_outside_its_states_is_an_error(tmp_path: Path) -
     assert sort.count("low: 0, high: L - 1, doc: rank") == 1
     text = sort.replace("low: 0, high: L - 1, doc: rank", "low: 1, high: L - 1, doc: rank")
     (tmp_path / "sort.yaml").write_text(text, encoding="utf-8")
-    found = [d for d in check_file(File(tmp_path / "sort.yaml", "")).diagnostics if d.severity == "error"]
+    found = [d for d in check_file(File(tmp_path / "sort.yaml", ""), examine).diagnostics if d.severity == "error"]
     assert {d.code for d in found} == {"E602", "E604"}
 
 

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from taskspec import figures
-from taskspec.cli import film
+from taskspec.cli import run
 from taskspec.cli.app import app
 from taskspec.envs import window
 from taskspec.figures import Overlay, raster, scene
@@ -180,7 +180,7 @@ def test_a_film_is_named_after_its_task(folder: Path) -> None:
 
 def test_a_film_of_any_length_is_cut(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("imageio")
-    monkeypatch.setattr(film, "GIF_FRAMES", 5)
+    monkeypatch.setattr(run, "GIF_FRAMES", 5)
     (folder / "x.yaml").write_text((DERAIL / "risky_path.yaml").read_text().replace("horizon: 5", "horizon: none"))
     assert cli("run", "x.yaml", "-o", "x.gif", "--max-steps", 3).exit_code == 0
     (folder / "x.gif").unlink()

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from taskspec import pages
 from taskspec.base.progress import tell, telling
 from taskspec.cli import progress
 from taskspec.cli.app import app
+from taskspec.pages import facts
 
 
 class Terminal(StringIO):
@@ -96,7 +96,7 @@ def test_without_a_terminal_a_line_names_the_task_that_takes_long(
     command: str, part: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = Log()
-    gather = pages.gather
+    gather = facts.gather
 
     def slow(given: Any) -> Any:
         monkeypatch.setattr(progress, "SLOW", 0.0)
@@ -105,7 +105,7 @@ def test_without_a_terminal_a_line_names_the_task_that_takes_long(
 
     monkeypatch.setattr(sys, "stderr", log)
     monkeypatch.setattr(progress, "SLOW", math.inf)
-    monkeypatch.setattr(pages, "gather", slow)
+    monkeypatch.setattr(facts, "gather", slow)
     output = str(tmp_path / "out")
     app([command, "derail/RiskyPath", "derail/Sort", "-o", output], standalone_mode=False)
     assert f"{part}scores of derail/RiskyPath-v0 takes more than 0 s\n" in log.getvalue()

@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 import taskspec
-from taskspec import pages
 from taskspec.base.diagnostics import Diagnostic, SpecError
 from taskspec.base.limits import limits
 from taskspec.cli import rollouts
+from taskspec.pages import facts
 from tests.shared import commands
 from tests.shared.sparse import sparse
 
@@ -240,7 +240,7 @@ def test_docs_go_on_after_a_broken_spec(tmp_path: Path) -> None:
 def test_a_task_whose_scores_fail_keeps_nobody_waiting(
     command: list[str], place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    gather = pages.gather
+    gather = facts.gather
 
     def failing(given: Any) -> Any:
         task = given.task if hasattr(given, "task") else given
@@ -248,7 +248,7 @@ def test_a_task_whose_scores_fail_keeps_nobody_waiting(
             raise SpecError([Diagnostic("E712", None, "no more")])
         return gather(given)
 
-    monkeypatch.setattr(pages, "gather", failing)
+    monkeypatch.setattr(facts, "gather", failing)
     done = Done(*command, "derail/RiskyPath", "derail/Sort", "-o", tmp_path)
     assert done.status == 1
     assert "E712" in done.err
@@ -260,7 +260,7 @@ def test_a_task_whose_scores_fail_keeps_nobody_waiting(
 @pytest.mark.parametrize("command", [["docs", "-f", "markdown"], ["build"]])
 def test_analyses_of_pages_take_limits(command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept: list[int] = []
-    gather = pages.gather
-    monkeypatch.setattr(pages, "gather", lambda given: (kept.append(limits().seconds), gather(given))[1])
+    gather = facts.gather
+    monkeypatch.setattr(facts, "gather", lambda given: (kept.append(limits().seconds), gather(given))[1])
     assert Done(*command, "derail/RiskyPath", "-o", tmp_path, "--limit", "seconds=3").status == 0
     assert kept == [3]

@@ -35,9 +35,10 @@ from gymnasium.envs.registration import registry as gym_registry
 
 from docs.tools import pages
 from taskspec import registry
-from taskspec.cli.checking import check_file, check_other
-from taskspec.cli.targets import files_of
+from taskspec.check.files import check_file
+from taskspec.cli.check import check_other, examine
 from taskspec.learners import learner
+from taskspec.targets import files_of
 from tests.conftest import needs_vectors
 from tests.shared.scripts import script
 
@@ -204,7 +205,7 @@ def read_spec(block: Block, page: Page) -> None:
         assert base is not None, "a change of no spec"
         path = base if block.key == "add" else page.folder / "changed.yaml"
         path.write_text(changed(base.read_text(encoding="utf-8"), block.body), encoding="utf-8")
-    (report,) = [check_file(file) for file in files_of([str(path)])]
+    (report,) = [check_file(file, examine) for file in files_of([str(path)])]
     errors = [d for d in report.diagnostics if d.code.startswith("E")]
     wanted = block.value.split(", ") if block.key == "error" else []
     assert [d.code for d in errors] == wanted, errors

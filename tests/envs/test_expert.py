@@ -132,7 +132,7 @@ def test_an_expert_that_is_planned_does_not_guess_in_states_that_no_episode_come
         with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, .*no episode of Far comes there"):
             expert.predict(np.full(9, state))
         with pytest.raises(taskspec.SpecError, match=rf"E712.*s = \[{state}, "):
-            policy.act({"s": np.full((9, 2), [4, state])}, 0, np.zeros((1, 2), np.uint32))
+            policy.by_words({"s": np.full((9, 2), [4, state])}, 0, np.zeros((1, 2), np.uint32))
 
 
 def test_the_name_of_an_expert_is_no_policy_but_the_hint_says_how_it_is_one() -> None:

@@ -13,7 +13,7 @@ from taskspec.data import demonstrations
 from taskspec.exact import Results
 from taskspec.exam import Case, Learned, examine, learns_from
 from taskspec.exam.twins import twins_of
-from taskspec.scores.pomdp_bounds import best_observing
+from taskspec.scores.partial_observability import best_observing
 from taskspec.source import read_text
 from taskspec.task.build import build
 from tests.check.test_symmetries import SOLUTIONS, STRUCTURED, Written, walk

@@ -22,7 +22,7 @@ from taskspec.modifiers.entry import never
 from taskspec.pages.page import page
 from taskspec.pages.prose import CodeSpan
 from taskspec.registry import task_ids
-from taskspec.scores.pomdp_bounds import SEARCHES, best_observing
+from taskspec.scores.partial_observability import SEARCHES, best_observing
 from taskspec.solve.plans import optimal_plan
 from taskspec.source import read_text
 from taskspec.task.build import build

@@ -14,6 +14,7 @@ import pytest
 
 import taskspec
 from taskspec.base.diagnostics import SpecError
+from taskspec.data import demonstrations
 from taskspec.exact import Expert, normalised, score
 from taskspec.scores.returns import Results, Return
 from taskspec.source import read_text
@@ -228,6 +229,38 @@ def test_the_mean_of_returns_near_the_largest_float_is_none_too_large(tmp_path: 
     (tmp_path / "more.yaml").write_text(text.replace("horizon: 1", "horizon: 9"), encoding="utf-8")
     (line,) = (x for x in Done("solve", tmp_path / "more.yaml").out.splitlines() if "random" in x)
     assert line.split() == ["random", "∞", "(1,000", "episodes)"]
+
+
+FILE = """
+import numpy as np
+
+
+def noisy(observation, rng):
+    return int(rng.random() < 0.3)
+
+
+class Alternating:
+    def predict(self, observation, state=None, episode_start=None):
+        steps = np.zeros(len(observation), int) if state is None else state
+        return steps % 2, steps + 1
+
+
+alternating = Alternating()
+"""
+
+
+def test_files_may_take_a_generator_or_predict_wherever_policies_are_taken(tmp_path: Path) -> None:
+    path = tmp_path / "model.py"
+    path.write_text(FILE, encoding="utf-8")
+    returns = Done("run", "RiskyPath", "--policy", f"{path}:noisy", "-n", 2000, "--json").data["returns"]
+    found = Return.estimated(returns)
+    low, high = found.interval(0.9999)
+    assert low <= risky_return(0.3) <= high
+    again = Done("run", "RiskyPath", "--policy", f"{path}:noisy", "-n", 2000, "--json").data["returns"]
+    assert returns == again
+    run = Done("run", "RiskyPath", "--policy", f"{path}:alternating", "-n", 2, "--json").data["returns"]
+    assert run == [3.0, 3.0]
+    assert demonstrations("RiskyPath", f"{path}:alternating", episodes=2).acts.tolist() == [0, 1, 0, 1, 0] * 2
 
 
 SUMS = """

@@ -13,11 +13,12 @@ from typer.testing import CliRunner
 import taskspec
 from taskspec import pages, source
 from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.check.files import check_file
 from taskspec.cli.app import app
-from taskspec.cli.checking import check_file
-from taskspec.cli.targets import File
+from taskspec.cli.check import examine
 from taskspec.exact import check, wrong_examples
 from taskspec.lang.ir import draws
+from taskspec.targets import File
 from taskspec.task.build import build
 from taskspec.task.task import Task
 from tests.shared.specs import EVERY, tasks
@@ -165,7 +166,7 @@ def test_a_variant_inherits_examples_and_replaces_them(tmp_path: Path) -> None:
     }
     path = tmp_path / "walk.yaml"
     path.write_text(json.dumps(SPEC | {"examples": [example], "variants": variants}), encoding="utf-8")
-    report = check_file(File(path, ""))
+    report = check_file(File(path, ""), examine)
     wrong = {each.variant: (each.finding.examples, each.finding.wrong_examples) for each in report.tasks}
     assert wrong == {None: (1, 0), "same": (1, 0), "other": (1, 1), "own": (1, 0), "none": (0, 0)}
     assert [d.code for d in report.diagnostics if d.code.startswith("E")] == ["E611"]

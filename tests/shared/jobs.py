@@ -1,6 +1,6 @@
 """Jobs for the tests of runs, and two programs.
 
-`python -m tests.jobs STORE LOG COUNT SECONDS [CLUSTER]` is a run, and `python -m tests.jobs` a Dask cluster of two workers.
+`python -m tests.shared.jobs STORE LOG COUNT SECONDS [CLUSTER]` is a run; without arguments, it is a Dask cluster of two workers.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def hold() -> int:
 
 
 def squares(count: int, *arguments: Any) -> list[Job]:
-    return [Job(f"k{x}", f"the square of {x}", "tests.jobs:square", (x, *arguments)) for x in range(count)]
+    return [Job(f"k{x}", f"the square of {x}", "tests.shared.jobs:square", (x, *arguments)) for x in range(count)]
 
 
 def cluster() -> None:

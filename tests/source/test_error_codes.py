@@ -10,10 +10,11 @@ import pytest
 import taskspec
 from taskspec import source
 from taskspec.base.diagnostics import CODES, Diagnostic, SpecError
-from taskspec.cli.checking import check_file
-from taskspec.cli.targets import File
+from taskspec.check.files import check_file
+from taskspec.cli.check import examine
 from taskspec.exact import check as report
 from taskspec.exact import soundness, verdicts
+from taskspec.targets import File
 from taskspec.task.build import build
 from taskspec.task.schema.check import check_shape
 from taskspec.task.task import Task
@@ -32,7 +33,7 @@ def problems(document: source.Document, variant: str | None = None) -> tuple[Dia
 
 def found_in(path: Path) -> tuple[Diagnostic, ...]:
     """What `taskspec check` reports of a file, warnings left out."""
-    return tuple(d for d in check_file(File(path, "")).diagnostics if d.severity == "error")
+    return tuple(d for d in check_file(File(path, ""), examine).diagnostics if d.severity == "error")
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

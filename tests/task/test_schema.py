@@ -13,8 +13,9 @@ import pytest
 import taskspec
 from taskspec import registry, source
 from taskspec.base.diagnostics import SpecError
-from taskspec.cli.checking import check_file
-from taskspec.cli.targets import File
+from taskspec.check.files import check_file
+from taskspec.cli.check import examine
+from taskspec.targets import File
 from taskspec.task.build import build
 from taskspec.task.schema.check import check_shape
 from taskspec.task.schema.export import json_schema
@@ -278,7 +279,7 @@ def checked(folder: Path, text: str) -> list[tuple[str, str]]:
     """What `taskspec check` says of a file: codes with messages, and the names of the tasks it looked at."""
     path = folder / f"{len(list(folder.iterdir()))}.yaml"
     path.write_text(text, encoding="utf-8")
-    report = check_file(File(path, "mine"))
+    report = check_file(File(path, "mine"), examine)
     return [(d.code, d.message) for d in report.diagnostics if d.severity == "error"] + [
         ("", t.name) for t in report.tasks
     ]

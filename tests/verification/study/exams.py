@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from taskspec.data.actors import function_of
 from taskspec.exam import Exam, examine, read
 from taskspec.exam.findings import diagnose
 from taskspec.exam.verdicts import flags
+from taskspec.policies.files import function_of
 from tests.verification.study.bugs import LEARNERS, Bug, content
 
 ROOT = Path(__file__).parents[3]

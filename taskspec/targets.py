@@ -1,4 +1,7 @@
-"""What a command was pointed at: ids, paths, folders and suites; and the specs of a file, read once."""
+"""Targets: ids, paths, folders and suites, which of them name which specs, and the tasks of each spec's file.
+
+A document is read once, however many tasks it defines.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 from taskspec import registry
 from taskspec.base import ids
-from taskspec.base.diagnostics import SpecError, suggest
-from taskspec.base.files import safe_name
-from taskspec.cli.failures import misuse, refuse
+from taskspec.base.diagnostics import SpecError, spec_error
+from taskspec.base.files import near, safe_name
 from taskspec.source import Document, scan
 
 if TYPE_CHECKING:
     from taskspec.task.task import Task
-
-# ---------- targets
-# What a command was pointed at: ids, paths, folders and suites, all interchangeable; and parameters from `-p L=20`.
 
 OTHERS: tuple[scan.Kind, ...] = ("experiment", "exam", "findings")
 """Kinds of files that are no specs."""
@@ -36,44 +35,44 @@ class File:
     modifiers: tuple[str, ...] = ()
 
     def at(self, values: Mapping[str, Any], modifiers: Sequence[str] = ()) -> File:
-        """The same file, with more values of parameters and more modifiers.
+        """Return the same file with more values of parameters and more modifiers.
 
         Raises:
             SpecError: E713 for one that has a value.
         """
         for name in values:
             if name in self.parameters:
-                raise refuse("E713", f"'{name}' is given in the id and separately; give it once")
+                raise spec_error("E713", f"'{name}' is given in the id and separately; give it once")
         return replace(self, parameters={**self.parameters, **values}, modifiers=(*self.modifiers, *modifiers))
 
 
 def tasks_of(target: str, variant: str | None, parameters: Sequence[str], modifiers: Sequence[str] = ()) -> list[Task]:
-    """The task that a command is about, once for each setting of its parameters.
+    """Return the task of a target, once for each setting of its parameters.
 
     Raises:
         SpecError: no such task, a folder, a bad parameter or modifier, or any mistake in the spec.
     """
     if Path(target).is_dir():
-        raise refuse(
+        raise spec_error(
             "E711", f"'{target}' is a folder; this command takes one task", "`taskspec list FOLDER` shows what is in it"
         )
     return [registry.load(target, variant, modifiers=modifiers, **values) for values in settings(parameters)]
 
 
 def task_of(target: str, variant: str | None, parameters: Sequence[str], modifiers: Sequence[str] = ()) -> Task:
-    """The one task that a command is about, with one setting of its parameters.
+    """Return the task of a target, with one setting of its parameters.
 
     Raises:
         SpecError: as `tasks_of`, and E713 for several values of a parameter.
     """
     found = tasks_of(target, variant, parameters, modifiers)
     if len(found) > 1:
-        raise refuse("E713", "this command takes one value of each parameter")
+        raise spec_error("E713", "this command takes one value of each parameter")
     return found[0]
 
 
 def files_of(targets: Sequence[str], parameters: Sequence[str] = (), modifiers: Sequence[str] = ()) -> list[File]:
-    """The files behind ids, paths, folders and suites, each once for each setting; all known tasks for none.
+    """Return the files behind targets, each once for each setting of parameters; without targets, those of all known tasks.
 
     Raises:
         SpecError: E701, E710 when one of them is nothing of the kind, or a folder without specs; E713 as `settings`.
@@ -86,7 +85,7 @@ def files_of(targets: Sequence[str], parameters: Sequence[str] = (), modifiers: 
 
 
 def others_of(targets: Sequence[str]) -> list[tuple[Path, scan.Kind]]:
-    """Files that are no specs, and what they hold, kind by kind: those named, in folders and suites; of all suites for none."""
+    """Return the files behind targets that are not specs, kind by kind; without targets, those of all suites."""
     if targets:
         found = dict.fromkeys(other for target in targets for other in _others(target))
     else:
@@ -97,7 +96,7 @@ def others_of(targets: Sequence[str]) -> list[tuple[Path, scan.Kind]]:
 
 
 def kind_of(target: str) -> scan.Kind | None:
-    """What the file is that a target names; None where it names none."""
+    """Return the kind of the file that a target names; None where it names none."""
     path = Path(target)
     return scan.kind(path.read_text(encoding="utf-8", errors="replace")) if path.is_file() else None
 
@@ -112,7 +111,7 @@ def _others(target: str) -> list[tuple[Path, scan.Kind]]:
 
 
 def _below(folder: Path) -> list[tuple[Path, scan.Kind]]:
-    """The experiments, exams and findings of a folder and of two levels of sub-folders."""
+    """Return the experiments, exams and findings of a folder and of two levels of sub-folders."""
     folders = [folder]
     for inside in _inside(folder):
         folders += [inside, *_inside(inside)]
@@ -120,7 +119,7 @@ def _below(folder: Path) -> list[tuple[Path, scan.Kind]]:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """The folders in a folder but the hidden ones, sorted by name."""
+    """Return the visible folders in a folder, sorted by name."""
     return sorted(p for p in folder.iterdir() if p.is_dir() and not p.name.startswith("."))
 
 
@@ -137,17 +136,17 @@ def _files(target: str) -> list[File]:
     if suite:
         return _of_entries(suite, whole=True)
     if _looks_like_path(target):
-        raise refuse("E710", f"there is no file or folder '{target}'")
+        raise spec_error("E710", f"there is no file or folder '{target}'")
     return _of_entries([registry.find(target)], whole=False)
 
 
 def _looks_like_path(target: str) -> bool:
-    """Whether a target that does not exist was meant as a path: it starts or ends like one."""
+    """Return whether a target that does not exist starts or ends like a path."""
     return target.startswith((".", "/", "~")) or target.endswith("/")
 
 
 def _of_folder(folder: Path) -> list[File]:
-    """The specs of a folder and of its sub-folders."""
+    """Return the specs of a folder and of its sub-folders."""
     found = [
         File(path, registry.suite_of(path))
         for each in (folder, *_inside(folder))
@@ -155,7 +154,9 @@ def _of_folder(folder: Path) -> list[File]:
         if kind == "taskspec"
     ]
     if not found and not _below(folder):
-        raise refuse("E710", f"there is no spec (*.yaml) in '{folder}'", "`taskspec new Name` writes one to start from")
+        raise spec_error(
+            "E710", f"there is no spec (*.yaml) in '{folder}'", "`taskspec new Name` writes one to start from"
+        )
     return found
 
 
@@ -163,16 +164,8 @@ def _of_entries(entries: Iterable[registry.Entry], whole: bool) -> list[File]:
     return [File(near(e.path), e.suite, None if whole else (e.variant,)) for e in entries]
 
 
-def near(path: Path) -> Path:
-    """A path as seen from the current folder, where it lies below that."""
-    try:
-        return path.relative_to(Path.cwd())
-    except (ValueError, OSError):
-        return path
-
-
 def _joined(files: Iterable[File]) -> list[File]:
-    """Each file once for each setting, with all that was asked of it, in order of first mention."""
+    """Return each file once for each setting, with the variants of all its mentions, in order of first mention."""
     merged: dict[tuple[Path, str], File] = {}
     for file in files:
         key = (file.path.resolve(), repr((file.parameters, file.modifiers)))
@@ -192,11 +185,8 @@ def beside(path: Path, task: Task) -> Path:
     return path.with_name(f"{path.stem}-{safe_name(values)}{path.suffix}")
 
 
-# -- parameters ---------------------------------------------------------------------------------------------------
-
-
 def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
-    """What parameters are set to, once for each combination of values: `L=5,10` and `B=2` are two settings.
+    """Return the settings of parameters, one for each combination of values: `L=5,10` and `B=2` are two settings.
 
     Several parameters may stand in one text, `L=5,10,B=2`: a value without a name is one more of the parameter before it.
 
@@ -210,33 +200,17 @@ def settings(texts: Sequence[str]) -> list[dict[str, Any]]:
             left, sign, right = part.partition("=")
             name, value = (left.strip(), right.strip()) if sign else (name, left.strip())
             if not name.isidentifier() or not value:
-                raise refuse(
+                raise spec_error(
                     "E713", f"'-p {text}' is not of the form name=value", "for example: -p L=20, or -p L=5,10,20"
                 )
             if sign and name in values:
-                raise refuse("E713", f"parameter '{name}' is given twice", f"several values: -p {name}=1,2")
+                raise spec_error("E713", f"parameter '{name}' is given twice", f"several values: -p {name}=1,2")
             values.setdefault(name, []).append(ids.read_value(value))
     return [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
 
 
-def checked_choice(name: str, value: str, allowed: Sequence[str]) -> str:
-    """An option's value.
-
-    Raises:
-        UsageError: when it is not one of those allowed.
-    """
-    if value not in allowed:
-        listed = ", ".join(allowed)
-        raise misuse(f"{name} is one of {listed}, not '{value}'", suggest(value, allowed))
-    return value
-
-
-# ---------- specs
-# Specs as files: which tasks a file defines, read once however many there are.
-
-
 def _document(path: str) -> Document:
-    """The document of a file whose shape is right."""
+    """Return the document of a file with a valid shape."""
     from taskspec.base.diagnostics import has_errors
     from taskspec.task.build import mistakes
     from taskspec.task.schema.check import check_shape
@@ -248,7 +222,7 @@ def _document(path: str) -> Document:
 
 
 def variants_of(file: File) -> list[str | None]:
-    """The variants that are tasks (None for the spec itself), in written order.
+    """Return the variants that are tasks (None for the spec itself), in written order.
 
     A spec that leaves sections to its variants is no task itself; without variants, it is one that lacks something.
 
@@ -265,7 +239,7 @@ def variants_of(file: File) -> list[str | None]:
 
 
 def name_of(file: File, variant: str | None) -> str:
-    """The name of a task of a file."""
+    """Return the name of a task of a file."""
     from taskspec.source.scan import task_name
 
     name = str(_document(str(file.path)).data.get("name"))
@@ -273,7 +247,7 @@ def name_of(file: File, variant: str | None) -> str:
 
 
 def task_in(file: File, variant: str | None) -> Task:
-    """One task of a file, at the values and with the modifiers that the file is asked for.
+    """Return one task of a file, with the values and the modifiers of the target.
 
     Raises:
         SpecError: with every mistake found.
@@ -285,7 +259,7 @@ def task_in(file: File, variant: str | None) -> Task:
 
 
 def tasks_in(files: Iterable[File]) -> Iterator[Task | SpecError]:
-    """The tasks of files in order, with what is wrong in place of those that cannot be built."""
+    """Yield the tasks of files in order, with the error in place of those that cannot be built."""
     for file in files:
         try:
             variants = variants_of(file)

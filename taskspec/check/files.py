@@ -13,27 +13,27 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskspec.base.diagnostics import Diagnostic, SpecError, in_order
-from taskspec.base.progress import tell, telling, told_to
-from taskspec.cli.targets import File, name_of, task_in, variants_of
+from taskspec.base.progress import progress_listener, tell, telling
 from taskspec.source import scan
+from taskspec.targets import File, name_of, task_in, variants_of
 
 if TYPE_CHECKING:
-    from taskspec.abstraction.symmetries import Kept
-    from taskspec.exact import Accepted, Report, Verdict
-    from taskspec.model.points import Method
-    from taskspec.task.task import Task
+    from pathlib import Path
 
-# ---------- proofs
-# What can be proved of a task: soundness, sanity checks and claims, with how each was found out.
+    from taskspec.abstraction.symmetries import Kept
+    from taskspec.check.names import Accepted
+    from taskspec.check.report import Report
+    from taskspec.model.points import Method
+    from taskspec.rules.claims import Verdict
+    from taskspec.task.task import Task
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """What was found about one task.
+    """The result of checking one task.
 
     `how` says in a few words how soundness was decided, `method` in full. `cases` counts the other parameter values that
     were tried, `proved` and `tested` the claims of these statuses (`exact.statuses`), which `verdicts` has one by one, as
@@ -80,28 +80,8 @@ def _words(count: int, proved: int, tested: int) -> str:
     return f"{proved} proved" if proved else f"{tested} tested" if tested else ""
 
 
-def examine(task: Task, sense: bool = True, defaults: bool = True) -> Finding:
-    """Everything that is wrong with a well-formed task.
-
-    Args:
-        sense: whether sanity checks and claims are looked at, beyond soundness.
-        defaults: whether its parameters have their defaults: claims speak of these, and ranges are looked at
-            from there.
-    """
-    return finding(reported(task, sense, defaults), len(task.examples) if sense and defaults else 0)
-
-
-def reported(task: Task, sense: bool = True, defaults: bool = True) -> Report:
-    """The same with the results that it rests on, which may be large."""
-    from taskspec import exact
-    from taskspec.figures import undrawn
-
-    wanted = sense and defaults
-    return exact.check(task, ranges=wanted, with_warnings=sense, claims=wanted, beside=undrawn if sense else None)
-
-
 def finding(report: Report, examples: int) -> Finding:
-    """What is told of a report in which so many examples were looked at."""
+    """Summarise a report in which so many examples were checked."""
     statuses = [verdict.status for verdict in report.verdicts]
     return Finding(
         report.diagnostics, _how(report.method), str(report.method), len(report.cases), len(statuses),
@@ -132,15 +112,12 @@ def _how(method: Method) -> str:
     return f"all {method.points:,} points" if method.points else "bounds"
 
 
-# ---------- checking
-# Checking files: every task and variant of each, every problem once, and what was done to find it.
-
 Examine = Callable[["Task"], Finding]
 
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """One task of a file: what was found, and in how many seconds.
+    """One task of a file: the result, and the seconds that it took.
 
     `id` is None where the task could not be built, and `task` also where it was checked in another process.
     """
@@ -222,14 +199,14 @@ def _length(path: Path) -> int:
 
 
 def _run_apart(check: Check) -> FileReport:
-    with told_to(lambda what, share: None):  # what the whole is at, only the first process tells
+    with progress_listener(lambda what, share: None):  # the first process reports progress
         report = check.run()
     tasks = tuple(dataclasses.replace(each, task=None) for each in report.tasks)
     return dataclasses.replace(report, tasks=tasks)
 
 
-def check_file(file: File, prove: Examine = examine) -> FileReport:
-    """Check all that a file defines; nothing is raised for what is wrong with it."""
+def check_file(file: File, prove: Examine) -> FileReport:
+    """Check all tasks of a file with `prove`; problems are part of the report, not raised."""
     path = str(file.path)
     try:
         variants = variants_of(file)
@@ -239,43 +216,8 @@ def check_file(file: File, prove: Examine = examine) -> FileReport:
     return FileReport(path, checked, once(checked), accepted_by(checked))
 
 
-def check_other(path: Path, kind: scan.Kind) -> FileReport:
-    """Check a file that is no spec: its shape, and that every entry of it means something."""
-    try:
-        diagnostics, entries = _CHECKS[kind](path)
-    except SpecError as error:
-        return FileReport(str(path), (), error.diagnostics, kind=kind)
-    return FileReport(str(path), (), in_order(diagnostics), kind=kind, entries=entries)
-
-
-def _experiment(path: Path) -> tuple[Sequence[Diagnostic], int]:
-    from taskspec.experiments import expand, read
-
-    found = expand(read(path))
-    return [*found.diagnostics, *found.refused], len(found.instances)
-
-
-def _exam(path: Path) -> tuple[Sequence[Diagnostic], int]:
-    from taskspec.rules.books import read_exam
-
-    found = read_exam(path)
-    return found.diagnostics, len(found.rules)
-
-
-def _findings(path: Path) -> tuple[Sequence[Diagnostic], int]:
-    from taskspec.rules.books import read_findings
-
-    found = read_findings(path)
-    return found.diagnostics, len(found.rules)
-
-
-_CHECKS: dict[scan.Kind, Callable[[Path], tuple[Sequence[Diagnostic], int]]] = {
-    "experiment": _experiment, "exam": _exam, "findings": _findings,
-}  # fmt: skip
-
-
 def check_task(file: File, variant: str | None, prove: Examine) -> Checked:
-    """Build one task, then prove what can be proved of it."""
+    """Build one task, and check it with `prove`."""
     start = time.perf_counter()
     try:
         task = task_in(file, variant)
@@ -300,7 +242,7 @@ def _name(file: File, variant: str | None) -> str:
 
 
 def settled(checked: Sequence[Checked]) -> tuple[Checked, ...]:
-    """The same tasks without W511 for an entry of `accept` that another task, which shares it, needs."""
+    """Return the same tasks without W511 for an entry of `accept` that another task, which shares it, needs."""
     needed = {a.place for each in checked for a in each.finding.accepted}
 
     def without(each: Checked) -> Checked:
@@ -311,7 +253,7 @@ def settled(checked: Sequence[Checked]) -> tuple[Checked, ...]:
 
 
 def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
-    """Problems in order of place; what several variants inherit is told once, with a note of who shares it."""
+    """Return problems in order of place; those that several variants inherit once, with a note of who shares them."""
     sharing: dict[tuple[Any, ...], list[str]] = {}
     first: dict[tuple[Any, ...], Diagnostic] = {}
     for each in checked:
@@ -332,7 +274,7 @@ def once(checked: Sequence[Checked]) -> tuple[Diagnostic, ...]:
 
 
 def accepted_by(checked: Sequence[Checked]) -> tuple[Accepted, ...]:
-    """The warnings that some task accepts; what several variants inherit is listed once."""
+    """Return the warnings that some task accepts; those that several variants inherit once."""
     found = {(a.warning.code, a.place.line, a.place.column): a for each in checked for a in each.finding.accepted}
     return tuple(found.values())
 
@@ -346,6 +288,6 @@ def _with_note(diagnostic: Diagnostic, names: list[str], spec: str) -> Diagnosti
 
 
 def counts(diagnostics: Iterable[Diagnostic]) -> tuple[int, int]:
-    """Errors and warnings."""
+    """Return the numbers of errors and of warnings."""
     severities = [d.severity for d in diagnostics]
     return severities.count("error"), severities.count("warning")

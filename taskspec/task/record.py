@@ -1,4 +1,4 @@
-"""A task as plain data, for `--json`, for indexes, and for the tables that are printed."""
+"""Tasks, components and spaces as plain data for JSON, and in words for tables."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from taskspec.cli.console import number
+from taskspec.base.numbers import decimal, setting
 from taskspec.lang.types import Domain, Kind
 from taskspec.task.spaces import SpaceLayout
 from taskspec.task.task import Component, Parameter, Soft, Task
@@ -16,7 +16,7 @@ _RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def record(task: Task) -> dict[str, Any]:
-    """What `list --json` says of a task."""
+    """Return a task as plain data."""
     spec = task.spec
     return {
         "id": task.id,
@@ -44,7 +44,7 @@ def record(task: Task) -> dict[str, Any]:
 
 
 def constants(task: Task) -> dict[str, Any]:
-    """The constants of a task, those that are drawn as its instance has them."""
+    """Return the constants of a task; those that are drawn have the values of this instance."""
     return {
         name: value if isinstance(value, bool | int | float) else value.tolist()
         for name, value in task.constants.items()
@@ -64,7 +64,7 @@ def component(c: Component) -> dict[str, Any]:
 
 
 def _bound(values: Sequence[float]) -> Any:
-    """One number where all elements share it."""
+    """Return the bounds of a component, or one number where all elements share it."""
     return values[0] if len(set(values)) == 1 else list(values)
 
 
@@ -78,18 +78,15 @@ def expert_kind(task: Task) -> str | None:
             return "expression"
 
 
-# -- sizes and spaces ---------------------------------------------------------------------------------------------
-
-
 def count(components: Sequence[Component]) -> int | None:
-    """How many values components take together, or None where that is not finite."""
+    """Return the number of values of components together; None where it is not finite."""
     if not all(c.is_finite for c in components):
         return None
     return math.prod(n for c in components for n in c.counts)
 
 
 def size(task: Task) -> str:
-    """States times actions, or the sets that they come from: `21 × 2`, `ℝ⁵⁰ × 2`."""
+    """Return states times actions, or the sets of their values: `21 × 2`, `ℝ⁵⁰ × 2`."""
     return f"{_extent(task.state)} × {_extent(task.action)}"
 
 
@@ -105,7 +102,7 @@ def _extent(components: Sequence[Component]) -> str:
 
 
 def _short(n: int) -> str:
-    """A count; beyond a million its order of magnitude."""
+    """Return a count, in scientific notation from a million on."""
     if n < 1_000_000:
         return f"{n:,}"
     digits = len(str(n)) - 1
@@ -117,7 +114,7 @@ def horizon(task: Task) -> str:
 
 
 def space(layout: SpaceLayout) -> dict[str, Any]:
-    """A Gymnasium space as data."""
+    """Return a Gymnasium space as plain data."""
     match layout.form:
         case "discrete":
             c = layout.components[0]
@@ -134,7 +131,7 @@ def space(layout: SpaceLayout) -> dict[str, Any]:
 
 
 def space_words(layout: SpaceLayout) -> str:
-    """A Gymnasium space in a few words: `Discrete(21)`, `Box(50) in [0, 1]`."""
+    """Return a Gymnasium space in words: `Discrete(21)`, `Box(50) in [0, 1]`."""
     found = space(layout)
     match found:
         case {"space": "Discrete", "n": n, "start": start}:
@@ -155,13 +152,13 @@ def _listed(items: Sequence[Any]) -> str:
 
 
 def interval(low: float, high: float) -> str:
-    """`[0, 1]`; open where there is no bound."""
+    """Return an interval such as `[0, 1]`, open where there is no bound."""
     left, right = ("(" if math.isinf(low) else "["), (")" if math.isinf(high) else "]")
-    return f"{left}{number(low)}, {number(high)}{right}"
+    return f"{left}{decimal(low)}, {decimal(high)}{right}"
 
 
 def domain_words(c: Component | Parameter) -> str:
-    """What values a component or a parameter takes: `int 0..20`, `real in [0, 1]`, `choice of up, down`."""
+    """Return the domain of a component or a parameter: `int 0..20`, `real in [0, 1]`, `up | down`."""
     labels: Sequence[Any] | None
     if isinstance(c, Parameter):
         labels, kind, shape = c.values, c.kind, ""
@@ -182,30 +179,24 @@ def domain_words(c: Component | Parameter) -> str:
 
 
 def label_words(domain: Domain) -> list[str]:
-    """Labels, each with the value that it stands for."""
+    """Return labels, each with its value."""
     if domain.values is None:
         return list(domain.labels)
     return [f"{label} {_value(value)}" for label, value in zip(domain.labels, domain.values, strict=True)]
 
 
 def _value(value: Any) -> str:
-    """A label's value: a number, or a flat vector."""
+    """Return the value of a label: a number, or a flat vector."""
     if isinstance(value, tuple | list):
-        return f"({', '.join(map(show_value, value))})"
-    return show_value(value)
+        return f"({', '.join(map(setting, value))})"
+    return setting(value)
 
 
 def _end(value: float) -> str:
-    return "" if math.isinf(value) else number(value).replace(",", "")
+    return "" if math.isinf(value) else decimal(value).replace(",", "")
 
 
-def defaults(task: Task) -> str:
-    """`L=10 B=2 + sticky=0.25`"""
-    values = " ".join(f"{p.name}={show_value(p.value)}" for p in task.parameters)
+def settings(task: Task) -> str:
+    """Return the parameters and modifiers of a task: `L=10 B=2 + sticky=0.25`."""
+    values = " ".join(f"{p.name}={setting(p.value)}" for p in task.parameters)
     return " ".join([*filter(None, [values]), *(f"+ {m}" for m in task.modifiers)])
-
-
-def show_value(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:g}" if isinstance(value, float) else str(value)

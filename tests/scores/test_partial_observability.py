@@ -19,7 +19,7 @@ import pytest
 
 from taskspec import load
 from taskspec.base import limits
-from taskspec.exact import Results, Yardsticks, check, extract, yardsticks
+from taskspec.exact import PomdpBounds, Results, check, extract, pomdp_bounds
 from taskspec.solve.enclosure import Enclosure
 from taskspec.source import read_text
 from taskspec.task.build import build
@@ -117,9 +117,9 @@ class Tables:
 
 
 @lru_cache
-def found(seed: int) -> tuple[Yardsticks, Tables]:
+def found(seed: int) -> tuple[PomdpBounds, Tables]:
     task = drawn(seed)
-    told = yardsticks(Results(task))
+    told = pomdp_bounds(Results(task))
     assert told is not None
     return told, Tables(task, look_of(seed))
 
@@ -142,7 +142,7 @@ def test_values_are_those_of_brute_force(seed: int) -> None:
 def test_tiger_is_as_in_a_tree_of_histories() -> None:
     text = (SPECS / "tiger.yaml").read_text().replace("horizon: 20", "horizon: 5")
     task = build(read_text(text))
-    told, tables = yardsticks(Results(task)), Tables(task, lambda state, t: state["heard"])
+    told, tables = pomdp_bounds(Results(task)), Tables(task, lambda state, t: state["heard"])
     assert told is not None
     assert told.remembering is not None and told.remembering.value == pytest.approx(tables.remembering(), rel=1e-9)
     assert told.memoryless is not None and told.memoryless.value == pytest.approx(tables.memoryless(), rel=1e-9)
@@ -154,7 +154,7 @@ def test_without_time_the_bounds_are_wide_and_hold(seed: int, monkeypatch: pytes
     results = Results(drawn(seed))
     assert results.model is not None
     with limits.also("seconds=0"):
-        told = yardsticks(results)
+        told = pomdp_bounds(results)
     assert told is not None
     assert holds(told.remembering, tables.remembering()) and holds(told.memoryless, tables.memoryless())
     assert told.remembering is not None and told.remembering.low < told.remembering.high
@@ -181,7 +181,7 @@ reward: hit
 def test_a_second_is_enough_for_a_bandit_of_twelve_pulls() -> None:
     results = Results(bandit("(1 + p) / 10 if a == 0 else (1 + 3 * p % 7) / 8", 7, 12))
     with limits.also("seconds=1"):
-        told = yardsticks(results)
+        told = pomdp_bounds(results)
     assert told is not None and told.remembering is not None
     assert told.remembering.error <= 1e-10 * told.remembering.value
 
@@ -192,7 +192,7 @@ def test_the_limit_holds_where_numbers_are_long() -> None:
     assert results.model is not None
     with limits.also("seconds=1"):
         start = time.process_time()
-        told = yardsticks(results)
+        told = pomdp_bounds(results)
         taken = time.process_time() - start
     assert told is not None and told.remembering is not None and told.remembering.error > 0
     assert taken < 4
@@ -204,15 +204,15 @@ def test_claims_are_about_them() -> None:
     assert [v.status for v in verdicts] == ["proved", "proved", "false"]
 
 
-def test_what_is_all_seen_has_no_such_yardsticks() -> None:
-    assert yardsticks(Results(load("derail/RiskyPath"))) is None
-    assert yardsticks(Results(load(SPECS / "catch.yaml"))) is None  # the board shows all
+def test_what_is_all_seen_has_no_such_bounds() -> None:
+    assert pomdp_bounds(Results(load("derail/RiskyPath"))) is None
+    assert pomdp_bounds(Results(load(SPECS / "catch.yaml"))) is None  # the board shows all
     noisy = (
         (SPECS / "tiger.yaml")
         .read_text()
         .replace("{o: heard, space: one_hot}", "{o: (tiger == left) == Bernoulli(3/4)}")
     )
-    told = yardsticks(Results(build(read_text(noisy))))
+    told = pomdp_bounds(Results(build(read_text(noisy))))
     assert (
         told is not None and told.remembering is None and told.why_not == "the observation of a state is partly random"
     )

@@ -1,78 +1,40 @@
-"""How `taskspec run --render` shows episodes: as text, in a window, or in a film."""
+"""Films of episodes: GIF and MP4 files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal
 
+from taskspec.base.diagnostics import spec_error
+from taskspec.base.extras import need
 from taskspec.base.files import Unfinished, refused, write_bytes
 from taskspec.base.progress import tell
-from taskspec.cli.console import say
-from taskspec.cli.failures import misuse, refuse
+from taskspec.envs import window
+from taskspec.envs.env import Environment
 
-if TYPE_CHECKING:
-    from taskspec.cli.rollouts import Watch
-    from taskspec.envs import Environment
-    from taskspec.task.parameters import RenderMode
-
-RENDER_MODES: dict[str, RenderMode] = {"ansi": "ansi", "human": "human", "gif": "rgb_array", "mp4": "rgb_array"}
-"""What an environment renders for each value of `--render`."""
-FILMS = ("gif", "mp4")
-GIF_FRAMES = 500  # a GIF is kept in memory until it is whole: 1.5 MB a frame
 HOLD = 1.0
 """Seconds for which a film shows the last state of an episode."""
 
 
-def kind_of(render: str | None, output: Path | None) -> str | None:
-    """What to show, by `--render` or else by the ending of the file.
-
-    Raises:
-        UsageError: when there is no such way, or it does not go with the file.
-    """
-    ending = None if output is None else output.suffix[1:].lower()
-    kind = render or ending
-    if kind is not None and kind not in RENDER_MODES:
-        raise misuse(f"--render is one of {', '.join(RENDER_MODES)}, not '{kind}'")
-    if output is not None and (kind not in FILMS or ending != kind):
-        raise misuse(f"--output is a video: its name ends in .gif or .mp4, as --render says, not '{output.name}'")
-    return kind
-
-
-@contextmanager
-def watching(kind: str | None, path: Path, episodes: int) -> Iterator[Watch | None]:
-    """What looks at every state; None where nobody does."""
-    from taskspec.cli.progress import progress
-
-    match kind:
-        case "ansi":
-            yield _print
-        case "gif" | "mp4":
-            with progress(str(path)), Film(path, kind, episodes) as film:
-                yield film
-        case _:
-            yield None
-
-
-def _print(env: Environment, note: str, last: bool) -> None:
-    say((f"{env.render()}\n  {note}" if note else str(env.render())) + "\n")
-
-
 class Film:
-    """Writes what an environment renders to a GIF or MP4 file, which is there when all went well.
+    """A context manager that writes what an environment renders to a file, which exists when all went well.
+
+    Args:
+        path: the file.
+        kind: a GIF is kept in memory until it is whole, with 1.5 MB a frame.
+        episodes: the number of episodes, for progress.
 
     Raises:
         SpecError: E705 without imageio, or without ffmpeg for MP4; E716 where the file cannot be written.
     """
 
-    def __init__(self, path: Path, kind: str, episodes: int) -> None:
-        from taskspec.base.extras import need
-        from taskspec.envs import window
-
-        self._path, self._kind, self.frames = path, kind, 0
-        self._episodes, self._begun = episodes, 0
+    def __init__(self, path: Path, kind: Literal["gif", "mp4"], episodes: int) -> None:
+        self._path = path
+        self._kind = kind
+        self.frames = 0
+        self._episodes = episodes
+        self._begun = 0
         self._writer: Any = None
         self._drawing = window.Frames()
         self._target: BytesIO | Unfinished = BytesIO()  # a GIF is kept in memory; ffmpeg writes to a file
@@ -85,6 +47,7 @@ class Film:
         return self
 
     def __call__(self, env: Environment, note: str, last: bool) -> None:
+        """Add the state of the environment; the last state of an episode stays for a second."""
         self._tell(env)
         fps = env.metadata["render_fps"]
         writer = self._writer or self._open(fps)
@@ -93,11 +56,9 @@ class Film:
             with refused(self._path):
                 writer.append_data(picture)
             self.frames += 1
-        if self._kind == "gif" and self.frames > GIF_FRAMES:
-            raise misuse(f"a GIF holds {GIF_FRAMES} steps at most", "make an MP4, or cut the episode with --max-steps")
 
     def _tell(self, env: Environment) -> None:
-        """How far the film is: of episodes without a horizon, which of them it shows."""
+        """Report progress: for episodes without a horizon, which of them is shown."""
         horizon = env.task.horizon
         self._begun += env.time == 0
         part = 0.0 if horizon is None else env.time / horizon
@@ -132,7 +93,7 @@ class Film:
             self._target.finish()
 
     def _check(self, path: Path) -> None:
-        """ffmpeg keeps it to itself when it could not write.
+        """Check that ffmpeg, which does not report failures, wrote all frames.
 
         Raises:
             OSError: frames are missing.
@@ -149,12 +110,4 @@ def _find_ffmpeg(module: Any) -> None:
     try:
         module.get_ffmpeg_exe()
     except RuntimeError as error:
-        raise refuse("E705", "an MP4 needs ffmpeg, which was not found", "install ffmpeg, or make a GIF") from error
-
-
-def warn_unseen() -> None:
-    """Say on standard error that there is no display, rather than show nothing without a word."""
-    from taskspec.base.extras import need
-
-    if need("matplotlib", "figures").get_backend().lower() == "agg":
-        say("no display was found, so no window is shown; --render gif makes a film", err=True)
+        raise spec_error("E705", "an MP4 needs ffmpeg, which was not found", "install ffmpeg, or make a GIF") from error

@@ -1,0 +1,205 @@
+"""Policies from files: functions of Python files (`model.py:fn`), and scripts of actions (JSON or CSV)."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import json
+import sys
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from taskspec.base.diagnostics import Diagnostic, SpecError
+from taskspec.lang.types import Kind
+from taskspec.policies.policy import Actions, EpisodeBatch, TaskPolicy
+from taskspec.task.task import Component, Task
+
+# -- functions of Python files ----------------------------------------------------------------------------------------
+
+
+def is_function(name: str) -> bool:
+    """Return whether a policy's name means a function of a file."""
+    return ".py:" in name
+
+
+def place_of(name: str) -> tuple[Path, str]:
+    """Return the file of `model.py:fn` and the name of the function; nothing is run.
+
+    Raises:
+        SpecError: E710 when there is no such file.
+    """
+    place, _, attribute = name.rpartition(":")
+    if not Path(place).is_file():
+        raise SpecError([Diagnostic("E710", None, f"there is no file '{place}'")])
+    return Path(place), attribute
+
+
+def function_of(name: str, form: str = "(observation)") -> Any:
+    """Run the file of `model.py:fn`, and return the function, or the object with `predict`.
+
+    Args:
+        form: the function's parameters, for a hint.
+
+    Raises:
+        SpecError: E710, E711 when there is no such file, or it fails; E713 when it has no function or policy of that name.
+    """
+    path, attribute = place_of(name)
+    found = getattr(_module(path), attribute, None)
+    if not (callable(found) or hasattr(found, "predict")):
+        message = f"'{path}' has no function '{attribute}', nor an object of that name with `predict`"
+        raise SpecError([Diagnostic("E713", None, message, f"def {attribute or 'act'}{form}: ...")])
+    return found
+
+
+def _module(path: Path) -> Any:
+    """Run a file as a module; as for a script, modules in its folder can be imported."""
+    name = f"{path.stem}_{zlib.crc32(str(path.resolve()).encode()):08x}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # where dataclasses look for the module of a class
+    sys.path.insert(0, str(path.resolve().parent))
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        del sys.modules[name]
+        message = f"'{path}' cannot be run: {type(error).__name__}: {error}"
+        raise SpecError([Diagnostic("E711", None, message)]) from error
+    finally:
+        sys.path.pop(0)
+    return module
+
+
+# -- scripts ----------------------------------------------------------------------------------------------------------
+
+SCRIPTS = (".json", ".csv")
+
+
+def is_script(name: str) -> bool:
+    """Return whether a policy's name means a script of actions."""
+    return Path(name).suffix in SCRIPTS
+
+
+class ScriptEnd(Exception):
+    """A script has no more actions for this episode."""
+
+
+class ScriptedPolicy(TaskPolicy):
+    """The actions of a file in order, for one episode at a time: the same for every episode, or a list for each.
+
+    JSON holds a list of actions, or of such lists; an action is a label, a number, a list, or a mapping by component. CSV
+    has one action a line.
+
+    Args:
+        path: the file.
+        task: the task in which it acts.
+        hint: what an action is, for messages.
+
+    Raises:
+        SpecError: E706 for an action outside the action space; E710, E711, E713 for a file that is no script.
+    """
+
+    def __init__(self, path: Path, task: Task, hint: str) -> None:
+        self.name = str(path)
+        self.task = task
+        self.episodes = [[_action(task, item, path, hint) for item in items] for items in _episodes(path, task)]
+        self.episode = -1
+
+    def choose(self, batch: EpisodeBatch) -> Actions:
+        """Return the next action.
+
+        Raises:
+            ScriptEnd: when there are no more actions for this episode.
+        """
+        if batch.t == 0:
+            self.episode += 1
+        actions = self.episodes[self.episode % len(self.episodes)]
+        if batch.t >= len(actions):
+            raise ScriptEnd
+        pairs = zip(self.task.action, actions[batch.t], strict=True)
+        return {c.name: np.array(flat).reshape(*c.type.shape, 1) for c, flat in pairs}
+
+
+def _episodes(path: Path, task: Task) -> list[list[Any]]:
+    """Return the items of a script, one list for each episode."""
+    if not path.exists():
+        raise SpecError([Diagnostic("E710", None, f"there is no file '{path}'")])
+    text = path.read_text(encoding="utf-8", errors="replace")
+    if path.suffix == ".csv":
+        rows = [[_number(cell.strip()) for cell in row] for row in csv.reader(text.splitlines()) if any(row)]
+        items: Any = [row[0] if len(row) == 1 and not _is_list(task) else row for row in rows]
+        return [items[1:] if items and _is_header(items[0], task) else items]
+    try:
+        items = json.loads(text)
+    except ValueError as error:
+        raise SpecError([Diagnostic("E711", None, f"'{path}' is not JSON: {error}")]) from None
+    if not isinstance(items, list) or not items:
+        hint = 'for example: ["safe", "risky"]'
+        raise SpecError([Diagnostic("E713", None, f"'{path}' is not a list of actions", hint)])
+    return items if _is_nested(items, task) else [items]
+
+
+def _is_nested(items: list[Any], task: Task) -> bool:
+    """Return whether a script has a list of actions for each episode."""
+    if not all(isinstance(item, list) for item in items):
+        return False
+    return not _is_list(task) or all(isinstance(part, list | dict) for item in items for part in item)
+
+
+def _is_list(task: Task) -> bool:
+    """Return whether an action is written as a list."""
+    return len(task.action) > 1 or bool(task.action[0].type.shape)
+
+
+def _is_header(item: Any, task: Task) -> bool:
+    """Return whether the first line of a CSV names the components."""
+    return (item if isinstance(item, list) else [item]) == [c.name for c in task.action]
+
+
+def _number(cell: str) -> Any:
+    try:
+        return json.loads(cell)
+    except ValueError:
+        return cell
+
+
+def _action(task: Task, item: Any, path: Path, hint: str) -> list[tuple[Any, ...]]:
+    """Return an item of a script as flat values by component."""
+    try:
+        parts = [item[c.name] for c in task.action] if isinstance(item, dict) else _parts(task, item)
+        return [_flat(c, part) for c, part in zip(task.action, parts, strict=True)]
+    except (KeyError, ValueError, TypeError):
+        message = f"{path}: {json.dumps(item)} is not an action of {task.id}"
+        raise SpecError([Diagnostic("E706", None, message, hint)]) from None
+
+
+def _parts(task: Task, item: Any) -> Sequence[Any]:
+    """Return the values of the components of an action."""
+    if len(task.action) == 1:
+        return [item]
+    sizes = [c.type.size for c in task.action]
+    flat = list(item)
+    if len(flat) == len(sizes):
+        return flat
+    ends = np.cumsum(sizes)
+    return [flat[end - size : end] for end, size in zip(ends, sizes, strict=True)]
+
+
+def _flat(c: Component, part: Any) -> tuple[Any, ...]:
+    """Return a component's value, flat, with labels as their index."""
+    items = np.asarray(part, dtype=object).ravel().tolist()
+    if len(items) != c.type.size:
+        raise ValueError
+    return tuple(_element(c, item) for item in items)
+
+
+def _element(c: Component, item: Any) -> Any:
+    if c.domain is not None and isinstance(item, str):
+        return c.domain.labels.index(item)
+    if isinstance(item, str):
+        raise ValueError
+    return float(item) if c.type.kind is Kind.REAL else int(item)

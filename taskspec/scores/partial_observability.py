@@ -1,0 +1,169 @@
+"""Partial observability: the best returns under observations that hide the state, and how much about it they hide."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from taskspec.base.arrays import Array
+from taskspec.base.diagnostics import SpecError
+from taskspec.base.limits import count as count_of
+from taskspec.base.limits import how_to_raise, limits
+from taskspec.lang.batch import evaluate
+from taskspec.lang.ir import Node, draws, reads
+from taskspec.model.model import Model, refuse
+from taskspec.model.transitions import TIME, branches, count
+from taskspec.scores.random_success import mean_length, undiscounted
+from taskspec.scores.returns import Results
+from taskspec.solve.beliefs import BeliefSearch
+from taskspec.solve.chains import Chain
+from taskspec.solve.enclosure import Enclosure
+from taskspec.solve.memoryless import ReactiveSearch
+from taskspec.solve.observation_classes import hides, looks
+from taskspec.solve.plans import uniform_plan
+from taskspec.solve.rational import Rational
+from taskspec.solve.solve import occupancy
+from taskspec.task.task import Task
+
+# -- best returns -----------------------------------------------------------------------------------------------------
+
+SEARCHES = {"remembering": BeliefSearch, "memoryless": ReactiveSearch}
+"""The search for the best policy of beliefs, and for the best memoryless policy."""
+
+
+@dataclass(frozen=True, slots=True)
+class PomdpBounds:
+    """The best returns under observations that hide the state; None where they are unknown, and `why_not` gives the reason.
+
+    Attributes:
+        remembering: of policies that remember observations and actions.
+        memoryless: of policies of the current observation alone.
+    """
+
+    remembering: Enclosure | None
+    memoryless: Enclosure | None
+    why_not: str | None = None
+
+
+def pomdp_bounds(results: Results) -> PomdpBounds | None:
+    """Return the best returns under the observations of a task; None if they hide nothing, or without an exact model."""
+    if results.task.observation.is_state or results.abstraction is not None or results.model is None:
+        return None
+    model = results.model
+    try:
+        if not hides(model, looks(model)):
+            return None
+        return PomdpBounds(best_observing(results, "remembering"), best_observing(results, "memoryless"))
+    except SpecError as error:
+        return PomdpBounds(None, None, error.diagnostics[0].message)
+
+
+def best_observing(results: Results, which: str, as_written: bool = False) -> Enclosure:
+    """Return the best return of policies that remember, or of memoryless ones (a key of `SEARCHES`).
+
+    Raises:
+        SpecError: (E712) without an exact model of the task itself, small enough for rationals; with noisy observations.
+    """
+    model = results.model
+    if model is None:
+        refuse(results.why_not or "there is no exact model")
+    if results.abstraction is not None:
+        refuse("what is seen is not told of an abstraction")
+    if model.horizon is None:
+        refuse("episodes have no horizon")
+    seen = looks(model)
+    solver = results.solvers.of(None, as_written)
+    numbers = solver.numbers
+    if not isinstance(numbers, Rational):
+        refuse("the task is too large for rational arithmetic, or its probabilities are no rationals")
+    key = (which, as_written)
+    if key not in results.searched:
+        found = SEARCHES[which](numbers, seen).value()
+        results.searched[key] = Enclosure(found.low, min(found.high, solver.best().high))
+    return results.searched[key]
+
+
+# -- hidden information -----------------------------------------------------------------------------------------------
+
+RATE = 5_000_000
+"""Numbers in observations that are listed in a second, nominally."""
+
+
+def hidden_bits(model: Model) -> float:
+    """Return the conditional entropy H(S | O) of the state given its observation, in bits, over the visits of random actions."""
+    task = model.task
+    if task.observation.is_state:
+        return 0.0
+    nodes = _informative(task)
+    is_timed = TIME in reads(nodes)
+    if is_timed and model.horizon is None:
+        refuse("the observation depends on the time, and there is no horizon")
+    visits = _visits_by_time(model) if is_timed else [_visits(model)]
+    _check_size(nodes, sum(int(np.count_nonzero(each)) for each in visits))
+    parts = [part for t, each in enumerate(visits) for part in _observed(model, nodes, t, each)]
+    state, rows, weight = (np.concatenate(column) for column in zip(*parts, strict=True))
+    _, observation = np.unique(rows, axis=0, return_inverse=True)
+    pairs, pair = np.unique(np.stack([observation.reshape(-1), state]), axis=1, return_inverse=True)
+    joint = np.bincount(pair.reshape(-1), weight / weight.sum())
+    marginal = np.bincount(pairs[0], joint)
+    return max(0.0, float(-(joint * np.log2(joint / marginal[pairs[0]])).sum()))
+
+
+def _informative(task: Task) -> list[Node]:
+    """Return the observed nodes without noise that is independent of the state and of all other components."""
+    moving = {d.site for d in draws((*task.next, *task.initial, task.reward, task.terminal))}
+    if moving & {d.site for d in draws(task.observation.nodes)}:
+        refuse("what is seen shares a draw with the dynamics")
+    nodes = [node for node in task.observation.nodes if not draws([node]) or reads([node])]
+    while True:
+        used = {d.site for d in draws(nodes)}
+        kept = [n for n in task.observation.nodes if n in nodes or used & {d.site for d in draws([n])}]
+        if len(kept) == len(nodes):
+            return nodes
+        nodes = kept
+
+
+def _check_size(nodes: list[Node], states: int) -> None:
+    outcomes = count(draws(nodes), {})
+    if outcomes == np.inf:
+        refuse("the noise on what is seen of a state has infinitely many outcomes")
+    size = states * outcomes * sum(node.type.size for node in nodes)
+    if size > limits().seconds * RATE:
+        refuse(f"observations have {count_of(int(size))} numbers in all", how_to_raise("seconds", size / RATE))
+
+
+def _observed(model: Model, nodes: list[Node], t: int, visits: Array) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield states (N,), observations (N, D) and weights (N,) for each outcome of the noise."""
+    states = np.flatnonzero(visits)
+    given = {k: v if v.shape[-1] == 1 else v[..., states] for k, v in model.reads(t).items()}
+    for branch in branches(draws(nodes), given, len(states)):
+        which = np.arange(len(states)) if branch.origin is None else branch.origin
+        rows = [np.zeros((1, len(which)))]
+        for value in evaluate(nodes, branch.place(given), branch.sample):
+            rows.append(np.broadcast_to(value, (*value.shape[:-1], len(which))).reshape(-1, len(which)))
+        yield states[which], np.concatenate(rows).astype(np.float64).T, visits[states[which]] * branch.weight
+
+
+def _visits(model: Model) -> Array:
+    """Return the expected number of visits (S,) of random actions."""
+    plan = uniform_plan(model)
+    if model.horizon is not None:
+        return occupancy(undiscounted(model, model.steps), plan)
+    mean_length(model, plan)  # refuses where episodes may never end
+    shape = (model.n_actions, model.n_states, model.n_states)
+    going = model.step(0).going
+    matrix = sum(going[a * shape[1] : (a + 1) * shape[1]] for a in range(shape[0])) / shape[0]
+    return Chain(matrix.T.tocsr(), lambda x: x, model.acting).solved(model.start)
+
+
+def _visits_by_time(model: Model) -> list[Array]:
+    """Return the probability (S,) of each state at each time under random actions."""
+    plan = uniform_plan(model)
+    found = []
+    now = model.start
+    for t in range(model.horizon or 0):
+        found.append(now)
+        now = model.step(t).going.T @ (plan(t) * now).reshape(-1)
+    return found
